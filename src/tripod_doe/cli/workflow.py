@@ -28,10 +28,10 @@ def _run(options: argparse.Namespace) -> int:
     summary = run_workflow(
         options.file,
         options.out,
-        options.only,
-        options.quick,
-        options.workers,
-        options.retry_failed,
+        only=options.only,
+        quick=options.quick,
+        workers=options.workers,
+        retry_failed=options.retry_failed,
         oversubscribe=options.oversubscribe,
         untrusted=options.untrusted,
     )

@@ -1,4 +1,4 @@
-"""Results of a block of points: made empty, filled as points end, split, stored in journals and cubes."""
+"""Results of a block of points: created empty, filled as points end, split, and stored in journals and cubes."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Values:
 
     dims: tuple[str, ...]  # dimensions of one point's value
     data: NDArray[Any]  # shape (point, \*dims); NaN where a point has no result
-    unit: str = ""  # as a user's function gave it; empty where it did not, or where the simulator declares the output
+    unit: str = ""  # from a user's function; empty if it gives none, or if the simulator declares the output
 
 
 def common_unit(name: str, unit: str, other: str) -> str:
-    """The unit of an output at points of which some may have none.
+    """The common unit of an output at two sets of points; an empty unit agrees with any.
 
     Raises
     ------
@@ -45,13 +45,13 @@ def common_unit(name: str, unit: str, other: str) -> str:
 class Retries:
     """Changes that retries made to a block; the first axis of every array is the point."""
 
-    # number of the last change that was tried, 0 where the first attempt stands, shape (point,)
+    # number of the last change that was tried, 0 for the first attempt, shape (point,)
     attempt: NDArray[np.int8]
     # first_outcome, first_detail: how the first attempt ended, and why it failed or a note on it
     first_outcome: NDArray[np.int8]
     first_detail: list[str]
-    # values with which the point finished, or was first tried where it never did, of every parameter that a retry may
-    # change: floats (NaN where the model has no such number), or words ("" where it has none)
+    # parameters that a retry may change, with the values of the attempt that finished, else of the first attempt:
+    # floats (NaN where the model has no such parameter), or words (empty there)
     used: dict[str, NDArray[Any]]
 
     def take(self, rows: NDArray[np.integer[Any]]) -> Retries:
@@ -79,8 +79,8 @@ class BlockResult:
     simulated_seconds: FloatArray
     outputs: dict[str, Values] = field(default_factory=dict)  # kept outputs by name
     coordinates: dict[str, NDArray[Any]] = field(default_factory=dict)  # labels along the dimensions of the outputs
-    # tolerances or steps that points settled by themselves, by the name of the parameter, shape (point,) each; NaN
-    # where they did not, or were given one
+    # tolerances or steps that runs chose by themselves, by the name of the parameter, shape (point,) each; NaN where
+    # they were given
     settled: dict[str, FloatArray] = field(default_factory=dict)
     retries: Retries | None = None  # None without retries
 
@@ -109,13 +109,13 @@ class BlockResult:
         return sum(values.data.nbytes for values in self.outputs.values())
 
     def end(self, rows: Rows, outcome: Outcome, detail: str = "") -> None:
-        """Note how points ended."""
+        """Set outcome and detail of some points."""
         self.outcome[rows] = outcome
         for row in np.atleast_1d(np.arange(self.count)[rows]):
             self.detail[row] = detail
 
     def put(self, name: str, dims: tuple[str, ...], rows: Rows, data: NDArray[Any], unit: str = "") -> None:
-        r"""Set one output of some points; all others hold NaN until theirs is set.
+        r"""Set one output of some points; the others stay NaN.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class BlockResult:
         data
             Their values, shape (rows, \*dims), or the values of a single point for a single row.
         unit
-            As a user's function gave it.
+            From a user's function.
 
         Raises
         ------
@@ -144,11 +144,11 @@ class BlockResult:
         held[rows] = data
 
     def settle(self, name: str, rows: Rows, values: FloatArray | float) -> None:
-        """Note the tolerance or step that points settled by themselves."""
+        """Record the tolerance or step that runs chose by themselves."""
         self.settled.setdefault(name, np.full(self.count, np.nan))[rows] = values
 
     def fill(self, rows: NDArray[np.integer[Any]], part: BlockResult) -> None:
-        """Take over another block's points as these rows; outputs only of those that finished."""
+        """Copy another block's points into these rows, with the outputs of the finished ones."""
         self.outcome[rows] = part.outcome
         for row, text in zip(rows, part.detail, strict=True):
             self.detail[row] = text

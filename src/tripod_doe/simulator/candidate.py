@@ -12,13 +12,13 @@ from tripod_doe.simulator.parameter import Value
 class Candidate:
     """A model with its numerics that an automatic choice may take, and its price."""
 
-    values: Mapping[str, Value]  # the parameters that make it; all candidates of a simulator set the same ones
+    values: Mapping[str, Value]  # its parameters, the same ones in all candidates of a simulator
     # recorded CPU seconds per force evaluation, so that a choice by price rests on counted work and never on a clock
     evaluation_seconds: float
     evaluations: float  # force evaluations of a usual run, for a price beforehand
-    full: bool = False  # whether it leaves nothing out, so that its error is that of its numerics
-    # whether it replaces a full one by other values of that one's parameters, such as nine thick needles for 27: it is
-    # no candidate for a study that sets those parameters itself
+    full: bool = False  # whether it neglects nothing, so that its only error is numerical
+    # whether it changes further parameters of a full one, such as nine thick needles for 27: a study that sets those
+    # parameters itself cannot use it
     substitute: bool = False
 
     @property

@@ -27,8 +27,8 @@ class Demands:
     """All quantities with a demanded accuracy."""
 
     quantities: tuple[Demand, ...]
-    # a value below this share of the largest one beside it (a small order beside the third) is measured against that
-    # share of it: relative to its own size, a vanishing order would ask for anything
+    # share of the largest value along the dimension (the third order): the error of a smaller value is relative to this
+    # share, since relative to itself a vanishing order could never be accurate
     floor: float
 
     @property

@@ -16,7 +16,7 @@ NOTABLE_ERROR = 0.05
 """Relative error of a model above which an answer is flagged."""
 
 _REASONS = 2
-"""Reasons for an unknown error that a sentence names with their counts, where more than one is left."""
+"""Reasons for an unknown error that a sentence lists with their counts."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class ValidRange:
     """A range outside which a model does not hold."""
 
     quantity: str  # a parameter, or a ratio that follows from several
-    reason: str  # what the model leaves out that counts beyond
+    reason: str  # the neglected effect that matters beyond it
     # low, high: ends of the range; they belong to it
     low: float = -np.inf
     high: float = np.inf
-    unit: str = ""  # of the quantity, as people write it; empty without dimension
+    unit: str = ""  # of the quantity, for people; empty without dimension
     meaning: str = ""  # definition of the quantity, where its name does not say it
 
     @property
@@ -129,7 +129,7 @@ class ModelSummary:
         self._values: dict[tuple[str, ValidRange], tuple[float, float]] = {}
 
     def add(self, errors: ModelErrors) -> None:
-        """Count some points: the errors known of their models, and the ranges that they leave."""
+        """Add some points: known errors of their models, and ranges that they leave."""
         self._of = errors.quantity, errors.reference
         for model in dict.fromkeys(errors.models):
             self._errors.setdefault(model, _KnownErrors()).add(errors, errors.models == model)
@@ -140,12 +140,12 @@ class ModelSummary:
 
     @property
     def models(self) -> list[str]:
-        """Names of the models, in the order in which they were first met."""
+        """Names of the models in the order of their first points."""
         return list(self._errors)
 
     @property
     def error_texts(self) -> list[str]:
-        """One sentence per model: its name, the error that is known for such points, and its spread."""
+        """One sentence per model: its name, the known error at such points, and its spread."""
         return [
             f"Model {model}{self._which}: {'; '.join(self._parts(known))}." for model, known in self._errors.items()
         ]
@@ -196,11 +196,11 @@ def _points(some: int) -> str:
 
 
 def _share(some: int, count: int) -> str:
-    """The end of a phrase that holds at some points, `` at 3 of 52 points (5.8 %)``; empty where it holds at all."""
+    """The end of a phrase about some points, `` at 3 of 52 points (5.8 %)``; empty for all points."""
     return "" if some == count else f" at {some:,} of {count:,} points ({number(100 * some / count, digits=2)} %)"
 
 
 def _percents(low: float, high: float) -> str:
-    """A range of relative errors in percent, two digits; one number where its ends look alike."""
+    """A range of relative errors in percent, two digits; one number where its ends are equal."""
     ends = dict.fromkeys(number(100 * end, digits=2) for end in (low, high))
     return f"{' to '.join(ends)} %"

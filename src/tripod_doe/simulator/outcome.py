@@ -1,4 +1,4 @@
-"""How a point ended: the one vocabulary of models, journals and cubes."""
+"""Outcomes of points, in models, journals and cubes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 class Outcome(IntEnum):
     """How one point ended; the integer is the CF flag value stored in a cube.
 
-    Only `FINISHED` carries numbers that may be used; every other cell holds NaN and a reason.
+    Only `FINISHED` points have numbers; every other cell holds NaN and a reason.
     """
 
     FINISHED = 0

@@ -32,8 +32,8 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     low_open: bool = False
-    # ``number``, ``integer``, ``switch`` (0 or 1), ``choice``, or ``argument`` of a user function: a number or a text,
-    # handed over as it is written
+    # ``number``, ``integer``, ``switch`` (0 or 1), ``choice``, or ``argument`` of a user function: a number or a text
+    # that is passed on unchanged
     kind: Kind = "number"
     choices: tuple[str, ...] = ()  # allowed words of a choice
     group: str = "parameters"  # heading under which help and documentation list it
@@ -53,7 +53,7 @@ class Parameter:
         return " and ".join(part for part in (lower, upper) if part)
 
     def check(self, value: object) -> Value:
-        """Return `value` as this parameter's type, or say what is wrong with it.
+        """Return `value` as this parameter's type.
 
         Raises
         ------

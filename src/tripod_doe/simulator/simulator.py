@@ -1,4 +1,4 @@
-"""What a study knows of a model: one base class, which every scene and every user function extends."""
+"""The simulator: the base class of every scene and user function, and all that a study knows of a model."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Simulator(ABC):
     name: str  # name of the scene, or ``package.module:function``
     parameters: Mapping[str, Parameter]  # everything that can be set, by name
     outputs: Mapping[str, Output]  # everything that can be kept, by name; empty where it is known only from the answers
-    source_hash: str = ""  # hash of the sources that decide the results; results with different hashes are not mixed
-    # what model = "auto" may choose from, from the cheapest to the finest; empty with one model
+    source_hash: str = ""  # hash of the sources that decide the results; different hashes are never mixed
+    # the choices of model = "auto", from the cheapest to the finest; empty with one model
     candidates: tuple[Candidate, ...] = ()
     model_names: tuple[str, ...] = ()  # names of its models, from the cheapest to the finest; empty with one
 
@@ -68,17 +68,17 @@ class Simulator(ABC):
         """
 
     def refined_to(self, demands: Demands) -> Simulator:
-        """The same simulator, whose runs are refined until their outputs are as accurate as a study asks.
+        """The same simulator with runs that are refined to the accuracy of a study.
 
         Raises
         ------
         InputError
-            If a quantity is none that runs can be refined to.
+            If runs cannot be refined to a quantity.
         """
         raise InputError(f"{self.name}: runs of this scene do not adapt their tolerance; leave [accuracy] out")
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
-        """Points that are known to fail before anything is solved: position, outcome, reason; each point once.
+        """Points that are known to fail without a run: position, outcome, reason; each point once.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Simulator(ABC):
         return min(alike, key=lambda candidate: _distance(full, candidate.values)).price
 
     def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
-        """Compile what these points need, or load its machine code, so that the first block is timed like any other."""
+        """Compile or load the kernels that these points need, so that the first block is timed like any other."""
         for model, method in dict.fromkeys(self.solvers(points)):
             if (self.name, model, method) not in _COMPILED:
                 self.compile(model, method)
@@ -171,13 +171,13 @@ class Simulator(ABC):
         points
             Every parameter by name, as for `simulate`.
         demands
-            What the study asks for.
+            The accuracy of the study.
 
         Returns
         -------
         numpy.ndarray or None
-            Over the allowed errors, shape (point, similar, quantity); NaN where nothing is known, None where no such
-            errors are on record.
+            Relative to the allowed errors, shape (point, similar, quantity); NaN for unknown errors, None without any
+            record.
         """
         return None
 
@@ -186,11 +186,11 @@ class Simulator(ABC):
         raise KeyError(model)
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
-        """Parameters that have no effect in a model, or lack a part of it, each with what the model leaves out."""
+        """Parameters whose effect a model neglects, wholly or in part, each with the neglected effect."""
         return {}
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
-        """Complete the values of one point: defaults, what follows from other parameters, and the method's numerics."""
+        """Complete the values of one point by defaults, dependent parameters, and the numerics of the method."""
         full = {name: values.get(name, parameter.default) for name, parameter in self.parameters.items()}
         for name, parameter in self.parameters.items():
             if full[name] is None and parameter.follows:
@@ -280,7 +280,7 @@ class Simulator(ABC):
                 )
 
     def _check_numerics(self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]]) -> None:
-        """Refuse a method, step or tolerance that nothing in play uses."""
+        """Refuse a method, step or tolerance that no model or method of the study uses."""
         tables = list(self._methods_in_play(base, factors))
         known = {method: used for _, methods in tables for method, used in methods.items()}
         if not known:
@@ -312,12 +312,12 @@ class Simulator(ABC):
 
 
 def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> list[str]:
-    """Sentences that name the models of some points, the errors known for them, and what ranges the points leave.
+    """Sentences about the models of some points, their known errors, and the ranges that the points leave.
 
     Parameters
     ----------
     simulator
-        What simulates the points.
+        The simulator of the points.
     points
         Every parameter by name, as for `Simulator.simulate`.
     """

@@ -191,5 +191,5 @@ def _is_exact(value: int) -> bool:
 
 
 def _number(value: Any) -> Any:
-    """What comparisons give as the numbers 0 and 1, in float64; any other value as it is."""
+    """Results of comparisons as numbers 0 and 1 in float64; other values unchanged."""
     return np.asarray(value, np.float64) if np.asarray(value).dtype == np.bool_ else value

@@ -1,4 +1,4 @@
-"""Why points failed: outcomes and reasons that many points share, with their counts and what to do about them."""
+"""Failed points grouped by outcome and reason, with their counts and a remedy."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SLAB_BYTES, _END_BYTES = 32_000_000, 100  # of the ends that are read together,
 
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
 _CHANCE = {Outcome.WORKER_LOST, Outcome.TIME_LIMIT, Outcome.ERROR}
-"""Outcomes that the same point need not have again: a machine, or a function that was mended meanwhile, decides."""
+"""Outcomes that may change when the same point runs again: they depend on the machine, or on a function's source."""
 _NUMERICS = {Outcome.DIVERGED, Outcome.INACCURATE, Outcome.STEP_LIMIT}
 
 
@@ -32,9 +32,9 @@ _NUMERICS = {Outcome.DIVERGED, Outcome.INACCURATE, Outcome.STEP_LIMIT}
 class Failure:
     """Points that failed in the same way."""
 
-    outcome: Outcome  # how they ended
-    reason: str  # the reason, that of the first of them where reasons differ in numbers only
-    count: int  # how many there are
+    outcome: Outcome  # their outcome
+    reason: str  # their reason; the first one where reasons differ in numbers only
+    count: int  # their number
 
     def __str__(self) -> str:
         points = "1 point" if self.count == 1 else f"{self.count:,} points"
@@ -49,7 +49,7 @@ def common_failures(ends: Iterable[tuple[int, str]], good: Collection[int] = (Ou
     ends
         Outcome and detail of every point.
     good
-        Outcomes that are left out.
+        Outcomes to leave out.
     """
     counts: Counter[tuple[int, str]] = Counter()
     first: dict[tuple[int, str], str] = {}
@@ -76,14 +76,14 @@ def _bad_ends(outcome: xr.Variable, detail: xr.Variable, asked: StudyPoints) -> 
 
 
 def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[str]:
-    """The most frequent failures, one a line, then what may help.
+    """The most frequent failures, one per line, then remedies.
 
     Parameters
     ----------
     failures
         From `common_failures`.
     retried
-        Whether the study names changes that were tried at points that failed.
+        Whether the study has retries.
     """
     lines = [str(failure) for failure in failures[:_SHOWN]]
     if left := sum(failure.count for failure in failures[_SHOWN:]):
@@ -91,15 +91,15 @@ def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[st
     return lines + _advice({failure.outcome for failure in failures}, retried)
 
 
-def _advice(found: set[Outcome], retried: bool) -> list[str]:
-    """What may help where the reasons do not say it themselves: a retry only where the answer can be another one."""
-    told = []
-    if again := sorted(outcome.label for outcome in found & _CHANCE):
-        told.append(
+def _advice(outcomes: set[Outcome], retried: bool) -> list[str]:
+    """Remedies for outcomes; running again is one only where the outcome may change."""
+    remedies = []
+    if again := sorted(outcome.label for outcome in outcomes & _CHANCE):
+        remedies.append(
             f"{option('retry_failed', True)} runs failed points again: {' and '.join(again)} may then end differently"
         )
-    if found & _NUMERICS and not retried:
-        told.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
-    if Outcome.EVALUATION_LIMIT in found:
-        told.append("[base] evaluation_budget in the study file sets the limit of evaluation_limit")
-    return told
+    if outcomes & _NUMERICS and not retried:
+        remedies.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
+    if Outcome.EVALUATION_LIMIT in outcomes:
+        remedies.append("[base] evaluation_budget in the study file sets the limit of evaluation_limit")
+    return remedies

@@ -1,4 +1,4 @@
-"""What a study or an analysis needs in memory, from counts alone, before anything is made or read."""
+"""Memory that a study or an analysis needs, checked from counts before anything is made or read."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def refuse_too_many_points(count: int, each: int) -> None:
 
 
 def refuse_too_much_memory(needed: int, what: str, remedy: str) -> None:
-    """Refuse what does not fit into the free memory.
+    """Refuse data that does not fit into the free memory.
 
     Parameters
     ----------
     needed
         Bytes.
     what, remedy
-        What needs them, and what to do.
+        The data, and a remedy, for the message.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a study will cost before anything runs: points, blocks, CPU-hours with a spread, bytes."""
+"""Plan of a study before anything runs: points, blocks, CPU-hours with a spread, bytes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.study_points import StudyPoints
 
 RECORDED = "recorded on another machine for usual points; others may cost twenty times as much"
-"""Where a price comes from that was not timed."""
+"""Source of a price without timing."""
 
 _TIMING_SECONDS = 10.0
 _BLOCK_SECONDS = 1.0
 _PRICED = 100  # points whose recorded prices are averaged
-_CHUNK = 10_000  # points that are looked at together
+_CHUNK = 10_000  # points that are checked together
 _WORD, _COSTS = 4, 6  # bytes of a whole number, a text or the number of a point; numbers of a point in cost.nc
-_NOTABLE_BYTES = 100_000_000  # of memory, below which a plan does not tell them
+_NOTABLE_BYTES = 100_000_000  # of memory, from which a plan states it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,25 +42,25 @@ class Plan:
     # lower quartile, mean and upper quartile of the total; None without a price
     cpu_hours: tuple[float, float, float] | None
     cube_bytes: int | None  # size of the cube, where the outputs' shapes are known beforehand
-    timed: int  # batches of points that were timed; 0 where the price is a recorded one, or none is known
-    chosen: bool  # whether a pilot chooses the models, so that nothing can be timed before it has run
-    warnings: tuple[str, ...]  # what the user should know, the ranges of the models that points leave included
+    timed: int  # timed batches of points; 0 where the price is recorded or unknown
+    chosen: bool  # whether a pilot chooses the models, so that no point can be timed before
+    warnings: tuple[str, ...]  # warnings of the study, and ranges of the models that points leave
     # points that are known to fail before anything is solved, by outcome and reason
     foreseen: tuple[Failure, ...] = ()
     models: tuple[str, ...] = ()  # the models of the points, with the errors known for them
-    design: tuple[str, ...] = ()  # what the user should know of the design
+    design: tuple[str, ...] = ()  # notes on the design
     memory_bytes: int = 0  # memory that the points take while the study runs, their results left out
-    # size of cube and costs before compression; None where that of the cube is not known
+    # size of cube and costs before compression; None where the size of the cube is not known
     written_bytes: int | None = None
     most_points: int = 0  # points that a pilot may add up to, its own included; 0 where all are known
 
     @property
     def able(self) -> int:
-        """Points to compute without those that are known to fail."""
+        """Number of points to compute that are not known to fail."""
         return self.unique - sum(failure.count for failure in self.foreseen)
 
     def describe(self, workers: int = 2) -> str:
-        """The plan as text, with the wall time on so many workers."""
+        """The plan as text, with the wall time on a number of workers."""
         lines = [f"points       {self.points:,}"]
         if self.unique + self.excluded != self.points:
             lines[0] += f" ({self.points - self.unique - self.excluded:,} of them repeated and computed once)"
@@ -98,7 +98,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     Parameters
     ----------
     study
-        What is planned: a study or its file. Nothing is written and no cluster is started.
+        A study or its file. Nothing is written and no cluster is started.
     timing
         Whether to time points, in a process of its own.
     recorded
@@ -120,7 +120,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     if prices.size:
         total = count / 3600
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
-        low, high = min(low, mean), max(high, mean)  # a few dear points raise the mean above most prices
+        low, high = min(low, mean), max(high, mean)  # a few expensive points raise the mean above most prices
         hours = float(low * total), float(mean * total), float(high * total)
         blocks = _blocks(study.file.run.block, count, hours[1] * 3600)
     return Plan(
@@ -143,12 +143,12 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
 
 
 def _blocks(fixed: int | None, points: int, seconds: float) -> int:
-    """Tasks of a study: of `fixed` points each if that is given, else of about a second, and of one point at least."""
+    """Number of tasks: of `fixed` points each if given, else of about a second, and of one point at least."""
     return -(-points // fixed) if fixed else min(points, max(1, round(seconds / _BLOCK_SECONDS)))
 
 
 def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator[tuple[int, str]]:
-    """Why points will fail, each with its outcome; they are struck out of those that can be run, shape (point,)."""
+    """Outcome and reason of each point that is known to fail; `able`, shape (point,), is cleared there."""
     if study.accuracy:  # a pilot sets what decides
         return
     for start in range(0, points.count, _CHUNK):
@@ -179,14 +179,14 @@ def cube_bytes(study: Study, points: Points) -> int | None:
 
 
 def _written_bytes(study: Study, points: Points) -> int | None:
-    """Size of all numbers in cube and costs, without those that runs settle or retries change.
+    """Size of all numbers in cube and costs, without parameters that runs choose or retries change.
 
     A text counts as the number of its row in a table, as in large cubes.
     """
     if (results := cube_bytes(study, points)) is None:
         return None
     design = 0
-    if not points.is_grid:  # whose levels have no length to speak of
+    if not points.is_grid:  # the levels of a grid are negligible
         design = _WORD + sum(map(_stored_bytes, (*points.columns.values(), *points.labels.values())))
     cube, cost = design + _WORD, design + _WORD + _COSTS * 8  # with outcome_detail, and with worker
     if study.accuracy is None and study.simulator.model_errors(StudyPoints(study, points).columns(np.arange(1))):

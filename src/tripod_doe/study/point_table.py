@@ -19,7 +19,7 @@ _NO_PHASE = "-"
 def point_table(point: SimulatedPoint) -> str:
     """Outcome, model with its known error, outputs (waveforms by range, phases where there is an amplitude), cost.
 
-    Outputs without a single number, as those of a point that did not finish, are only named.
+    Outputs without a single number, as of a point that did not finish, are only named.
     """
     lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip(), *point.model_notes]
     unknown = [name for name, values in point.outputs.items() if np.isnan(np.asarray(values.data, float)).all()]

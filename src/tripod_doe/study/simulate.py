@@ -28,14 +28,14 @@ if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
 _NOT_SIMULATED = (Outcome.OUT_OF_RANGE, Outcome.JAMMED, Outcome.NOT_APPLICABLE)
-"""Outcomes of points at which no model gives an answer whose error could be told."""
+"""Outcomes of points without an answer whose error could be stated."""
 
 
 @dataclass(frozen=True)
 class SimulatedPoint:
     """One point with its answer."""
 
-    simulator: Simulator  # what simulated it
+    simulator: Simulator  # its simulator
     parameters: Mapping[str, Value]  # all values that were used
     # every output of the model but those on request; missing where the point did not finish
     outputs: Mapping[str, Values]

@@ -1,4 +1,4 @@
-"""What is asked of a result directory: a study with all its points, each known by the fingerprint of its parameters."""
+"""A study with all its points and their fingerprints, as it is run in a result directory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class StudyPoints:
 
     @cached_property
     def to_compute(self) -> NDArray[np.bool_]:
-        """Whether a point is one to compute, shape (point,): of repeated ones the first, an excluded one not at all."""
+        """Whether a point is computed, shape (point,): the first of repeated ones, and no excluded one."""
         return self.index.first_of_each() & self.points.allowed
 
     @property
@@ -49,7 +49,7 @@ class StudyPoints:
         return frozenset(int(o) for o in Outcome if o is Outcome.FINISHED or o.label in expected)
 
     def done(self, keys: Iterable[NDArray[np.void]]) -> tuple[NDArray[np.bool_], bool]:
-        """Which points have some fingerprints, shape (point,), and whether all of these are points to have."""
+        """Points with given fingerprints, shape (point,), and whether all fingerprints belong to allowed points."""
         there, known = np.zeros(self.points.count, bool), True
         for block in keys:
             rows, at = self.index.places(block)
@@ -60,11 +60,11 @@ class StudyPoints:
         return there, known
 
     def without(self, done: Iterable[NDArray[np.void]]) -> IntArray:
-        """Indices of the points to compute, each different one once, without those whose fingerprints are done."""
+        """Indices of the points to compute, each different one once, without finished fingerprints."""
         return self.undone(self.done(done)[0])
 
     def undone(self, done: NDArray[np.bool_]) -> IntArray:
-        """Indices of the points to compute, each different one once, without those that are done, shape (point,)."""
+        """Indices of the points to compute, each different one once, without the points of `done`, shape (point,)."""
         return np.flatnonzero(self.to_compute & ~done)
 
     def columns(self, chosen: IntArray) -> dict[str, NDArray[Any]]:
@@ -72,13 +72,13 @@ class StudyPoints:
         return self.study.simulator.columns(self.study.base, self.points.at(chosen), chosen.size)
 
     def of_each_kind(self, chosen: IntArray) -> IntArray:
-        """Of some points one for each combination of words (models, methods), which is all that a compiler looks at."""
-        found: dict[tuple[Any, ...], int] = {}
+        """One of the chosen points for each combination of words (models, methods), which decide what is compiled."""
+        first: dict[tuple[Any, ...], int] = {}
         for start in range(0, chosen.size, _CHUNK):
             rows = chosen[start : start + _CHUNK]
             words = [column.tolist() for column in self.points.at(rows).values() if column.dtype == object]
             if not words:
                 return chosen[:1]
             for row, kind in zip(rows.tolist(), zip(*words, strict=True), strict=True):
-                found.setdefault(kind, row)
-        return np.array(list(found.values()), np.int64)
+                first.setdefault(kind, row)
+        return np.array(list(first.values()), np.int64)

@@ -70,7 +70,7 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
 
 
 def _not_kept(output: str, study: Study) -> str:
-    """Why an analysis cannot answer for an output."""
+    """The reason why an analysis cannot use an output."""
     whole, _, order = output.rpartition("_")
     if output in study.simulator.outputs:
         return f"{output!r} is not kept; add it to the outputs of [keep]"
@@ -80,7 +80,7 @@ def _not_kept(output: str, study: Study) -> str:
 
 
 def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseModel:
-    """Settings of an analysis as its model, or what is wrong with the first bad one.
+    """Settings of an analysis as its model.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
     Returns
     -------
     dict
-        By name, why an analysis could not be made; empty text where it was.
+        By name, the reason why an analysis failed; empty where it did not.
     """
     reasons: dict[str, str] = {}
     for stale in (directory / "analysis").glob("*.nc"):  # of another version of the study, or of other points

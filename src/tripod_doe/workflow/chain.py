@@ -1,8 +1,8 @@
 """Run a workflow: its steps one after the other, each after those that it needs; finished steps are not run again.
 
-The points of small studies are computed in this process, those of larger ones on worker processes that all study steps
-share, see `tripod_doe.study.execution`. So never more than `workers` processes work, whatever the chain looks like:
-while workers are busy this process waits for them, and while it analyses or draws they are idle.
+The points of small studies are computed in this process, the points of larger ones on worker processes that all study
+steps share, see `tripod_doe.study.execution`. At most `workers` processes are busy: this process waits while workers
+compute, and workers are idle while it analyses or draws.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ def run_workflow(
 ) -> WorkflowSummary:
     """Run the missing steps of a workflow, then make its page.
 
-    A step that was finished from the same inputs is not run again: its hash is taken over its text, that of its study,
-    the kernels or the analysis' code, the files it reads, and the hashes of its inputs. A step that fails stops only
-    those that need it; a study step that was killed goes on at its next unfinished point.
+    A step that was finished from the same inputs is not run again: its hash is taken over its text, the text of its
+    study, the kernels or the analysis' code, the files it reads, and the hashes of its inputs. A failed step stops only
+    the steps that need it; a killed study step continues at its next unfinished point.
 
     Parameters
     ----------
@@ -79,17 +79,17 @@ def run_workflow(
     out
         Result directory: steps/NAME for each step (quick/NAME in a quick run), report/index.html.
     only
-        Run this step and what it needs, and no other.
+        Run only this step and the steps that it needs.
     quick
         Apply the overrides of [quick].
     workers
         Worker processes that all study steps share, started by the first that needs them; see `run`.
     retry_failed
-        Run points again that failed before.
+        Run failed points again.
     progress
         Whether to print each step to standard error, with a progress bar for studies.
     oversubscribe
-        Start more workers than this machine has processors, if asked for.
+        Allow more workers than this machine has processors.
     untrusted
         For a file from a stranger: refuse functions, and files outside of its folder.
 
@@ -126,26 +126,26 @@ def run_workflow(
 
 
 def _notice(workflow: Workflow) -> str:
-    """What --quick changed, in a sentence; empty without it."""
+    """The changes of --quick in a sentence; empty without it."""
     if not workflow.quick:
         return ""
-    told: list[str] = []
+    settings: list[str] = []
 
     def walk(path: str, value: object) -> None:
         if isinstance(value, dict):
             for key, item in value.items():
                 walk(f"{path}.{key}", item)
         else:
-            told.append(f"{path} = {value}")
+            settings.append(f"{path} = {value}")
 
     for step, table in workflow.file.quick.items():
         walk(step, table.model_dump(exclude_unset=True, exclude_none=True))
-    changes = ", ".join(told) or "nothing: the file has no [quick]"
+    changes = ", ".join(settings) or "nothing: the file has no [quick]"
     return f"Quick run: smaller studies, whose numbers are not results. Changed in the study files: {changes}."
 
 
 class _Chain:
-    """One run of a workflow: where its steps lie, and the workers that its studies share."""
+    """One run of a workflow: the folders of its steps, and the workers that its studies share."""
 
     def __init__(
         self, workflow: Workflow, directory: Path, execution: Execution, retry_failed: bool, progress: bool
@@ -153,7 +153,7 @@ class _Chain:
         self.workflow, self.directory = workflow, directory
         self.retry_failed, self.progress = retry_failed, progress
         self._execution = execution
-        self._told: dict[str, dict[str, object]] = {}
+        self._states: dict[str, dict[str, object]] = {}
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
         """Run these steps, each of which comes after those that it needs."""
@@ -163,7 +163,7 @@ class _Chain:
         return views
 
     def folder(self, name: str) -> Path:
-        """Where a step lies; quick runs have places of their own, so that they never stand for results."""
+        """The folder of a step; quick runs have folders of their own, so that they never count as results."""
         return path_within(self.directory, "quick" if self.workflow.quick else "steps", name)
 
     def view(self, step: Step, state: str, seconds: float | None = None, detail: str = "") -> StepView:
@@ -195,9 +195,9 @@ class _Chain:
         lacking = [view for view in needed if view.state in ("failed", "blocked")]
         stopped = [view.name for view in lacking if not (self._reads_failed(step) and self._has_points(view))]
         if stopped:
-            return self._tell(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
+            return self._report_state(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
         if not lacking and (view := self.recorded(step)):
-            return self._tell(view)
+            return self._report_state(view)
         self._note(self.view(step, "running"))
         started = time.perf_counter()
         try:
@@ -206,7 +206,7 @@ class _Chain:
             raise  # a full disk stops everything
         except Exception as error:
             reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-            return self._tell(self.view(step, "failed", time.perf_counter() - started, reason))
+            return self._report_state(self.view(step, "failed", time.perf_counter() - started, reason))
         seconds = round(time.perf_counter() - started, 3)
         record = {"hash": step.hash, "seconds": seconds, "detail": detail}
         if lacking:  # its inputs may yet be completed under the same hash, so it is made again next time
@@ -214,20 +214,20 @@ class _Chain:
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
         else:
             replace_text(self.folder(step.name) / "step.json", json.dumps(record))
-        return self._tell(self.view(step, "finished", seconds, detail))
+        return self._report_state(self.view(step, "finished", seconds, detail))
 
     def _reads_failed(self, step: Step) -> bool:
         return isinstance(step.table, AnalysisStep) and ANALYSES[step.analysis].partial
 
     def _has_points(self, view: StepView) -> bool:
-        """Whether a study step left a cube of what it is now asked, if not of all its points."""
+        """Whether a study step left a cube of the same study, maybe without all points."""
         study, folder = self.workflow.steps[view.name].study, self.folder(view.name)
         if study is None or not (folder / "cube.nc").is_file():
             return False
         with opened_cube(folder) as cube:
             return bool(cube.attrs.get("study_hash") == study.hash)
 
-    def _tell(self, view: StepView) -> StepView:
+    def _report_state(self, view: StepView) -> StepView:
         if self.progress:
             time_text = f" in {duration(view.seconds)}" if view.state in ("finished", "failed") and view.seconds else ""
             print(f"{view.name}: {view.state}{time_text}{': ' if view.detail else ''}{view.detail}", file=sys.stderr)
@@ -235,12 +235,12 @@ class _Chain:
         return view
 
     def _note(self, view: StepView) -> None:
-        """Leave the state of a step for those who watch."""
-        self._told[view.name] = {key: getattr(view, key) for key in ("name", "state", "seconds", "detail")}
-        write_steps(self.directory, self._told.values())
+        """Write the state of a step for readers of `steps_file`."""
+        self._states[view.name] = {key: getattr(view, key) for key in ("name", "state", "seconds", "detail")}
+        write_steps(self.directory, self._states.values())
 
     def _make(self, step: Step) -> str:
-        """Run a step and say in a few words what it made."""
+        """Run a step, and return its result in a few words."""
         makers: Mapping[str, Callable[[Step], str]] = {
             "study": self._run_study,
             "figure": self._draw,

@@ -44,9 +44,9 @@ _MAKE_PAGES = ("analyses", "report", "pages")
 class Step:
     """One checked step."""
 
-    name: str  # its name in the file, and that of its directory
+    name: str  # its name in the file, and the name of its directory
     table: StepTable  # its table
-    # of all that decides its result: its text, that of its study and its points, the kernels or the code of its
+    # of all that decides its result: its text, its study's text and points, the kernels or the code of its
     # analysis or figure, the files it reads, and the hashes of its inputs (16 hex digits)
     hash: str
     study: Study | None = None  # the study of a study step, with its overrides; None for others
@@ -70,7 +70,7 @@ class Workflow:
 
     file: WorkflowFile  # the parsed file
     steps: Mapping[str, Step]  # steps by name, each after all that it needs
-    # text, origin, folder: the file as written, its path for messages, and where the files are that it names
+    # text, origin, folder: the file as written, its path for messages, and where its files are looked up
     text: str
     origin: str
     folder: StudyFolder
@@ -103,7 +103,7 @@ def load_workflow(path: str | Path, quick: bool = False, folder: StudyFolder | N
     quick
         Whether to apply the overrides of [quick].
     folder
-        Where the files and functions are that it and its studies name; its own folder if omitted, and any others.
+        Where its files and functions are looked up; its own folder if omitted, without restriction.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _in_order(origin: str, tables: Mapping[str, StepTable]) -> list[str]:
 
 
 def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping[str, Step]) -> Step:
-    """Check what a step names outside the file, and take the hash of all that decides its result."""
+    """Check the files and steps that a step names, and take the hash of all that decides its result."""
     where = f"{workflow.origin}: [steps.{name}]"
     digest = _Digest(table.model_dump_json(), *(before[needed].hash for needed in table.inputs))
     if isinstance(table, StudyStep):
@@ -216,9 +216,9 @@ def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
     study
         Its factors must be among the columns; a model that was to be chosen must be one, too.
     table
-        Parameters of the study along ``point``; other variables are passed over.
+        Parameters of the study along ``point``; other variables are ignored.
     name
-        Of the table, for messages.
+        Name of the table, for messages.
 
     Raises
     ------

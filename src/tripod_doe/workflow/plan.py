@@ -1,4 +1,4 @@
-"""What a workflow will cost before anything runs: the plans of its studies, and their sum."""
+"""Plan of a workflow before anything runs: the plans of its studies, and their sum."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class WorkflowPlan:
         return low, mean, high
 
     def describe(self, workers: int = 2) -> str:
-        """The plan as text: a line per study, their sum, and what the user should know of each."""
+        """The plan as text: a line per study, their sum, and the warnings of each."""
         width = max(map(len, (*self.steps, "all studies")))
-        lines = [f"{name:{width}}  {_told(step)}" for name, step in self.steps.items()]
+        lines = [f"{name:{width}}  {_line(step)}" for name, step in self.steps.items()]
         points = sum(step.points for step in self.steps.values())
         stored = sum(step.cube_bytes or 0 for step in self.steps.values())
         lines.append(f"{'all studies':{width}}  {points:7,} points  {_price(self.cpu_hours):>8}  {size(stored)}")
@@ -79,7 +79,7 @@ def _plan_study(study: Study, timing: bool) -> Plan:
     return recorded if known or not timing else plan(study)
 
 
-def _told(step: Plan) -> str:
+def _line(step: Plan) -> str:
     """A line of the table: points, CPU time and bytes."""
     price = "chosen by a pilot" if step.chosen else _price(step.cpu_hours)
     return f"{step.points:7,} points  {price:>8}  {'' if step.cube_bytes is None else size(step.cube_bytes)}".rstrip()

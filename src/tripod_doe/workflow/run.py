@@ -41,17 +41,17 @@ class RunSummary:
     """Results of a run: where they are, counts of points, failures and findings."""
 
     directory: Path  # where cube, costs, analyses and report are
-    # computed, reused: points that ran now, and that were there before, those of a pilot included
+    # computed, reused: points of this run and of earlier ones, both with points of a pilot
     computed: int
     reused: int
-    seconds: float  # wall time in which blocks of points were at work: neither compilation nor the start of workers
+    seconds: float  # wall time of blocks of points, without compilation and the start of workers
     # points whose outcome was neither finished nor expected, by outcome and reason, the most frequent first
     failures: Sequence[Failure]
-    retried: bool  # whether the study names changes that were tried at points that failed
+    retried: bool  # whether the study has retries
     analyses: dict[str, str]  # by name, why an analysis could not be made; empty where it was
     answers: Sequence[str]  # sentences with numbers, from the analyses that the study asks for
     findings: Sequence[str]  # sentences with numbers, from the cube
-    model_notes: Sequence[str]  # the models with the errors known for them, and the ranges of theirs that points leave
+    model_notes: Sequence[str]  # the models with their known errors, and their ranges that points leave
     complete: bool  # whether every point has been run
 
     @property
@@ -95,25 +95,25 @@ def run(
         Result directory; made if it is not there.
     workers
         Worker processes, at most as many as this machine has processors; 0 runs everything in this process; None takes
-        this process where that is done sooner than workers would have started, and two workers otherwise.
+        this process where that is faster than a start of workers, and two workers otherwise.
     scheduler
         Address of an existing Dask scheduler to use instead.
     retry_failed
-        Run points again that failed before.
+        Run failed points again.
     fail_fast
         Stop at the first point that fails unexpectedly.
     progress
         Whether to print the progress to standard error.
     oversubscribe
-        Start more workers than this machine has processors, if asked for.
+        Allow more workers than this machine has processors.
     scheduler_file
         File of the existing Dask scheduler, in place of its address.
     wait
         Seconds to wait for that scheduler, at the start as well; if omitted, 60 for one that is lost.
     take_over
-        Take the place of a process that holds the directory and is known to be dead.
+        Take the lock of a process that is known to be dead.
     tls_ca_file, tls_cert, tls_key
-        PEM files for a scheduler that talks TLS: the certificate of its authority, that of this client, and its key.
+        PEM files for a scheduler that talks TLS: certificates of its authority and of this client, and its key.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def run_on(
 def _choose_models(
     asked: StudyPoints, directory: ResultDirectory, execution: Execution, progress: bool, take_over: bool
 ) -> StudyPoints:
-    """The points with the model that is chosen for each: as before, or from a pilot that runs what it misses."""
+    """The points with the model that is chosen for each: the stored choice, or the choice by a pilot."""
     study = asked.study
     directory.refuse_changes(asked, done=[chosen_keys(study, directory.path)])
     directory.adopt(study)
@@ -219,7 +219,7 @@ def _take_over_pilot(asked: StudyPoints, directory: ResultDirectory, retry_faile
 def _split_samples(
     pilot: StudyPoints, directory: ResultDirectory, execution: Execution, fail_fast: bool, progress: bool
 ) -> tuple[StudyPoints, int]:
-    """The points with the samples that each model gets: as before, or from the pilot; and how many of it ran now."""
+    """The points with the samples of each model, stored or from the pilot; and the number of computed pilot points."""
     computed = 0
     study = stored_split(pilot.study, directory.path)
     if study is None:
@@ -245,19 +245,19 @@ def _compute(
     fail_fast: bool,
     progress: bool,
 ) -> int:
-    """Run the missing points, telling how far that is, and commit what comes back; returns how many did."""
+    """Run the missing points with a progress bar, commit their blocks, and return their number."""
     if missing.size == 0:
         return 0
     computed = 0
     with (
-        Progress(int(missing.size), progress, work_of(asked, missing)) as told,
+        Progress(int(missing.size), progress, work_of(asked, missing)) as shown,
         directory.computing() as died_before,
         closing(execution.run(asked, missing, careful=died_before)) as finished,
     ):
         for block in finished:
             directory.commit(block)
             computed += block.keys.size
-            told.add(block.keys.size)
+            shown.add(block.keys.size)
             if fail_fast and not asked.good_outcomes.issuperset(block.result.outcome.tolist()):
                 break
     return computed

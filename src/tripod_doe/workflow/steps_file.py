@@ -1,4 +1,4 @@
-"""The states of a workflow's steps in its directory, for those who watch it run."""
+"""The states of a workflow's steps in its directory, for programs that watch it run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from tripod_doe.atomic_files import replace_text
 
 STEPS = "steps.json"
-"""File of a workflow's directory: a list with name, state, seconds and detail of each step that ended or is at work."""
+"""File of a workflow's directory: a list with name, state, seconds and detail of each step that ended or runs."""
 
 
 def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:

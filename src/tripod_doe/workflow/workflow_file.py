@@ -1,4 +1,4 @@
-"""The tables of a workflow file: what may stand in it, checked key by key, and their schema."""
+"""The tables of a workflow file, checked key by key, and their schema."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class _Table(BaseModel):
 
 
 class HeadTable(_Table):
-    """[workflow]: what the chain is for."""
+    """[workflow]: name and question."""
 
     name: str = Field(min_length=1, description="short name of the workflow")
     question: str = Field("", description="the question it answers, as the report repeats it")
@@ -39,7 +39,7 @@ class StudyStep(Overrides):
     study: str = Field(description="study file, relative to the workflow file")
     inputs: list[str] = Field([], description="steps that must be finished before")
     table: str = Field(
-        "", description="one of the inputs, whose points are those of the study: its parameters along point"
+        "", description="one of the inputs, which gives the study its points: its parameters along point"
     )
 
 
@@ -131,8 +131,8 @@ def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
     where = f"[steps.{name}]"
     kind, known = str(table.get("kind", "")), [*_KINDS, *ANALYSES]
     if kind not in known:
-        told = f"kind = {kind!r}: unknown" if kind else "kind is missing"
-        raise InputError(f"{origin}: {where}: {told}{near_match(kind, known)}")
+        reason = f"kind = {kind!r}: unknown" if kind else "kind is missing"
+        raise InputError(f"{origin}: {where}: {reason}{near_match(kind, known)}")
     model = _KINDS.get(kind, AnalysisStep)
     try:
         checked = model.model_validate(table)
@@ -154,7 +154,7 @@ def _names(table: StepTable) -> list[tuple[list[str], str, str]]:
 
 
 def analysis_name(table: AnalysisStep) -> str:
-    """The analysis that a step names: its kind, unless that is just "analysis"."""
+    """The analysis that a step names: its kind, unless that is "analysis"."""
     return table.analysis if table.kind == "analysis" else table.kind
 
 

@@ -347,7 +347,10 @@ def test_credentials_that_cannot_be_meant_are_refused(case, tmp_path, given, mes
 def test_a_connection_without_tls_is_warned_of(capsys):
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0") as cluster:
         ExistingScheduler(cluster.scheduler_address).connect_first().close()
-    assert "a connection without TLS: whoever reaches this scheduler or its workers can run" in capsys.readouterr().err
+    assert (
+        "a connection without TLS: a program that reaches this scheduler or its workers can run"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_command_that_was_told_to_wait_waits_at_the_start(tmp_path):

@@ -12,7 +12,7 @@ from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.query import selection
 from tripod_doe.study.query.arrays import Variable, cube_arrays, opened_arrays
 from tripod_doe.study.query.query import query, records, records_text, unmet
-from tripod_doe.study.query.selection import labels_told, parse_selection, taken
+from tripod_doe.study.query.selection import labels_text, parse_selection, taken
 
 
 @pytest.fixture
@@ -138,8 +138,8 @@ def test_an_empty_answer_says_what_there_is(cube, asked, told):
 
 def test_many_labels_are_told_by_their_ends():
     many = Variable(("point",), lambda place: np.linspace(0.5, 20, 100)[place[0]])
-    assert labels_told(many, 100) == "has 100 values from 0.5 to 20"
-    assert labels_told(many, 10**9) == "has 1,000,000,000 values"
+    assert labels_text(many, 100) == "has 100 values from 0.5 to 20"
+    assert labels_text(many, 10**9) == "has 1,000,000,000 values"
 
 
 def test_a_cube_without_a_finished_point_says_so(cube):

@@ -47,16 +47,16 @@ SWITCH_ROLE = "switch of the ablation"
 """Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
 
 RECORD_ROLE = "record of the run"
-"""Attribute ``role`` of variables that tell how a point was computed: they are no results."""
+"""Attribute ``role`` of variables that record how a point was computed, and are not results."""
 
 RESPONSE_ROLE = "result of its own"
 """Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
 
 THIS_STUDY = "this study"
-"""Source of a value that the study gives itself, in place of the paper or an assumption."""
+"""Source of a value that the study sets, in place of the paper or an assumption."""
 
 PlacedBlock = tuple[FinishedBlock, IntArray, IntArray]
-"""A block, the rows of it that count, and where they stand among the points."""
+"""A block, the rows to use, and their places among the points."""
 
 _USER_FUNCTION = "user function"
 _LABELS = {"varied": "factor that is varied", SAMPLE: "sample that the point belongs to, the same in all models"}
@@ -66,16 +66,16 @@ _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model
 def build_cube(
     study: Study, points: Points, keys: NDArray[np.void], blocks: Iterator[FinishedBlock]
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """Assemble cube and cost from finished blocks; what no block holds stays flagged as not_run.
+    """Assemble cube and cost from finished blocks; points without a block are flagged as not_run.
 
     Parameters
     ----------
     study, points
-        What was asked.
+        The study and its points.
     keys
         Fingerprints of the points.
     blocks
-        Finished blocks, the newest last; blocks of other points are passed over.
+        Finished blocks, the newest last; other points in them are ignored.
 
     Returns
     -------
@@ -105,9 +105,9 @@ def part_of_cube(
     study, points
         The study and these points of it.
     results
-        Finished blocks, the newest last, with the rows of theirs that count and the places of these among the points.
+        Finished blocks, the newest last, each with the rows to use and their places among the points.
     models
-        Where the models of the points are counted.
+        The summary to which the models of the points are added.
     """
     table = _Table(points.count)
     for block, rows, at in results:
@@ -160,7 +160,7 @@ class _Table:
         self.settled: dict[str, FloatArray] = {}
 
     def fill(self, block: FinishedBlock, rows: IntArray, at: IntArray) -> None:
-        """Put the rows of a block where they belong."""
+        """Copy rows of a block to their places."""
         result: BlockResult = block.result
         for name, values in result.outputs.items():
             if name not in self.outputs:
@@ -233,7 +233,7 @@ def _yes_or_no(meaning: str) -> dict[str, Any]:
 
 
 def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
-    """How often each point was tried, why the first attempt failed, and what it finished with."""
+    """The last attempt at each point, and the outcome of the first."""
     if not study.retry.changes:
         return {}
     labels = ["not_run", "first", *(f"{i}_{_flag_word(c.label)}" for i, c in enumerate(study.retry.changes, 1))]
@@ -255,7 +255,7 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
 
 
 def _used_columns(study: Study, table: _Table, points: Points) -> dict[str, NDArray[Any]]:
-    """What each point used of the parameters that a pilot chose, that retries may change, or that runs settle."""
+    """Values per point of the parameters that a pilot chose, that retries may change, or that runs choose."""
     used = dict(points.chosen)
     for name, column in table.used.items():
         used[name] = np.where(table.attempt == _UNKNOWN, points.chosen.get(name, column), column)
@@ -271,7 +271,7 @@ def _used_variables(study: Study, used: Mapping[str, NDArray[Any]], points: Poin
 
 
 def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
-    """How accurate each point is expected to be with the model that a pilot chose for it, and whether that ran it."""
+    """Estimated errors of the model that a pilot chose for each point, and whether the pilot ran the point."""
     variables = {
         f"{name}_error_estimate": _shaped(
             points,
@@ -309,7 +309,7 @@ def _flag_word(label: str) -> str:
 
 
 def _used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -> xr.Variable:
-    """What each point used of a parameter: a flag for each word of a choice, else the number."""
+    """The value of a parameter that each point used: a flag for each word of a choice, else the number."""
     attrs: dict[str, Any] = {"long_name": f"used: {parameter.meaning}", "role": RECORD_ROLE}
     if parameter.kind != "choice" and column.dtype.kind in "OU":  # a text for a user function
         return _shaped(points, (), column.astype(object), attrs)
@@ -336,13 +336,13 @@ def _factor_attributes(parameter: Parameter) -> dict[str, Any]:
 
 
 def cf_points(points: Points) -> Points:
-    """The same points with numbers as CF has them, so that all parts of them have the same types."""
+    """The same points with types that CF allows, the same ones in all parts of the cube."""
     columns = {name: _cf_type(column) for name, column in points.columns.items()}
     return replace(points, columns=columns, labels={name: _cf_type(column) for name, column in points.labels.items()})
 
 
 def design_coordinates(study: Study, points: Points) -> dict[str, xr.Variable]:
-    """Coordinates of the points, without those of outputs."""
+    """Coordinates of the points, without labels of outputs."""
     return _coordinates(study, points, {})
 
 
@@ -373,7 +373,7 @@ def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
 
 
 def _check_schema(study: Study, cube: xr.Dataset) -> None:
-    """Hold the cube against what the simulator declares, before anything is written."""
+    """Check the cube against the outputs that the simulator declares, before anything is written."""
     finished = cube["outcome"] == Outcome.FINISHED
     for name, output in study.simulator.outputs.items():
         if name not in cube:

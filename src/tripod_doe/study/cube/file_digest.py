@@ -1,7 +1,7 @@
-"""The digest of a netCDF file, which stands in the same file behind all that netCDF reads.
+"""The digest of a netCDF file, stored at its end, behind all that netCDF reads.
 
-So it is replaced and copied with the file, and what changes the file with netCDF removes it. A damaged bit anywhere is
-noticed, also where HDF5 has no checksum: in names, attributes and texts.
+It is replaced and copied with the file, and removed when a program changes the file with netCDF. A damaged bit anywhere
+is noticed, also where HDF5 has no checksum: in names, attributes and texts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _LENGTH = len(_MARK) + 64 + 1
 _CHUNK = 1 << 20  # bytes that are read at a time
 _MOST_KNOWN = 1000
 
-_known: dict[Path, tuple[int, ...]] = {}  # files that were whole, with what changes when they do
+_known: dict[Path, tuple[int, ...]] = {}  # intact files, with their size and times
 
 
 def seal(path: Path) -> None:
@@ -33,14 +33,14 @@ def is_sealed(path: Path) -> bool:
 
 
 def is_damaged(path: Path, most: int | None = None) -> bool:
-    """Whether a file is not as it was written; one without a digest is taken as it is.
+    """Whether a file does not match its digest; a file without one is not damaged.
 
     Parameters
     ----------
     path
-        The file; one that was whole is not read again as long as its size and times stay.
+        The file; an intact one is not read again until its size or times change.
     most
-        Bytes up to which it is read; None for all files.
+        Bytes up to which it is read; None without a limit.
     """
     with path.open("rb") as stream:
         state = os.fstat(stream.fileno())

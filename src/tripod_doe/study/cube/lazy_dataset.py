@@ -1,4 +1,4 @@
-"""Cubes opened with variables that are read when they are used, each time anew, so that a large one needs no memory.
+"""Cubes opened lazily: variables are read each time they are used, so that a cube may be larger than the memory.
 
 Texts of points are stored as numbers of rows in a table of all different texts, and looked up; the cells of a grid
 become a list of points on request.
@@ -146,7 +146,7 @@ def _flat(variable: xr.Variable, dims: tuple[Any, ...]) -> xr.Variable:
 
 
 class _Texts(BackendArray):
-    """Texts that are looked up when they are used; without Dask, whose default scheduler is the cluster of a run."""
+    """Texts that are looked up when they are used, without Dask, whose default scheduler is the cluster of a run."""
 
     def __init__(self, numbers: xr.Variable, table: NDArray[Any]) -> None:
         self._numbers, self._table = numbers, table

@@ -1,4 +1,4 @@
-"""What is known of the models behind the points of a study: their errors, ranges that points leave, missing effects."""
+"""Models of the points of a study: known errors, ranges of validity that points leave, and missing effects."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ MODEL_ERROR, MODEL_ERROR_LIMIT = "model_error", "model_error_limit"
 Columns = dict[str, tuple[FloatArray, str]]
 
 _CHUNK = 10_000
-"""Points whose parameters are held at once: few enough that the memory of one chunk serves the next."""
+"""Points whose parameters are in memory at once."""
 
 _PART = 100_000
-"""Points whose errors are held at once where only what is told of all is wanted."""
+"""Points whose errors are in memory at once where only their summary is needed."""
 
 
 class ModelRecords:
-    """The models of the points of a study that no constraint excludes, gathered from part to part of the points.
+    """Models of the points of a study that no constraint excludes, collected part by part.
 
-    Of an ablation, sentences tell of the points with all its mechanisms on: theirs is the thrust that is broken down.
+    Sentences about an ablation count the points with all mechanisms on, whose thrust is broken down.
 
     Parameters
     ----------
@@ -41,19 +41,19 @@ class ModelRecords:
         self._study, self._every, self._on = study, ModelSummary(), ModelSummary("with all mechanisms on")
 
     def of(self, points: Points, used: Mapping[str, NDArray[Any]]) -> Columns:
-        """Count some points in, and say what errors are known of their models.
+        """Add some points, and return the known errors of their models.
 
         Parameters
         ----------
         points
             The points.
         used
-            What a pilot or retries changed of the parameters of each point; an empty word where they changed nothing.
+            Parameters that a pilot or retries changed at each point; an empty word where they are unchanged.
 
         Returns
         -------
         dict
-            Error and limit of every point, shape (point,) each, with their meanings; empty where none is known.
+            Error and limit of every point, shape (point,) each, with their meanings; empty if no error is known.
         """
         rows = np.flatnonzero(points.allowed)
         if self._study.accuracy is not None and "model" not in used:
@@ -79,7 +79,7 @@ class ModelRecords:
         }
 
     def _parameters(self, points: Points, used: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, NDArray[Any]]:
-        """Every parameter of some points, with the model that each ran with in the end."""
+        """All parameters of some points, with the model of the last attempt."""
         columns = self._study.simulator.columns(self._study.base, points.at(rows), rows.size)
         if "model" in used:
             columns["model"] = np.where(used["model"][rows] == "", columns["model"], used["model"][rows])
@@ -87,7 +87,7 @@ class ModelRecords:
 
     @property
     def _summary(self) -> ModelSummary:
-        """What sentences tell of: all points where none has all mechanisms on."""
+        """The points that sentences count: those with all mechanisms on, else all."""
         return self._on if self._on.models else self._every
 
     @property
@@ -97,12 +97,12 @@ class ModelRecords:
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences on the ranges that points leave."""
+        """Sentences about ranges of validity that points leave."""
         return self._summary.departure_texts
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes of a cube: models, notes and missing effects; none where nothing is known of the models."""
+        """Attributes of a cube: models, notes and missing effects; empty without known errors."""
         models = self._every.models
         if not models:
             return {}
@@ -120,7 +120,7 @@ def _meaning(errors: ModelErrors) -> str:
 
 
 def model_records(study: Study, points: Points) -> ModelRecords:
-    """What is known of the models of all points before any has run."""
+    """Records of the models of all points before any has run."""
     records = ModelRecords(study)
     for start in range(0, points.count, _PART):
         records.of(points.part(start, min(start + _PART, points.count)), {})

@@ -31,19 +31,19 @@ TEXT_TABLE = "text_table"
 """Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
 
 _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
-"""Numbers of points that are all looked at; else how many of a stretch, and stretches."""
+"""Points up to which all numbers are compared; else the length of a stretch, and the number of stretches."""
 
 CHUNK_BYTES = 2_000_000
 """Bytes of a chunk of a variable."""
 
 CHECKSUM = {"fletcher32": True, "contiguous": False}
-"""Encoding of variables with a checksum of each chunk, which HDF5 holds against what it reads."""
+"""Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
 
 MOST_CHECKED = 100_000_000
-"""Bytes of a file up to which its digest is held against its content when it is opened: 0.2 s."""
+"""Bytes of a file up to which its digest is checked when it is opened: 0.2 s."""
 
 _UNREADABLE = (OSError, RuntimeError, ValueError, KeyError, AttributeError, IndexError, TypeError)
-"""What netCDF4 and xarray raise where a file is damaged."""
+"""Errors of netCDF4 and xarray for a damaged file."""
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
@@ -105,7 +105,7 @@ def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn what goes wrong while a file is read into words.
+    """Turn errors of reading a file into a `CubeError`.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def refuse_damaged(path: Path, whole: bool = False) -> None:
-    """Refuse a file that is not as it was written, by its digest.
+    """Refuse a file that does not match its digest.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def refuse_damaged(path: Path, whole: bool = False) -> None:
 
 
 def study_hash(path: Path) -> str:
-    """Read which study a cube holds the results of, by its hash; empty where it names none.
+    """Read the hash of the study of a cube; empty without one.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def opened_file(path: Path) -> Iterator[netCDF4.Dataset]:
 
 
 def shared_file(path: Path) -> CachingFileManager[Any]:
-    """Make a manager of a netCDF file that is open at most once in this process, whoever reads it.
+    """Make a manager of a netCDF file that is open at most once in this process, for all its readers.
 
     A file with texts that is opened twice ends the process when it is closed (netCDF4 1.7.5 with HDF5 2.2, also in one
     thread). When one reader closes it, another one's next look opens it again. Hold the lock while it is in use.
@@ -189,7 +189,7 @@ def shared_file(path: Path) -> CachingFileManager[Any]:
 
 
 def remedy(path: Path) -> str:
-    """What makes a damaged file of a result directory anew, in words."""
+    """The remedy for a damaged file of a result directory, in words."""
     rerun = f"run the study again with the same {option('out')}"
     if path.name == "choice.nc":
         return f"delete it and {rerun}: the choice is made again from its pilot"
@@ -201,9 +201,9 @@ def remedy(path: Path) -> str:
 
 
 def are_point_numbers(attributes: Mapping[str, Any], stored: Any) -> bool:
-    """Whether a stored coordinate counts the points of a cube; of many, some stretches are looked at.
+    """Whether a stored coordinate counts the points of a cube from 0; of many points, some stretches are compared.
 
-    It does so in a cube as it was written, not in one of chosen or sorted points.
+    It does in a cube as it is written, not in one of selected or sorted points.
     """
     if attributes.get("long_name") != POINT_ATTRIBUTES["long_name"]:
         return False

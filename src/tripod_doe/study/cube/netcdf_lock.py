@@ -13,7 +13,7 @@ from typing import Any
 
 
 class NetcdfLock:
-    """A lock that its thread may take again; with it xarray's lock is held, wherever xarray is in use."""
+    """A reentrant lock, which holds xarray's lock as well where xarray is in use."""
 
     def __init__(self) -> None:
         self._own, self._depth = threading.RLock(), 0

@@ -1,4 +1,4 @@
-"""Attributes of a cube: the study and the software that it was made by, the same however it was run."""
+"""Attributes of a cube: the study and the software that made it, independent of how it was run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def cube_attributes(study: Study, points: Points, models: ModelRecords) -> dict[
     study, points
         The study, and all its points.
     models
-        What is known of their models.
+        Records of their models.
     """
     return {
         "Conventions": "CF-1.8",
@@ -47,18 +47,18 @@ def cube_attributes(study: Study, points: Points, models: ModelRecords) -> dict[
 
 
 def cost_attributes(study: Study, points: Points, models: ModelRecords) -> dict[str, Any]:
-    """Those of the costs."""
+    """Provenance of the costs."""
     return cube_attributes(study, points, models) | {"title": f"{study.file.study.name}: cost"}
 
 
 @cache
 def _package_versions() -> str:
-    """As JSON; to read those of nine packages takes 5 ms."""
+    """Versions as JSON, cached: reading them takes 5 ms."""
     return json.dumps({name: version(name) for name in _PACKAGES} | {"python": platform.python_version()})
 
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:
-    """Values that all points share, without those that follow from a factor (spin friction from sliding)."""
+    """Values that all points share, without values that follow from a factor (spin friction from sliding)."""
     rows = [0, -1, *_first_of_each(points.chosen)]
     samples = [study.simulator.effective({**study.base, **points.settings_of(row)}) for row in rows]
     first, varied = samples[0], points.setting_names

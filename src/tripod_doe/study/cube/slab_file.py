@@ -28,8 +28,8 @@ from tripod_doe.study.cube.slabs import Slab, box
 from tripod_doe.study.designs import Points
 
 _COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
-_SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays
-_PAYS = 0.5  # part of the bytes that are left where it does
+_SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, to decide whether compression pays
+_PAYS = 0.5  # largest compressed part of the bytes where it does
 
 
 class CubeFile:
@@ -137,7 +137,7 @@ class CubeFile:
             self._store.ds.variables[name][slab.place] = values
 
     def _encoding(self, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
-        """How a variable is stored: its chunks, and compressed where a part of its values says that this pays."""
+        """How a variable is stored: its chunks, and compressed where that pays for a sample of its values."""
         encoding: dict[str, Any] = {"chunksizes": self._chunk(variable)} | CHECKSUM
         if variable.dtype.kind == "f":
             encoding["_FillValue"] = None if is_coordinate else np.nan
@@ -146,7 +146,7 @@ class CubeFile:
         return encoding
 
     def _chunk(self, variable: xr.Variable) -> tuple[int, ...]:
-        """Of a course all points of a slab, and as many labels as fit: analyses read a part of it at all points."""
+        """The chunk of a variable; of a course all points of a slab and some labels, as analyses read it."""
         size, components = variable.dtype.itemsize, variable.shape[1:]
         if size * math.prod(components) > _COURSE_BYTES:
             components = box(components, size * math.prod(self._lengths), CHUNK_BYTES)
@@ -155,7 +155,7 @@ class CubeFile:
 
 
 def _missing(variable: xr.Variable) -> float | int:
-    """What stands for no value: NaN, the first flag, or the empty text."""
+    """The value that stands for a missing one: NaN, the first flag, or the empty text."""
     if variable.dtype.kind == "f":
         return math.nan
     return int(variable.attrs.get("flag_values", [0])[0])
@@ -164,7 +164,7 @@ def _missing(variable: xr.Variable) -> float | int:
 def _shrinks(values: NDArray[Any]) -> bool:
     """Whether compression pays, with the bytes of a number sorted by their place in it as HDF5 does.
 
-    Asked are stretches all over the values: the first point alone may have failed, and be empty.
+    The sample has stretches from all over the values, since the first point may have failed and be empty.
     """
     flat = np.ascontiguousarray(values).ravel()
     length = min(_SAMPLE_BYTES // _STRETCHES // values.dtype.itemsize, flat.size)

@@ -1,4 +1,4 @@
-"""Slabs: parts of a cube that are worked on one after the other, so that no more than one is in memory.
+"""Slabs: parts of a cube that are processed one after the other, so that one at a time is in memory.
 
 A slab is a box of cells that are consecutive in the order of the points: all of the last dimensions, a stretch of one,
 a single label of those before it.
@@ -34,7 +34,7 @@ class Slab:
 
 
 def box(shape: Sequence[int], cell: int, most: int) -> tuple[int, ...]:
-    """The lengths of a slab of at most so many bytes, a power of two of cells along the dimension that it divides.
+    """The lengths of a slab of limited size, a power of two of cells along the dimension that it divides.
 
     So slabs and the chunks of a file, which are smaller slabs, fit into each other.
 
@@ -43,7 +43,7 @@ def box(shape: Sequence[int], cell: int, most: int) -> tuple[int, ...]:
     shape
         Lengths of the dimensions.
     cell, most
-        Bytes of a cell, and of a slab; a single cell may have more.
+        Bytes of a cell, and limit of the bytes of a slab; a single cell may have more.
     """
     for axis, length in enumerate(shape):
         row = cell * math.prod(shape[axis + 1 :])

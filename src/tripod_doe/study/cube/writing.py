@@ -20,11 +20,11 @@ from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 
 _SLAB_BYTES = 32_000_000
-_OTHER_BYTES = 200  # of a point besides its outputs: costs, outcome, factors, and what is made of them
+_OTHER_BYTES = 200  # of a point besides its outputs: costs, outcome, factors, and copies of them
 
 
 class StoredResults:
-    """The finished blocks of a study by the points that they hold, in eight bytes a point.
+    """Places of the newest results of all points in the finished blocks of a study, in eight bytes per point.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class StoredResults:
     Attributes
     ----------
     point_bytes
-        The most bytes that the outputs of a point have.
+        Largest number of bytes of the outputs of a point.
     """
 
     def __init__(self, asked: StudyPoints, blocks: Iterable[Callable[[], FinishedBlock]]) -> None:
@@ -53,7 +53,7 @@ class StoredResults:
         self._block[~asked.points.allowed] = -1
 
     def between(self, start: int, stop: int) -> Iterator[PlacedBlock]:
-        """The blocks that hold some consecutive points, with their rows and the places of these after the first."""
+        """The blocks with results of consecutive points, with their rows and their places after the first point."""
         numbers, rows = self._block[start:stop], self._row[start:stop]
         order = np.argsort(numbers, kind="stable")
         for at in np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1):
@@ -69,15 +69,15 @@ def write_cube(
     Parameters
     ----------
     asked
-        What the cube shows.
+        The study and its points.
     results
         Its finished blocks.
     directory
         Where they are written.
     action
-        What was done, for the history of the files.
+        The action, for the history of the files.
     check
-        Called before the files take their places; it raises where they must not.
+        Called before the files take their places; raises if they must not.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""What a study asks for under [accuracy]: which quantities, how accurate, and with model = "auto" how surely.
+"""The table [accuracy] of a study: quantities, their allowed relative errors, and the confidence with model = "auto".
 
-A study that names its model refines its runs until their numerical errors are so small; with model = "auto" a pilot
-chooses the model of every point by the whole error.
+A study that names its model refines its runs to these numerical errors; with model = "auto" a pilot chooses the model
+of every point by its total error.
 """
 
 from __future__ import annotations
@@ -13,20 +13,19 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import NUMERICS, Candidate, Demand, Demands, Simulator
 
 AUTO = "auto"
-"""The word for a model that a pilot chooses, point by point."""
+"""Value of `model` by which a pilot chooses the model of every point."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
     """The checked table [accuracy] of a study with model = "auto"."""
 
-    demands: tuple[Demand, ...]  # what is asked for
+    demands: tuple[Demand, ...]  # the quantities with their allowed errors
     confidence: float  # share of the points in which it must be met
-    # A value below this share of the largest one beside it (a small order beside the third) is measured against that
-    # share of it: relative to its own size, a vanishing order would ask for anything
+    # share of the largest value, see `Demands`
     floor: float
     budget_cpu_s: float | None  # largest estimated price of pilot and study; None without
-    candidates: tuple[Candidate, ...]  # what may be chosen, from the cheapest to the finest
+    candidates: tuple[Candidate, ...]  # the models to choose from, from the cheapest to the finest
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -35,7 +34,7 @@ class Accuracy:
 
     @property
     def least_points(self) -> int:
-        """Smallest number of pilot points that can show the confidence: with fewer, a single miss is too many."""
+        """Smallest number of pilot points that can show the confidence: among fewer, one miss exceeds it."""
         return round(1 / (1 - self.confidence)) - 1
 
 
@@ -47,12 +46,12 @@ def check_accuracy(
     budget: float | None,
     taken: Collection[str],
 ) -> Accuracy:
-    """Check what an automatic choice is asked for.
+    """Check the accuracy that an automatic choice must meet.
 
     Parameters
     ----------
     simulator
-        What is simulated.
+        The simulator of the study.
     demands
         Allowed relative errors by quantity.
     confidence, floor, budget
@@ -69,14 +68,14 @@ def check_accuracy(
         taken = {*taken, "accuracy"}  # which has no effect where a tolerance or step is given
     candidates = own_candidates(simulator.candidates, taken)
     if len(candidates) < 2:
-        told = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
-        why = f"the study sets {told} itself, so nothing is left to choose" if told else "it has one model"
+        fixed = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
+        why = f"the study sets {fixed} itself, so nothing is left to choose" if fixed else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
     return Accuracy(check_demands(simulator, demands, floor).quantities, confidence, floor, budget, candidates)
 
 
 def check_demands(simulator: Simulator, demands: Mapping[str, float], floor: float) -> Demands:
-    """Check which quantities must be how accurate.
+    """Check quantities and their allowed errors.
 
     Raises
     ------
@@ -89,10 +88,9 @@ def check_demands(simulator: Simulator, demands: Mapping[str, float], floor: flo
 
 
 def own_candidates(known: Sequence[Candidate], taken: Collection[str]) -> tuple[Candidate, ...]:
-    """The candidates that a study can choose from: only what differs between them, and nothing that it sets itself.
+    """The candidates of a study, reduced to the parameters that differ and that the study does not set itself.
 
-    A substitute that would need another value of what the study sets is none for it; of candidates that then are alike,
-    a full one stays.
+    Substitutes that change a parameter of the study are left out; of equal candidates the full one is kept.
     """
     full = next((candidate for candidate in known if candidate.full), known[-1]) if known else None
     kept: dict[str, Candidate] = {}
@@ -122,7 +120,7 @@ def _demand(simulator: Simulator, name: str, allowed: float) -> Demand:
     if not 0 < allowed < 1:
         raise InputError(f"[accuracy]: {name} = {allowed:g}: a relative error lies between 0 and 1")
     output, _, label = name.rpartition("_")
-    if not simulator.outputs:  # those of a function are known when it has answered
+    if not simulator.outputs:  # a function's outputs are known from its first answer
         return Demand(name, output, int(label), allowed) if label.isdigit() else Demand(name, name, None, allowed)
     known = [key for key in simulator.outputs if Demand(key, key, None, allowed).error in simulator.outputs]
     if label.isdigit() and output in known and len(simulator.outputs[output].dims) == 1:

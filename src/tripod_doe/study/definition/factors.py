@@ -14,15 +14,15 @@ from tripod_doe.study.definition.study_file import FactorTable, Scalar
 
 @dataclass(frozen=True)
 class Factor:
-    """One factor: its parameter, and either its values or a distribution to sample."""
+    """A factor: its parameter, and either its values or a distribution to sample."""
 
-    parameter: Parameter  # what is varied
+    parameter: Parameter  # the parameter that varies
     values: tuple[Value, ...] | None  # checked values in file order; None where it is sampled
     table: FactorTable  # its entry in the study file
 
 
 def checked_factor(parameter: Parameter, table: FactorTable) -> Factor:
-    """Check one factor: explicit levels are checked here, distributions by their ends."""
+    """Check one factor: each of its levels, or the ends of its distribution."""
     if table.values is not None and table.distribution != "discrete":
         if any(value is not None for value in (table.low, table.high, table.count)):
             raise InputError("give either values, or low and high, not both")

@@ -17,15 +17,15 @@ from tripod_doe.simulator import WORK, BlockResult, Candidate, Outcome, Paramete
 _TAKEN_NAMES = frozenset(
     {"point", "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK}
 )
-"""What every cube holds, with its costs: an output of such a name would be lost behind it."""
+"""Names that every cube and its costs use already."""
 
 
 class FunctionSimulator(Simulator):
     """A plain Python function as a simulator.
 
-    Its parameters are the function's arguments; those without default must be set. Its outputs are known only when it
-    has answered, and its source is the user's own affair. What model = "auto" may choose from is what the function
-    itself names as its attribute ``candidates``: `Candidate` objects over its arguments.
+    Its parameters are the function's arguments; a study must set each one without a default. Its outputs are known
+    from its first answer, and its source is not tracked. With model = "auto" the choice is among the attribute
+    ``candidates`` of the function: `Candidate` objects over its arguments.
 
     Parameters
     ----------
@@ -61,12 +61,12 @@ class FunctionSimulator(Simulator):
         return []
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
-        """Call the function for every point; an exception makes that point an error, not the block.
+        """Call the function for every point; an exception is the outcome error of that point alone.
 
         Raises
         ------
         InputError
-            If points have answers of different shapes, or of names that a cube cannot hold: others would have, too.
+            If answers of points have different shapes, or names that a cube cannot hold.
         """
         count = len(next(iter(points.values())))
         block = BlockResult.blank(count, Outcome.FINISHED, simulated_seconds=np.nan)
@@ -87,7 +87,7 @@ class FunctionSimulator(Simulator):
 
     @property
     def record(self) -> dict[str, Any]:
-        """What `RecordedFunction` needs to know, as plain data."""
+        """Arguments and candidates as plain data, for `RecordedFunction`."""
         return {
             "arguments": {name: parameter.default for name, parameter in self.parameters.items()},
             "candidates": [asdict(candidate) for candidate in self.candidates],
@@ -95,7 +95,7 @@ class FunctionSimulator(Simulator):
 
 
 class RecordedFunction(Simulator):
-    """A function by what is on record of it: enough to show its results, and nothing is imported.
+    """A recorded function, which shows results without being imported.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class RecordedFunction(Simulator):
         self.candidates = tuple(Candidate(**candidate) for candidate in record.get("candidates", ()))
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
-        """Refuse to: only results are read here."""
+        """Refuse (InputError): only results are read."""
         raise InputError(f"{self.name}: not imported where results are read; run its study to run it")
 
 
@@ -123,7 +123,7 @@ def _plain(value: Any) -> Any:
 
 
 def _outputs(answer: Any) -> tuple[dict[str, Values], dict[str, NDArray[Any]]]:
-    """Outputs of one point by name, and labels along dimensions, of what a function gave."""
+    """Outputs of one point by name, and labels along dimensions, from the answer of a function."""
     if isinstance(answer, Mapping) and not hasattr(answer, "data_vars"):  # a Dataset is a mapping, too
         arrays = {str(name): np.asarray(value, float) for name, value in answer.items()}
         return {name: Values(tuple(f"{name}_{axis}" for axis in range(a.ndim)), a) for name, a in arrays.items()}, {}
@@ -146,8 +146,8 @@ def _check_names(values: Mapping[str, Values], labels: Collection[str], argument
             check_cube_name(name, of)
             if name in arguments or name in _TAKEN_NAMES or name in others:
                 raise InputError(
-                    f"{of} {name!r}: this name is taken by an argument, by another output or dimension, or by what "
-                    "every cube holds"
+                    f"{of} {name!r}: this name is taken by an argument, by another output or dimension, or by a "
+                    "variable of every cube"
                 )
 
 

@@ -16,7 +16,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome, Simulator, Value, check_parameters
 
 SMALLER_STEP = "smaller-step"
-"""The change that halves the step or the tolerance that is in force: the one that is given, or that a run settled."""
+"""The change that halves the step or tolerance, given or chosen by the run."""
 
 _STEPS = ("step_s", "relative_tolerance")
 _FOLLOWERS = {"model": ("method", *_STEPS), "method": _STEPS}
@@ -32,23 +32,23 @@ class Change:
     @property
     def label(self) -> str:
         """The change in words."""
-        told = (
+        settings = (
             f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
             for name, value in self.values.items()
         )
-        return ", ".join(told) or SMALLER_STEP
+        return ", ".join(settings) or SMALLER_STEP
 
 
 @dataclass(frozen=True)
 class RetryPlan:
-    """The changes of a study, and which outcomes they are tried on."""
+    """The changes of a study, and the outcomes that need none."""
 
     changes: tuple[Change, ...] = ()  # in the order in which they are tried
-    accepted: frozenset[int] = frozenset(_NEVER_RETRIED)  # outcomes that a point may end with, without a retry
+    accepted: frozenset[int] = frozenset(_NEVER_RETRIED)  # outcomes that are not retried
 
 
 NO_RETRIES = RetryPlan()
-"""Of a study without retries."""
+"""The plan of a study without retries."""
 
 
 def check_retries(
@@ -65,7 +65,7 @@ def check_retries(
     Parameters
     ----------
     simulator, base, keep
-        What is simulated, and the values that all points share.
+        The simulator, the values that all points share, and the outputs to keep.
     factors
         Values that each factor takes; none where it is sampled.
     entries
@@ -73,28 +73,28 @@ def check_retries(
     expected
         Outcomes besides finished that do not count as failures.
     unknown
-        Parameters whose values are known only from the points themselves.
+        Parameters whose values only the points show.
 
     Raises
     ------
     InputError
-        If a change is unknown, cannot be run, or makes no difference to any point.
+        If a change is unknown, cannot run, or changes no point.
     """
     changes = tuple(_change(simulator, entry) for entry in entries)
     touched = {name for change in changes for name in change.values}
     unsure = {name for name, levels in factors.items() if not levels} | set(unknown)
     points = list(_kinds_of_points(simulator, base, factors, touched))
     for change in changes:
-        told = f"retry: {change.label}"
+        where = f"retry: {change.label}"
         after = [changed_values(simulator, values, change, {}) for values in points]
         if not unsure & change.values.keys() and all(
             new is None or simulator.effective(new) == simulator.effective(old)
             for new, old in zip(after, points, strict=True)
         ):
             reason = "no point has a step or a tolerance" if not change.values else "it makes no difference"
-            raise InputError(f"{told}: {reason}; remove it")
+            raise InputError(f"{where}: {reason}; remove it")
         points = [old if new is None else new for new, old in zip(after, points, strict=True)]
-        _check_runnable(simulator, points, factors, keep, told)
+        _check_runnable(simulator, points, factors, keep, where)
     accepted = {*_NEVER_RETRIED, *(outcome for outcome in Outcome if outcome.label in expected)}
     return RetryPlan(changes, frozenset(int(outcome) for outcome in accepted))
 
@@ -118,7 +118,7 @@ def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
 def _kinds_of_points(
     simulator: Simulator, base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
 ) -> Iterator[dict[str, Value]]:
-    """One set of values for every combination of levels that a change can meet in a study."""
+    """Values for every combination of levels that a change can meet in a study."""
     varied = {
         name: levels
         for name, levels in factors.items()
@@ -133,9 +133,9 @@ def _check_runnable(
     points: Sequence[Mapping[str, Value]],
     factors: Mapping[str, Sequence[Value]],
     keep: Collection[str],
-    told: str,
+    where: str,
 ) -> None:
-    """Refuse a change that no point could be run with."""
+    """Refuse a change with which no point can run."""
     reasons = []
     for values in points:
         others = {name: levels for name, levels in factors.items() if name not in values}
@@ -145,15 +145,15 @@ def _check_runnable(
             reasons.append(error)
         else:
             return
-    raise InputError(f"{told}: {reasons[0]}") from reasons[0]
+    raise InputError(f"{where}: {reasons[0]}") from reasons[0]
 
 
 def changed_values(
     simulator: Simulator, values: Mapping[str, Value], change: Change, settled: Mapping[str, float]
 ) -> dict[str, Value] | None:
-    """The values of a point after a change; None where it has no step or tolerance to be halved.
+    """The values of a point after a change; None without a step or tolerance to halve.
 
-    `settled` are steps and tolerances that its last run settled by itself.
+    `settled` are steps and tolerances that its last run chose by itself.
     """
     new, full = dict(values), simulator.effective(values)
     if change.values:
@@ -177,7 +177,7 @@ def _is_numerics(simulator: Simulator, name: str) -> bool:
 
 
 def changed_parameters(simulator: Simulator, retry: RetryPlan) -> tuple[str, ...]:
-    """Names of the parameters that the retries may change, in the order of the simulator's."""
+    """Names of the parameters that retries may change, in the order of the simulator."""
     touched = {name for change in retry.changes for name in change.values}
     for cause in touched & _FOLLOWERS.keys():
         touched = touched | {name for name in _FOLLOWERS[cause] if _is_numerics(simulator, name)}

@@ -86,9 +86,9 @@ def _import_object(reference: str) -> Any:
         raise InputError(f"function = {reference!r}: write it as package.module:function")
     try:
         module = importlib.import_module(module_name)
-    except TripodDoeError:  # of ours, meant to be read as it is
+    except TripodDoeError:  # its message is for the user
         raise
-    except Exception as error:  # whatever a user's module does when it is imported
+    except Exception as error:  # a user's module may raise anything
         kind = "" if isinstance(error, ImportError) else f"{type(error).__name__}: "
         raise InputError(f"function = {reference!r}: cannot import {module_name}: {kind}{error}") from error
     if not hasattr(module, name):

@@ -38,16 +38,16 @@ class Study:
     base: Mapping[str, Value]  # checked base values
     factors: Mapping[str, Factor]  # factors by name, in file order
     keep: tuple[str, ...]  # names of the outputs to keep; empty for a function that keeps all
-    warnings: tuple[str, ...]  # what the user should know before it runs
+    warnings: tuple[str, ...]  # shown to the user before it runs
     text: str  # the study file as written
     origin: str  # where it came from, for messages
-    folder: StudyFolder  # where the tables and functions are that it names
+    folder: StudyFolder  # where its tables and functions are looked up
     # names of the factors that an ablation switches off (0) and on (1); empty for other designs
     switches: tuple[str, ...] = ()
     retry: RetryPlan = NO_RETRIES  # changes tried on points that failed
     # accuracy for which a pilot chooses the model of every point; None where the study names its model
     accuracy: Accuracy | None = None
-    # accuracy to which runs are refined where the study names its model; None for that of `simulator` itself
+    # accuracy to which runs are refined where the study names its model; None for the default of `simulator`
     demands: Demands | None = None
 
     @property
@@ -69,12 +69,12 @@ def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
     path
         The file.
     folder
-        Where the files and functions are that it names; its own folder if omitted, and any others as well.
+        Where its files and functions are looked up; its own folder if omitted, without restriction.
 
     Raises
     ------
     InputError
-        If the file cannot be read or anything in it cannot be used.
+        If the file cannot be read, or a table, key or value in it is wrong.
     """
     path = Path(path)
     return parse_study(read_text(path, "study file"), str(path), folder or StudyFolder.of(path))
@@ -90,7 +90,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     origin
         Where it came from, for messages.
     folder
-        Where the files and functions are that it names; the current folder, and any others, if omitted.
+        Where its files and functions are looked up; the current folder if omitted, without restriction.
     """
     folder = folder or StudyFolder(Path.cwd())
     try:
@@ -163,7 +163,7 @@ def _demands(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]
 
 
 def _at(origin: str, where: str, step: Any) -> Any:
-    """Run one step of the check, and put file and key before every line of the message of its error."""
+    """Run one check, and put file and key before every line of its error."""
     try:
         return step()
     except InputError as error:
@@ -171,7 +171,7 @@ def _at(origin: str, where: str, step: Any) -> Any:
 
 
 def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:
-    """Refuse tables that may not be read, and factors with more values than may be, before any value is made."""
+    """Refuse forbidden tables, and factors with more values than allowed, before any value is made."""
     for design in (file.design, *file.designs.values()):
         if design.table is not None:
             _at(origin, "[design]", lambda d=design: folder.check_file(d.table, "table"))
@@ -180,7 +180,7 @@ def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:
 
 
 def _given(base: Mapping[str, Any]) -> dict[str, Any]:
-    """Base values that are those of a parameter each: not the word for a model that is to be chosen, and no table."""
+    """Base values of parameters, without model = "auto" and tables."""
     return {
         name: value
         for name, value in base.items()
@@ -189,7 +189,7 @@ def _given(base: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _wrong_besides(text: str, origin: str) -> list[str]:
-    """What is wrong with names and base values of a study whose form is wrong elsewhere; [] where nobody can say."""
+    """Errors in names and base values of a study whose form is wrong elsewhere; empty where these cannot be checked."""
     try:
         raw = parse_toml(text, origin)
         study, base, factors = (raw.get(table, {}) for table in ("study", "base", "factors"))
@@ -206,7 +206,7 @@ def _wrong_besides(text: str, origin: str) -> list[str]:
 
 
 def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors: Collection[str]) -> dict[str, Value]:
-    """The base values, checked; unknown factors are told with what is wrong about these."""
+    """Check the base values; the error lists unknown factors as well."""
     wrong, base = [], dict[str, Value]()
     try:
         base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
@@ -222,7 +222,7 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
 
 
 def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
-    """An ablation beside factors that it does not switch is one at each of their grid points: a product of both."""
+    """Turn an ablation beside other factors into a product: the ablation at each of their grid points."""
     if file.design.kind != "ablation":
         return file
     switches = _switches_of(file.design, simulator.parameters, list(file.factors))
@@ -236,14 +236,14 @@ def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
 
 
 def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
-    """Factors that an ablation of this study switches: those it names, else the study's own, else all of the scene."""
+    """Switches of the ablations of a study: as named, else the factors of the study, else all of the scene."""
     alone = file.design.kind != "product"
     parts = [file.design] if alone else [file.designs[name] for name in file.design.of if name in file.designs]
-    found: list[str] = []
+    switches: list[str] = []
     for part in parts:
         if part.kind == "ablation":
-            found += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
-    return tuple(dict.fromkeys(found))
+            switches += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
+    return tuple(dict.fromkeys(switches))
 
 
 def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: list[str]) -> list[str]:
@@ -262,7 +262,7 @@ def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: li
 
 
 def _fidelity(simulator: Simulator, file: StudyFile) -> dict[str, FactorTable]:
-    """The factor that names the model, where a multifidelity study does not list models itself: all of the scene."""
+    """The factor with all models of the scene, where a multifidelity study does not list models itself."""
     name = file.design.fidelity
     if file.design.kind != "multifidelity" or name in file.factors:
         return {}
@@ -296,7 +296,7 @@ def _check_run(origin: str, run: RunTable) -> None:
 
 
 def canonical(study: Study) -> dict[str, str]:
-    """What decides the points and values of a study, key by key, for comparing two versions of it."""
+    """Keys that decide the points and values of a study, with their values, to compare two versions of it."""
     flat: dict[str, str] = {}
 
     def walk(prefix: str, value: Any) -> None:
@@ -311,6 +311,6 @@ def canonical(study: Study) -> dict[str, str]:
     walk("study", {key: content["study"][key] for key in ("scene", "function")})
     if study.demands:
         flat["accuracy"] = json.dumps(study.demands.text)
-    if study.retry.changes:  # what is retried decides what a point ends with
+    if study.retry.changes:  # retries change the values of a point
         walk("run", {key: content["run"][key] for key in ("retry", "expected_outcomes")})
     return flat

@@ -1,4 +1,4 @@
-"""The form of a study file: its tables and keys as pydantic checks them, and what is wrong with a file in its words."""
+"""The form of a study file: its tables and keys, checked by pydantic, with errors that name table, key and value."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LONG_NAME = re.compile(
 )
 
 Scalar = Annotated[Annotated[float, AllowInfNan(True)] | int | str | bool, Field(union_mode="smart")]
-"""What a parameter checks itself."""
+"""A value that its parameter checks."""
 
 DesignKind = Literal[
     "grid",
@@ -86,7 +86,7 @@ class FactorTable(_Table):
 
 
 _MOST_LEVELS = 1_000_000
-"""Levels and repetitions of a design at most, as of a factor's count: what is made of them is made at once."""
+"""Largest number of levels of a design, as of a factor's count."""
 
 
 class DesignTable(_Table):
@@ -97,7 +97,7 @@ class DesignTable(_Table):
         None,
         ge=1,
         description="number of samples (saltelli: SALib's N; morris: trajectories; fast: points of a curve; "
-        "multifidelity: samples of the dearest model)",
+        "multifidelity: samples of the most expensive model)",
     )
     seed: int = Field(0, ge=0, description="seed of the random numbers")
     levels: int | None = Field(
@@ -128,7 +128,7 @@ class DesignTable(_Table):
         None,
         ge=1,
         description="multifidelity: points of all models together that a split from the pilot may have; 200,000 if "
-        "omitted, or ten times those of the dearest model if that is more",
+        "omitted, or ten times the samples of the most expensive model if that is more",
     )
     target: list[str] = Field(
         [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split makes small; all if omitted"
@@ -149,13 +149,13 @@ class DesignTable(_Table):
 
 
 class KeepTable(_Table):
-    """[keep]: what goes into the cube."""
+    """[keep]: the outputs in the cube."""
 
     outputs: list[str] = Field([], description="names of the outputs; if omitted, all but those on request")
 
 
 class RunTable(_Table):
-    """[run]: how the points are run, which changes no value; except retry, which is part of the question."""
+    """[run]: how the points are run; only `retry` changes values."""
 
     block: int | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
     exclusive: bool = Field(False, description="run one block at a time, so that no other block disturbs its timing")
@@ -228,8 +228,8 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it is not valid TOML, or names or values are nested deeper than any file of ours: the time that tomllib takes
-        for a dotted name grows with the square of its parts.
+        If it is not valid TOML, or names or values are nested deeply: the time that tomllib takes for a dotted name
+        grows with the square of its parts.
     """
     if long := _LONG_NAME.search(text):
         raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
@@ -277,7 +277,7 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
 
 
 def _check_names(raw: Mapping[str, Any]) -> None:
-    """Refuse names of analyses and sub-designs that are no identifiers: files are called by them."""
+    """Refuse names of analyses and sub-designs that are not identifiers, since they name files."""
     for table, written, of in (("analysis", "analysis", "an analysis"), ("designs", "design", "a sub-design")):
         names = raw.get(table, {})
         for name in names if isinstance(names, Mapping) else ():
@@ -285,12 +285,12 @@ def _check_names(raw: Mapping[str, Any]) -> None:
 
 
 def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> list[str]:
-    """Pydantic's complaints about a TOML file in its own words: table, key, value, what is wrong, a near match.
+    """Pydantic's complaints about a TOML file, each with table, key, value, reason and a near match.
 
     Parameters
     ----------
     error
-        What pydantic raised.
+        The error of pydantic.
     known
         The keys that the table at a path may hold, for near matches.
     """
@@ -336,11 +336,11 @@ _EXPECTED = {
     "less_than": "must be below {lt:g}",
     "less_than_equal": "must be at most {le:,.9g}",
 }
-"""What a value must be, by pydantic's name of the complaint and with its numbers."""
+"""Reasons by pydantic's name of the complaint, with its numbers."""
 
 
 def said_of(complaint: ErrorDetails, key: str) -> str:
-    """What is wrong with a value, as pydantic found it, in our words.
+    """The reason why pydantic refuses a value.
 
     Parameters
     ----------
@@ -357,7 +357,7 @@ def said_of(complaint: ErrorDetails, key: str) -> str:
 
 
 def _as_table(where: str, key: str, value: object) -> str:
-    """What to write in place of a value where a table belongs."""
+    """The text to write in place of a value where a table belongs."""
     if where == "factors" and isinstance(value, list):
         return f"write {key} = {{ values = {_shown(value)} }}"
     if where == "factors":

@@ -1,7 +1,7 @@
-"""The folder of a study or workflow file: the one place where the files and functions that it names are looked up.
+"""The folder of a study or workflow file, where its files and functions are looked up.
 
-A file of the user's own may name any file and any function. One from a stranger, as every upload to the service, may
-name files inside its folder, and no function: nothing from there is ever imported.
+The user's own file may name any file and any function. A file from a stranger, such as an upload to the service, may
+name files inside its folder, and no function, so that nothing of it is imported.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _LISTED = 50  # files of a folder that a message names
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """Where the files and functions are that a study or workflow names, and what it may name."""
+    """Where files and functions of a study or workflow are looked up, and which are allowed."""
 
     path: Path
     trusted: bool = True  # whether functions, and files outside of the folder, may be named
@@ -31,7 +31,7 @@ class StudyFolder:
         return cls(Path(file).resolve().parent, not untrusted)
 
     def around(self, file: Path) -> StudyFolder:
-        """The folder of a file that was looked up here, under the same rules."""
+        """The folder of a file that is looked up here, under the same rules."""
         return replace(self, path=file.resolve().parent)
 
     def file(self, name: str, key: str) -> Path:
@@ -66,7 +66,7 @@ class StudyFolder:
         self.file(name, key)
 
     def recorded_function(self, function: str) -> Simulator | None:
-        """What stands in for a function that is not to be imported; None where it is imported, or refused."""
+        """The stand-in for a function that must not be imported; None where it is imported, or refused."""
         return None
 
     def refuse_functions(self, function: str) -> None:
@@ -78,6 +78,6 @@ class StudyFolder:
             )
 
     def refuse_many(self, count: int, what: str, remedy: str = "") -> None:
-        """Refuse (TooLargeError) more points, or values of a factor, than may be read here."""
+        """Refuse (TooLargeError) more points, or values of a factor, than are allowed here."""
         if self.most_points is not None and count > self.most_points:
             raise TooLargeError(f"{count:,} {what}; at most {self.most_points:,} points are allowed here{remedy}")

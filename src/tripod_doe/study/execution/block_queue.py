@@ -1,4 +1,4 @@
-"""The points of a study that wait to be computed, cut into blocks that last about equally long."""
+"""The queue of points to compute, cut into blocks of about equal duration."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import numpy as np
 
 from tripod_doe.array_types import IntArray
 
-_FIRST_BLOCK = 1  # a point may take seconds; how cheap points are is known from the first answer
+_FIRST_BLOCK = 1  # a point may take seconds; the first answer shows its price
 _LARGEST_GROWTH = 32
 _SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
 _MOST_BYTES = 32_000_000  # of the results of a block
-_FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and says little about the price of a point
+_FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and no measure of the price of a point
 
 
 class BlockQueue:
-    """Points that wait.
+    """Points to compute.
 
     Parameters
     ----------
     waiting
         Indices of the points.
     block
-        Points per block; None sizes the blocks by what the finished ones took.
+        Points per block; None sizes blocks by the duration of the finished ones.
     seconds
-        How long a block should last at least.
+        Smallest duration of a block to aim at.
     """
 
     def __init__(self, waiting: IntArray, block: int | None = None, seconds: float = 1.0) -> None:
@@ -40,7 +40,7 @@ class BlockQueue:
         return self._waiting.size + sum(block.size for block in self._returned)
 
     def take(self, slots: int) -> IntArray | None:
-        """The next block, None when nothing waits; the last ones are small, so that all slots become free together."""
+        """The next block, None from an empty queue; the last ones are small, so that all slots become free together."""
         if self._returned:
             return self._returned.pop()
         if self._waiting.size == 0:
@@ -55,7 +55,7 @@ class BlockQueue:
         self._returned.extend(half for half in np.array_split(block, 2) if half.size)
 
     def learn(self, seconds: float, count: int, size: int = 0) -> None:
-        """Size the next blocks by the time that one of so many points took, and the bytes of its results."""
+        """Size the next blocks by the time of a block of `count` points, and by the bytes of its results."""
         if seconds >= _FAIR_SAMPLE_SECONDS:
             self._seconds_per_point = seconds / count
         if self._fixed is None and seconds > 0:
@@ -63,10 +63,10 @@ class BlockQueue:
             self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
 
     def expect(self, seconds: float, count: int) -> None:
-        """Note that a block of so many points has been at work for so long and is not finished."""
+        """Use the time of an unfinished block of `count` points as a lower bound of the price."""
         self._seconds_per_point = max(self._seconds_per_point or 0.0, seconds / count)
 
     @property
     def seconds_left(self) -> float:
-        """Estimated time of the points that wait, in one process; 0 as long as no block was long enough to tell."""
+        """Estimated time of the queue in one process; 0 until a block was long enough for an estimate."""
         return len(self) * (self._seconds_per_point or 0.0)

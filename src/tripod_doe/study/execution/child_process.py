@@ -34,17 +34,17 @@ def start_child(module: str, *words: str) -> subprocess.Popen[str]:
 
 
 def command(module: str, *words: str) -> list[str]:
-    """What runs a module of this package as a program with these arguments."""
+    """The command that runs a module of this package as a program."""
     return [sys.executable, "-P", "-W", _NO_LEAKS, "-m", module, *words]
 
 
 def environment() -> dict[str, str]:
-    """That of this process; a program with it imports from the same places, so that it finds the same functions."""
+    """The environment of this process, with its import path, so that a program finds the same functions."""
     return os.environ | {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)}
 
 
 def answers() -> IO[str]:
-    """In a child: the stream to the process that started it; what functions print goes to standard error from now on.
+    """In a child: the stream to the process that started it; output of functions goes to standard error from now on.
 
     Ctrl-C goes to all processes of a terminal: the one that started the others decides when they end.
     """
@@ -55,7 +55,7 @@ def answers() -> IO[str]:
 
 
 def shorten_temporary_folder() -> None:
-    """Use /tmp for temporary files where the name of the usual folder leaves no room for those of sockets in it.
+    """Use /tmp for temporary files where the name of the usual folder leaves no room for the names of sockets in it.
 
     Schedulers of jobs make such long folders; multiprocessing's fork server then fails with "AF_UNIX path too long".
     """

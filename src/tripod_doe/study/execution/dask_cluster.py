@@ -1,4 +1,4 @@
-"""Dask workers of a command: processes of this machine, or those of an existing scheduler."""
+"""Dask workers of a command: processes of this machine, or the workers of an existing scheduler."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class DaskWorkers:
         self._client: Future[Client] | None = None
 
     def start(self, study: Study) -> None:
-        """Start the workers without waiting for them; those of this machine import the simulator of a study."""
+        """Start the workers without waiting for them; local ones import the simulator of a study."""
         if self._client is None:
             self._client = self._background.submit(self._connect, study)
 
     @property
     def ready(self) -> bool:
-        """Whether the workers are there (or could not be started)."""
+        """Whether the start of the workers has ended, with success or not."""
         return self._client is not None and self._client.done()
 
     def executor(self, study: Study) -> OnDask:
@@ -83,7 +83,7 @@ class DaskWorkers:
         return workers.connect()
 
     def _replaced(self, lost: Client) -> Client:
-        """A client in place of one whose scheduler is gone."""
+        """A client in place of one whose scheduler is lost."""
         if lost.status != "connecting":  # by itself, which would leave a socket open; it is closed at the end
             with suppress(OSError, TimeoutError):
                 lost.close(timeout=1)
@@ -95,7 +95,7 @@ class DaskWorkers:
 
 
 def _import_simulator(client: Client, study: Study) -> None:
-    """Import a simulator on the workers of this machine before its first block; others do so when they get one."""
+    """Import a simulator on the workers of this machine before the first block; remote ones import it with a block."""
     table = study.file.study
     client.run(_get_ready, table.scene, table.function, study.folder, study.simulator.source_hash, on_error="ignore")
 

@@ -1,11 +1,11 @@
-"""Blocks of points at work on Dask workers, with what became of each kept here: what dies there is ordinary.
+"""Run blocks of points on Dask workers, and repeat them when a worker or the scheduler is lost.
 
-A block that was at work on a lost scheduler runs again, a worker with another version is left out, and a point is only
-said to take down its worker after it did so by itself, three times.
+A block runs again when its scheduler is lost; a worker with another version of the package is retired; a point counts
+as fatal for its worker once it has ended three workers while no other block was queued there.
 
 Why not Dask's `retries` and `as_completed`: retries are for exceptions, and a scheduler blames every block in the queue
-of a worker for its death. as_completed cannot wait for a second only, after which silent schedulers and new workers are
-looked for; 3,000 empty blocks cost 7.7 CPU-s with it and 8.1 to 8.9 here, so speed decides nothing.
+of a worker for its death. as_completed cannot wait for one second at a time, as checks for silent schedulers and new
+workers need; 3,000 empty blocks cost 7.7 CPU-s with it and 8.1 to 8.9 here.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ from tripod_doe.study.execution.task import Task
 from tripod_doe.study.execution.user_code import UserCode
 
 DEATHS = 3
-"""Workers that a point takes down by itself before it is given up."""
+"""Workers that a point may end before it is given up."""
 
 _IN_FLIGHT = 2  # blocks per thread: one at work, one waiting, so that no worker waits for this process
-_TOGETHER = 8  # answers that are fetched at once: the way there and back takes longer than to send one
-_LOOK = 1.0  # seconds after which workers are counted again, and room for more blocks is noticed
+_TOGETHER = 8  # answers fetched at once: a round trip takes longer than an answer
+_LOOK = 1.0  # seconds between counts of workers and of free slots
 _LOST = "scheduler-connection-lost"  # Dask's reason of a cancellation
-_NEWS = (None, "memory", "erred")  # states of a task (none: unknown) of which a scheduler tells at once
-_ANSWER, _SILENCE = 10.0, 60.0  # seconds for one answer of a scheduler, and without any until it counts as gone
+_NEWS = (None, "memory", "erred")  # states of a task (none: unknown) that a scheduler reports at once
+_ANSWER, _SILENCE = 10.0, 60.0  # seconds for one answer of a scheduler; seconds without any until it counts as lost
 
 
 @dataclass(eq=False)
 class _Block:
-    """A block that was taken, until there is an answer."""
+    """A submitted block without an answer."""
 
-    # points, task: indices of its points, and what a worker needs
+    # points, task: indices of its points, and the task for a worker
     points: IntArray
     task: Task
-    deaths: int = 0  # workers that died while it was the only block at work
+    deaths: int = 0  # workers that died while it ran alone
 
 
 class OnDask:
@@ -63,13 +63,13 @@ class OnDask:
     Parameters
     ----------
     client
-        Of their scheduler.
+        Client of their scheduler.
     replaced
-        Gives a client in place of one whose scheduler is gone.
+        Gives a client in place of one whose scheduler is lost.
     exclusive
-        Whether a block must have no neighbours.
+        Whether only one block may run at a time.
     code
-        Of the user's function, for workers that may not see the study's folder.
+        Code of the user's function, for workers that may not see the study's folder.
     """
 
     def __init__(
@@ -87,18 +87,18 @@ class OnDask:
         self._next: deque[DaskFuture] = deque()
         self._fetched: dict[DaskFuture, Any] = {}
         self._threads, self._counted_at, self._heard_at = 0, -np.inf, time.monotonic()
-        self._untold: dict[Key, float] = {}
+        self._unreported: dict[Key, float] = {}
         self._answered, self._left_out = False, set[str]()
 
     @property
     def slots(self) -> int:
-        """Blocks sent before the first one is finished; none while a point is suspected to take down its worker."""
+        """Number of blocks to send ahead; 0 while a point is suspected of ending its worker."""
         if self._suspects or self._alone:
             return 0
         return 1 if self._exclusive else _IN_FLIGHT * max(self._count_threads(), 1)
 
     def _count_threads(self) -> int:
-        """Threads of all workers, as they join and leave; those of the last count where the scheduler is silent."""
+        """Threads of all workers; the last count where the scheduler is silent."""
         if time.monotonic() > self._counted_at + _LOOK and self._dask.status == "running":
             with suppress(OSError, CancelledError):  # a timeout is an OSError
                 self._threads = sum(self._dask.nthreads(callback_timeout=_ANSWER).values())
@@ -107,7 +107,7 @@ class OnDask:
         return self._threads
 
     def _is_silent(self) -> bool:
-        """Whether a scheduler gives no answers, or no news of blocks, over a connection that nobody has closed."""
+        """Whether a scheduler with an open connection gives no answers, or does not report finished blocks."""
         self._count_threads()
         if self._dask.status != "running":
             return False
@@ -116,12 +116,12 @@ class OnDask:
             ask = self._dask.scheduler.get_task_status
             states = self._dask.sync(ask, keys=list(states), callback_timeout=_ANSWER)
         now = time.monotonic()
-        self._untold = {key: self._untold.get(key, now) for key, state in states.items() if state in _NEWS}
-        return now > self._heard_at + _SILENCE or now > min(self._untold.values(), default=now) + _ANSWER
+        self._unreported = {key: self._unreported.get(key, now) for key, state in states.items() if state in _NEWS}
+        return now > self._heard_at + _SILENCE or now > min(self._unreported.values(), default=now) + _ANSWER
 
     @property
     def busy(self) -> int:
-        """Blocks that were taken and have no answer."""
+        """Number of blocks without an answer."""
         return len(self._at_work) + len(self._suspects)
 
     def submit(self, block: IntArray, task: Task) -> None:
@@ -129,7 +129,7 @@ class OnDask:
         self._send([_Block(block, task)])
 
     def _send(self, blocks: list[_Block]) -> None:
-        """Send blocks, to the next scheduler where this one is gone."""
+        """Send blocks, to the next scheduler where this one is lost."""
         while True:
             try:
                 for block in blocks:
@@ -143,23 +143,23 @@ class OnDask:
                 return
 
     def _taken_back(self, blocks: list[_Block], gone: bool = True) -> list[_Block]:
-        """All blocks that were at work on a scheduler and are to be sent to the one that takes its place."""
+        """All blocks to send again, after the scheduler was replaced or its blocks were cancelled."""
         unsent = [block for block in blocks if block not in self._at_work.values()]
         blocks = [*self._at_work.values(), *unsent]
         self._at_work.clear()
-        if gone:  # also where Dask has connected again: the scheduler may still forget what that client sends
+        if gone:  # also where Dask has connected again: the scheduler may drop tasks of that client
             self._dask = self._replaced(self._dask)
         else:
-            print("somebody has cancelled the blocks at work; they are sent again", file=sys.stderr)
+            print("the blocks at work were cancelled from outside; they are sent again", file=sys.stderr)
         self._counted_at, self._heard_at = -np.inf, time.monotonic()
         return blocks
 
     def next_finished(self) -> tuple[IntArray, Answer | Lost] | None:
-        """Wait for one of the blocks that were sent, and raise what its simulator raised.
+        """Wait for a finished block, and raise the exception of its simulator.
 
-        A block whose scheduler was lost, or whose worker cannot run the study, is sent again. One whose workers died
-        is sent again by itself, with nothing behind it that could be blamed for it. None where nothing is finished for
-        a second: there may be room for more blocks by now.
+        A block whose scheduler is lost, or whose worker cannot run the study, is sent again. A block whose worker died
+        is sent again alone, so that no other block can be the cause. None where nothing finishes for a second, so that
+        free slots are noticed.
         """
         while True:
             if not self._at_work:
@@ -172,7 +172,7 @@ class OnDask:
                     self._send(self._taken_back([]))
                 return None
             block = self._at_work.pop(future, None)
-            if block is None:  # of a scheduler that is gone
+            if block is None:  # from a lost scheduler
                 continue
             answer = self._answer(future, block)
             if answer is not None:
@@ -180,29 +180,29 @@ class OnDask:
                 return block.points, answer
 
     def _next_future(self) -> DaskFuture:
-        """The next finished block, whose answer is fetched with those of others; `queue.Empty` where none is."""
+        """The next finished block; answers of several are fetched at once. Raises `queue.Empty` without any."""
         if self._next:
             return self._next.popleft()
-        found = [self._finished.get(timeout=_LOOK)]
-        while len(found) < _TOGETHER and not self._finished.empty():
-            found.append(self._finished.get())
-        good = [future for future in found if future in self._at_work and future.status == "finished"]
-        with suppress(Exception):  # `_answer` asks for each that is not there, and judges
+        finished = [self._finished.get(timeout=_LOOK)]
+        while len(finished) < _TOGETHER and not self._finished.empty():
+            finished.append(self._finished.get())
+        good = [future for future in finished if future in self._at_work and future.status == "finished"]
+        with suppress(Exception):  # `_answer` asks for each missing one again
             gather = partial(self._dask.gather, good, asynchronous=True)
             self._fetched = dict(zip(good, self._dask.sync(gather, callback_timeout=_ANSWER), strict=True))
-        self._next.extend(found)
+        self._next.extend(finished)
         return self._next.popleft()
 
     def _answer(self, future: DaskFuture, block: _Block) -> Answer | Lost | None:
-        """What a block gave; None where it runs again."""
+        """The answer of a block; None where it runs again."""
         try:
             given = self._fetched.pop(future, None)
             answer = read_answer(future.result(timeout=_SILENCE) if given is None else given)
         except KilledWorker as error:
             return self._judge(block, error.allowed_failures + 1)
         except (CancelledError, CommClosedError, TimeoutError) as error:
-            by_somebody = getattr(error, "reason", _LOST) != _LOST and self._dask.status == "running"
-            self._send(self._taken_back([block], gone=not by_somebody))
+            from_outside = getattr(error, "reason", _LOST) != _LOST and self._dask.status == "running"
+            self._send(self._taken_back([block], gone=not from_outside))
             return None
         if isinstance(answer, Unfit):
             self._leave_out(answer)
@@ -212,7 +212,7 @@ class OnDask:
         return answer
 
     def _judge(self, block: _Block, died: int) -> Lost | None:
-        """Give up a point that took down enough workers by itself, else let it run alone; several points are halved."""
+        """Give up a point that ended enough workers while alone; let it run alone before; halve a block of several."""
         if self._alone is block:
             self._alone = None
             block.deaths += died
@@ -227,11 +227,11 @@ class OnDask:
         Raises
         ------
         InputError
-            If no other is there, and none has ever given an answer.
+            If it is the only worker, and no worker has given an answer.
         """
         if not self._answered and set(self._dask.nthreads()) <= {unfit.address}:
             raise InputError(f"worker {unfit.name}: {unfit.reason}")
-        if unfit.name not in self._left_out:  # whoever supervises it may start it again and again
+        if unfit.name not in self._left_out:  # its supervisor may restart it again and again
             print(f"worker {unfit.name} at {unfit.address} is left out: {unfit.reason}", file=sys.stderr)
             self._left_out.add(unfit.name)
         with suppress(OSError):

@@ -1,6 +1,6 @@
-"""What a Dask worker does with a block: it computes it, or says why it cannot.
+"""A block on a Dask worker: computed, or refused with a reason.
 
-Why not `Client.get_versions`: it looks once (66 ms), at the workers that are there; others join at any time.
+Why not `Client.get_versions`: it looks once (66 ms), at the present workers; others join at any time.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from tripod_doe.study.execution.user_code import UserCode, check_imported, place
 
 @dataclass(frozen=True)
 class Unfit:
-    """A worker that cannot run a study."""
+    """Refusal of a worker that cannot run a study."""
 
     # name, address: of the worker
     name: str
     address: str
-    reason: str  # why it cannot, as the end of a sentence on it
+    reason: str  # the reason, as the end of a sentence about the worker
 
 
 @cache
 def our_version() -> str:
-    """Version of the package in this process; asked for with every block, and parsed from a file."""
+    """Version of the package in this process, cached since it is parsed from a file."""
     return version("tripod-doe")
 
 
 def _by_value() -> Callable[[str, bytes], tuple[str, str, bytes | str]]:
-    """A function without references to this package: it is sent with its code, so that any worker can answer."""
+    """A function that is sent with its code, without references to this package, so that any worker can answer."""
 
     def run_block(wanted: str, work: bytes) -> tuple[str, str, bytes | str]:
         from distributed import get_worker
@@ -63,7 +63,7 @@ Gives name and address of the worker with a pickled answer, or with the reason w
 
 
 def answer_as_bytes(work: bytes, name: str) -> bytes | str:
-    """On a worker: what a block gave, pickled, or why this worker cannot run it."""
+    """On a worker: the answer of a block, pickled, or the reason why this worker cannot run it."""
     task: Task
     code: UserCode | None
     task, code = pickle.loads(work)
@@ -79,7 +79,7 @@ def answer_as_bytes(work: bytes, name: str) -> bytes | str:
     return pickle.dumps(Answer(*run_task(task), name))
 
 
-def read_answer(told: tuple[str, str, Any]) -> Answer | Unfit:
-    """What a worker answered."""
-    name, address, what = told
-    return pickle.loads(what) if isinstance(what, bytes) else Unfit(name, address, what)
+def read_answer(sent: tuple[str, str, Any]) -> Answer | Unfit:
+    """The answer or refusal that a worker sent."""
+    name, address, content = sent
+    return pickle.loads(content) if isinstance(content, bytes) else Unfit(name, address, content)

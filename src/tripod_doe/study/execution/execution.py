@@ -1,6 +1,6 @@
-"""Execution of a study's points: blocks out, finished blocks back, in this process or on worker processes.
+"""Execution of a study's points in blocks, in this process or on worker processes.
 
-Where a point runs, beside which others and in which order never changes what it gives.
+The place, the order and the neighbours of a point never change its results.
 """
 
 from __future__ import annotations
@@ -32,33 +32,33 @@ if TYPE_CHECKING:  # Dask takes a second to import, and a small study does witho
     from tripod_doe.study.execution.dask_cluster import DaskWorkers
 
 _USUAL_WORKERS = 2
-_WORTH_WORKERS = 15.0  # seconds of work left: two workers take about 8 s of CPU time to start, and some to end
-_SECONDS, _REMOTE_SECONDS = 1.0, 5.0  # a block here, and on a cluster, whose scheduler serves many workers
-_PATIENCE = 2.0  # seconds after which a block that is at work here is looked at: its points may be long ones
+_WORTH_WORKERS = 15.0  # seconds of work left that justify workers: two take about 8 CPU-s to start, and some to end
+_SECONDS, _REMOTE_SECONDS = 1.0, 5.0  # duration of a block here, and on a cluster, whose scheduler serves many
+_PATIENCE = 2.0  # seconds after which a block in this process counts as long
 
 
 class Execution:
-    """Where the studies of one command run; its worker processes are started when a study first needs them.
+    """The processes in which the studies of a command run; workers are started when a study first needs them.
 
     Parameters
     ----------
     workers
-        Worker processes; 0 runs everything in this process; None takes this process where that is done sooner, and
-        two worker processes otherwise.
+        Worker processes; 0 runs everything in this process; None takes this process where that is faster, and two
+        worker processes otherwise.
     scheduler
         An existing Dask scheduler to use instead of own workers.
     oversubscribe
-        Start as many workers as asked for, also more than this machine has processors.
+        Allow more workers than this machine has processors.
 
     Attributes
     ----------
     seconds
-        Wall time in which blocks of the latest study were at work: neither compilation nor the start of workers.
+        Wall time of the blocks of the latest study, without compilation and the start of workers.
 
     Raises
     ------
     InputError
-        If these cannot be used.
+        If the arguments contradict each other.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Execution:
             self._dask.close()
 
     def run(self, asked: StudyPoints, missing: IntArray, careful: bool = False) -> Generator[FinishedBlock, None, None]:
-        """Run points in blocks and give each finished block, in the order in which they finish.
+        """Run points in blocks, and yield each block as it finishes.
 
         Parameters
         ----------
@@ -91,14 +91,14 @@ class Execution:
         missing
             Indices of the points to run.
         careful
-            Run nothing in this process, unless that is asked for: some point may take it down.
+            Run nothing in this process unless `workers` is 0: a point may end it.
 
         Notes
         -----
         Kernels are compiled once, in this process; workers load them, and start with the modules imported here.
-        A block that takes down its process (three times, for a worker) is halved until the point that does it stands
-        alone; that point is worker_lost. In this process that only holds for a point that asks Python to exit: a
-        crash ends the command, and the next run of the study is careful.
+        A block that ends its process (three times, for a worker) is halved until a single point is left; its outcome
+        is worker_lost. In this process that holds only for a point that asks Python to exit: a crash ends the command,
+        and the next run of the study is careful.
         """
         self.seconds = 0.0
         study = asked.study
@@ -113,7 +113,7 @@ class Execution:
             if len(queue):
                 with closing(self._workers.executor(study)) as there:
                     yield from self._empty(queue, asked, there)
-            yield from self._empty(queue, asked, here)  # a long block that was at work here all the time
+            yield from self._empty(queue, asked, here)  # a long block that is still at work here
 
     def _starts_here(self, risky: bool) -> bool:
         """Whether the first points of a study run in this process."""
@@ -122,7 +122,7 @@ class Execution:
         return self._wanted == 0
 
     def _goes_on_here(self, study: Study, queue: BlockQueue) -> bool:
-        """Whether the next points run in this process: until the workers that are worth starting have started."""
+        """Whether the next points run in this process: until workers, if the rest justifies them, have started."""
         if self._wanted == 0 or study.file.run.exclusive or queue.seconds_left < _WORTH_WORKERS:
             return True
         self._workers.start(study)
@@ -131,10 +131,10 @@ class Execution:
     def _empty(
         self, queue: BlockQueue, asked: StudyPoints, executor: Executor, go_on: Callable[[], bool] = lambda: True
     ) -> Generator[FinishedBlock, None, None]:
-        """Run what waits in a queue on one executor, as long as it may go on there.
+        """Run the points of a queue on one executor while `go_on` allows it.
 
-        Every block that was sent is waited for, except a long one when the others may go on elsewhere: it stays
-        at work until the next call.
+        All submitted blocks are awaited, but for a long one when the others can run elsewhere: it stays at work until
+        the next call.
         """
         started = time.perf_counter()
         try:
@@ -171,16 +171,16 @@ class Execution:
 
 
 def _at_most_processors(workers: int) -> int:
-    """As many workers as asked for, but no more than this process may use processors; tells where that is less."""
+    """The number of workers, limited to the processors that this process may use; the limit is printed."""
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or workers
     if workers > processors:
-        told = f"{option('workers', workers)}: this machine has {processors} processors, so {processors} workers start"
-        print(f"{told}; {option('oversubscribe', True)} starts all", file=sys.stderr)
+        limit = f"{option('workers', workers)}: this machine has {processors} processors, so {processors} workers start"
+        print(f"{limit}; {option('oversubscribe', True)} starts all", file=sys.stderr)
     return min(workers, processors)
 
 
 def _finished_block(keys: NDArray[np.void], answer: Answer | Lost) -> FinishedBlock:
-    """A block as the journal keeps it, with its one point flagged if that took down its process."""
+    """A block for the journal; a point that ended its process is worker_lost."""
     if isinstance(answer, Answer):
         return FinishedBlock(keys, answer.result, answer.cpu_seconds, answer.wall_seconds, answer.worker)
     lost = BlockResult.blank(1, Outcome.WORKER_LOST, answer.reason, simulated_seconds=np.nan)

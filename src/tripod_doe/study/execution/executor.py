@@ -1,4 +1,4 @@
-"""What runs blocks of points, and what it gives back: an answer, or the news that a block took its process down."""
+"""The interface of executors, which run blocks of points, and their answers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tripod_doe.study.execution.task import Task
 
 @dataclass(frozen=True)
 class Answer:
-    """What a block gave."""
+    """Results and cost of a block."""
 
     result: BlockResult  # its results
     # cpu_seconds, wall_seconds: time of all its points, without compilation
@@ -23,9 +23,9 @@ class Answer:
 
 @dataclass(frozen=True)
 class Lost:
-    """A block that took down the process in which it ran."""
+    """A block that ended the process in which it ran."""
 
-    reason: str  # what was seen of it
+    reason: str  # of the points, as their detail
 
 
 @dataclass(frozen=True)
@@ -36,16 +36,16 @@ class AtWork:
 
 
 class Executor(Protocol):
-    """Something that runs blocks of points."""
+    """Runs blocks of points."""
 
     @property
     def busy(self) -> int:
-        """Blocks at work."""
+        """Number of blocks at work."""
         ...
 
     @property
     def slots(self) -> int:
-        """Blocks that it can take before the first one is finished."""
+        """Number of blocks that it takes before the first one is finished."""
         ...
 
     def submit(self, block: IntArray, task: Task) -> None:
@@ -55,7 +55,7 @@ class Executor(Protocol):
     def next_finished(self) -> tuple[IntArray, Answer | Lost | AtWork] | None:
         """Wait for one of the blocks at work, or until it lasts long; an interrupt ends the waiting.
 
-        None where it is time to look whether there is room for more blocks.
+        None where free slots are to be counted again.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""A Dask scheduler that somebody else started: where it is, and how long a study waits for it when it is gone."""
+"""An existing Dask scheduler: its address or file, its credentials, and the time to wait for it when it is lost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # Dask takes a second to import
     from distributed.security import Security
 
 USUAL_WAIT = 60.0
-"""Seconds for which a study waits for a scheduler that is gone, unless told otherwise."""
+"""Seconds for which a study waits for a lost scheduler by default."""
 
 _TLS = "tls://"
 _ATTEMPT = 5.0  # seconds for one
@@ -57,14 +57,14 @@ class TlsFiles:
         )
         try:
             security.get_connection_args("client")
-        except OSError as error:  # that of ssl is one
+        except OSError as error:  # SSLError is one
             shown = ", ".join(option(name, str(file)) for name, file in files.items() if file is not None)
             raise InputError(f"{shown}: cannot be used for TLS: {error}") from error
         return security
 
 
 def tls_files(ca_file: str | Path | None, cert: str | Path | None, key: str | Path | None) -> TlsFiles | None:
-    """Credentials from the files that were given; None where none was.
+    """Credentials from the given files; None without any.
 
     Raises
     ------
@@ -80,16 +80,16 @@ def tls_files(ca_file: str | Path | None, cert: str | Path | None, key: str | Pa
 
 @dataclass(frozen=True)
 class ExistingScheduler:
-    """Where a scheduler is."""
+    """An existing scheduler."""
 
     address: str | None = None  # for instance ``tcp://10.0.0.1:8786``; None where a file names it
-    # the file that ``dask scheduler --scheduler-file`` writes; read again whenever the scheduler was gone, since
-    # another one may have another address
+    # the file that ``dask scheduler --scheduler-file`` writes; read again whenever the scheduler was lost, since a new
+    # one may have another address
     file: Path | None = None
     # seconds to wait for a scheduler, at the start as well; None: for one that is gone the usual time, at the start no
     # time, so that a wrong address is noticed
     wait: float | None = None
-    tls: TlsFiles | None = None  # credentials for a scheduler that talks TLS; None: those of Dask's configuration
+    tls: TlsFiles | None = None  # credentials for a scheduler that talks TLS; None takes Dask's configuration
 
     def __post_init__(self) -> None:
         if self.address and self.file:
@@ -114,7 +114,7 @@ class ExistingScheduler:
         security = self._security(address)
         try:
             place = urlsplit(address)
-            # A client tries for much longer than it is told.
+            # A client tries for much longer than its timeout.
             socket.create_connection((place.hostname, place.port), timeout=_ATTEMPT).close()
             return Client(address, timeout=_ATTEMPT, security=security)
         except (OSError, ValueError) as error:
@@ -157,8 +157,8 @@ class ExistingScheduler:
         client = self.connect() if self.wait is None else self._connect_within(self.wait)
         if not client.scheduler.address.startswith(_TLS):
             print(
-                f"{self}: a connection without TLS: whoever reaches this scheduler or its workers can run code there, "
-                "and here; see docs/cluster.md",
+                f"{self}: a connection without TLS: a program that reaches this scheduler or its workers can run code "
+                "there, and here; see docs/cluster.md",
                 file=sys.stderr,
             )
         return client

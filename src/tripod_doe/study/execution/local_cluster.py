@@ -36,7 +36,7 @@ _CREDENTIALS = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 _END = 5.0  # seconds for a program that has closed its output to end
 
 QUIET = {
-    "distributed.scheduler.allowed-failures": 0,  # which block is to blame is found out here
+    "distributed.scheduler.allowed-failures": 0,  # the executor decides which block is to blame
     "distributed.admin.tick.limit": "1h",
     "distributed.worker.profile.enabled": False,
     "distributed.worker.multiprocessing-method": "forkserver",
@@ -71,9 +71,9 @@ class LocalWorkers:
             raise TripodDoeError(
                 f"worker processes could not be started: {reason}; {option('workers', 0)} computes in this process"
             )
-        told = json.loads(answer)
-        self.address = str(told["address"])  # of their Dask scheduler
-        self._credentials: dict[str, str] = told["credentials"]
+        started = json.loads(answer)
+        self.address = str(started["address"])  # of their Dask scheduler
+        self._credentials: dict[str, str] = started["credentials"]
 
     def connect(self) -> Client:
         """Make a client of their scheduler."""
@@ -88,7 +88,7 @@ class LocalWorkers:
 
 
 def _ending(program: subprocess.Popen[str]) -> str:
-    """Why a program ended before it answered, as the end of a sentence."""
+    """The reason why a program ended before it answered, as the end of a sentence."""
     try:
         code = program.wait(_END)
     except subprocess.TimeoutExpired:
@@ -99,7 +99,7 @@ def _ending(program: subprocess.Popen[str]) -> str:
 
 
 def _serve(count: int, modules: list[str]) -> None:
-    """Start workers with these modules imported, say where they are, and keep them until they are to close."""
+    """Start workers with these modules imported, print their address, and keep them until the parent closes them."""
     stream = answers()
     shorten_temporary_folder()
     multiprocessing.set_forkserver_preload(

@@ -17,15 +17,15 @@ from tripod_doe.study.definition.retry_plan import Change, RetryPlan, changed_pa
 def simulate_with_retries(
     simulator: Simulator, points: Mapping[str, NDArray[Any]], keep: Collection[str], retry: RetryPlan
 ) -> tuple[BlockResult, float, float]:
-    """Simulate a block, and each of its points that failed again with one change more, until it finishes.
+    """Simulate a block, and repeat each failed point with one more change at a time until it finishes.
 
     Returns
     -------
     result : BlockResult
-        With `Retries` where the study has any. Steps and evaluations are those of all attempts. A point that no change
-        helps keeps its first outcome; its detail tells the whole history.
+        With `Retries` where the study has any. Steps and evaluations are summed over all attempts. A point that never
+        finishes keeps its first outcome; its detail lists all attempts.
     cpu_seconds, wall_seconds : float
-        Of all attempts; compilation is not counted.
+        Of all attempts, without compilation.
     """
     result, cpu, wall = _timed(simulator, points, keep)
     if not retry.changes:
@@ -43,7 +43,7 @@ def simulate_with_retries(
 def untried(
     simulator: Simulator, points: Mapping[str, NDArray[Any]], result: BlockResult, retry: RetryPlan
 ) -> BlockResult:
-    """A block that needs no retry, as `simulate_with_retries` would answer it."""
+    """A block without retries in the form of `simulate_with_retries`."""
     return _History(simulator, points, result, retry).outcome() if retry.changes else result
 
 
@@ -58,12 +58,12 @@ def _timed(
 
 
 def _settled(block: BlockResult, row: int) -> dict[str, float]:
-    """Steps and tolerances that a point of a block settled by itself."""
+    """Steps and tolerances that the run of a point chose by itself."""
     return {name: float(column[row]) for name, column in block.settled.items() if is_set(column[row])}
 
 
 class _History:
-    """What became of a block so far: its results, and the values that each point was last tried with."""
+    """The attempts at a block so far: its results, and the values of each point in its last attempt."""
 
     def __init__(
         self, simulator: Simulator, points: Mapping[str, NDArray[Any]], first: BlockResult, retry: RetryPlan
@@ -82,7 +82,7 @@ class _History:
         return {name: value for name, value in values.items() if is_set(value)}
 
     def next_attempt(self, change: Change) -> tuple[IntArray, dict[str, NDArray[Any]]]:
-        """Rows that a change is tried on, and all their parameters with it; a change that gives the same is no try."""
+        """Rows for which a change makes a difference, and all their parameters with it."""
         rows = []
         for row in np.flatnonzero(self._waiting).tolist():
             self._attempt[row] += 1
@@ -98,15 +98,15 @@ class _History:
         return np.array(rows, np.int64), columns
 
     def record(self, change: Change, rows: IntArray, again: BlockResult) -> None:
-        """Take over the points that finished in an attempt, tell of the others, and count the work of all."""
+        """Copy the points that finished in an attempt, extend the detail of the others, and add up the work of all."""
         before = self._block.take(rows)
         helped = again.outcome == Outcome.FINISHED
         self._block.fill(rows[helped], again.take(np.flatnonzero(helped)))
         self._waiting[rows[helped]] = False
         self._settled |= {row: _settled(again, k) for k, row in enumerate(rows.tolist())}
-        for row, told, outcome, detail in zip(rows, before.detail, again.outcome, again.detail, strict=True):
+        for row, earlier, outcome, detail in zip(rows, before.detail, again.outcome, again.detail, strict=True):
             if outcome != Outcome.FINISHED:
-                history = f"{told}; then {change.label}: {Outcome(int(outcome)).label} {detail}"
+                history = f"{earlier}; then {change.label}: {Outcome(int(outcome)).label} {detail}"
                 self._block.detail[row] = history.rstrip()
         for name in WORK:
             spent = np.stack([getattr(before, name), getattr(again, name)])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # for their names only: a single point needs no designs
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to simulate a block; small enough to send with every block."""
+    """A block with all that a worker needs to simulate it."""
 
     scene: str
     function: str | None

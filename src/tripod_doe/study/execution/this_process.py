@@ -11,7 +11,7 @@ from tripod_doe.study.execution.executor import Answer, AtWork, Lost
 from tripod_doe.study.execution.task import Task, run_task
 
 NAME = "main process"
-"""Stands for the worker of points that were computed here."""
+"""Name of the worker of points that are computed in this process."""
 
 
 class ThisProcess:
@@ -23,7 +23,7 @@ class ThisProcess:
     Parameters
     ----------
     patience
-        Seconds after which a block counts as long, again and again; None waits for its end.
+        Seconds after which a block is reported as `AtWork`; None waits for its end.
     """
 
     slots = 1
@@ -47,7 +47,7 @@ class ThisProcess:
         self._tasks.put(task)
 
     def next_finished(self) -> tuple[IntArray, Answer | Lost | AtWork]:
-        """Wait for the block at work, or as long as there is patience, and raise what its simulator raised."""
+        """Wait for the block at work, for `patience` at most, and raise the exception of its simulator."""
         assert self._block is not None
         block = self._block
         try:

@@ -18,7 +18,7 @@ from tripod_doe.study.execution.task import make_task, run_task
 
 _SAMPLES = 12
 _BATCH_SECONDS = 0.2
-_TIMES = 3  # that all points of a small study are timed
+_TIMES = 3  # repetitions of all points of a small study
 _CANDIDATES = 50_000  # points from which those to time are drawn
 
 
@@ -28,9 +28,9 @@ def time_points(study: Study, seconds: float) -> list[float]:
     Parameters
     ----------
     study
-        What is timed.
+        The study to time.
     seconds
-        Time after which it is stopped, compilation not counted; what was measured until then counts.
+        Time after which timing stops, compilation not counted; the measurements until then are returned.
     """
     folder = {"path": str(study.folder.path), "trusted": study.folder.trusted}
     asked = json.dumps({"text": study.text, "origin": study.origin, "folder": folder})
@@ -52,8 +52,8 @@ def time_points(study: Study, seconds: float) -> list[float]:
 def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iterator[float]:
     """Yield the CPU seconds per point of some batches of points, of a fifth of a second each.
 
-    They end when as many points have been timed as the study has three times over.
-    `prepared` is called when the kernels are compiled.
+    Timing ends after three times the number of points of the study. `prepared` is called when the kernels are
+    compiled.
     """
     points = make_points(study)
     allowed = np.flatnonzero(points.allowed)

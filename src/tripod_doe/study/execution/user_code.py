@@ -68,13 +68,13 @@ def _digest(module: str, files: Mapping[str, bytes]) -> str:
 
 
 _placed: dict[str, str] = {}
-"""On a worker: folder of the code that was imported last, by its module, behind its digest."""
+"""On a worker: digest and folder of the latest import, by module."""
 _copies: dict[str, tempfile.TemporaryDirectory[str]] = {}
 """On a worker: copies of code by its digest; they go with the process."""
 
 
 def placed(code: UserCode, folder: str) -> str:
-    """On a worker: the folder to import a function from; an earlier version of its modules is forgotten."""
+    """On a worker: the folder to import a function from; earlier versions of its modules are unloaded."""
     place = folder if _sees(code, folder) else _copy(code)
     here = f"{code.digest} {place}"
     if _placed.get(code.module, here) != here:

@@ -1,4 +1,4 @@
-"""Damage of a journal: how it is noticed, and how all blocks that are whole are kept in a new one."""
+"""Damage of a journal: found by its checksums, repaired by a new journal with all whole blocks."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _WITHOUT_ACCESS = {
     sqlite3.SQLITE_PROTOCOL,
 }
 _HEADER = b"SQLite format 3\0" + PAGE_BYTES.to_bytes(2, "big")
-_VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # what follows in the header
+_VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # the next fields of the header
 _COMMIT = 0.5  # seconds that a commit may take between its log and its end
 _BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
 _NOTES = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note"
@@ -80,7 +80,7 @@ def connected(path: Path, mode: str) -> sqlite3.Connection:
     connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
     try:
         if connection.execute(_STRUCTURE).fetchall() != _structure_of_a_journal():
-            raise DamagedRowError("its tables are not those of a journal")
+            raise DamagedRowError("its tables are not a journal's")
     except (DamagedRowError, sqlite3.Error) as error:
         connection.close()
         code = getattr(error, "sqlite_errorcode", 0)
@@ -113,7 +113,7 @@ def damage(path: Path) -> str:
     with path.open("rb") as stream:
         header = stream.read(24)
     if header[:18] != _HEADER or not {*header[18:20]} <= {*_VERSIONS} or header[20:] != _FRACTIONS:
-        return "its first bytes are not those of a journal"
+        return "its first bytes are not a journal's"
     logged = {row.id for row in _blocks(logged_rows(path, PAGE_BYTES))}
     try:
         with closing(connected(path, "ro")) as connection:
@@ -194,21 +194,21 @@ def rescue(path: Path, reason: str) -> str:
     CubeError
         If nothing of it can be read.
     """
-    found = {row.id: row.kernels for row in _blocks(stored_rows(path, PAGE_BYTES))}
+    whole = {row.id: row.kernels for row in _blocks(stored_rows(path, PAGE_BYTES))}
     notes = {note.key: note.value for note in _notes(stored_rows(path, PAGE_BYTES))}
-    if not found:
+    if not whole:
         remedy = f"move it elsewhere or choose another {option('out')}"
         raise CubeError(f"{path}: not a readable journal ({reason}); {remedy}")
-    newest = max(*found, int(notes.pop(SHOWN, 0)))
-    if KERNELS not in notes and len(kernels := set(found.values())) == 1:
+    newest = max(*whole, int(notes.pop(SHOWN, 0)))
+    if KERNELS not in notes and len(kernels := set(whole.values())) == 1:
         notes[KERNELS] = kernels.pop()
     notes[REPAIRS] = str(int(notes.get(REPAIRS, 0)) + 1)
     kept = _free_name(path)
     os.link(path, kept)
-    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(found)), notes)
+    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(whole)), notes)
     return (
-        f"{path}: the journal is damaged ({reason}): {count_of(len(found), 'block')} can be read, "
-        f"{f'at least {newest - len(found):,} cannot' if newest > len(found) else 'others may be lost'}; "
+        f"{path}: the journal is damaged ({reason}): {count_of(len(whole), 'block')} can be read, "
+        f"{f'at least {newest - len(whole):,} cannot' if newest > len(whole) else 'others may be lost'}; "
         f"what is lost is computed again; the old file is kept as {kept.name}"
     )
 

@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
 _LENGTH = struct.Struct("<Q")  # bytes of the header, before it
-_ALIGNED = 8  # each array starts at a multiple of so many bytes
+_ALIGNED = 8  # each array starts at a multiple of these bytes
 
 
 @dataclass(frozen=True)
 class FinishedBlock:
-    """A block of points as it came back from a worker."""
+    """A block of points with the answer of a worker."""
 
     keys: NDArray[np.void]  # fingerprints of its points, shape (point,)
-    result: BlockResult  # what was simulated
+    result: BlockResult  # its results
     # cpu_seconds, wall_seconds: of the whole block
     cpu_seconds: float
     wall_seconds: float
-    worker: str  # name of the process in which it ran; `journal.PILOT` for what the study's pilot ran
+    worker: str  # name of the process in which it ran; `journal.PILOT` for points of the study's pilot
 
 
 def encode(result: BlockResult) -> bytes:

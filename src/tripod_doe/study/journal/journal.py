@@ -34,7 +34,7 @@ from tripod_doe.study.journal.rows import (
 )
 
 PILOT = "pilot"
-"""Stands for the worker of points that were run by the pilot of their study."""
+"""Name of the worker of points that the pilot of their study ran."""
 
 _SYNCED = 0.1  # seconds that a block took from which on it outlives a power cut at once, which costs 2 to 4 ms
 _UNSYNCED = 1.0  # seconds after which any other one does, with all before it
@@ -43,10 +43,10 @@ _ALL, _ENDS = ", ".join(BLOCK_COLUMNS), ", ".join([*ENDS_COLUMNS, "x''"])
 
 @dataclass(frozen=True)
 class Mark:
-    """How far a reader has come."""
+    """Position of a reader."""
 
     number: int = 0  # of the newest block that was read
-    repairs: str = ""  # how often the journal was repaired by then
+    repairs: str = ""  # number of repairs of the journal before
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class FinishedEnds:
 class Journal:
     """Finished blocks of one result directory, and notes about them.
 
-    A writer checks all that is there, and keeps what is whole of a journal that is damaged.
+    A writer checks the whole journal, and keeps the whole blocks of a damaged one.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Journal:
     """
 
     repaired: str = ""
-    """What was lost and kept of a damaged journal when it was opened, a sentence; empty where it was whole."""
+    """A sentence about the losses of a damaged journal when it was opened; empty for an intact one."""
 
     def __init__(self, directory: Path, read_only: bool = False) -> None:
         self.path, self._writes = journal_path(directory), not read_only
@@ -149,7 +149,7 @@ class Journal:
         return str(newest)
 
     def keys(self) -> NDArray[np.void]:
-        """Read the fingerprints of all committed points, oldest first; one that was run again stands twice."""
+        """Read the fingerprints of all committed points, oldest first; a repeated run of a point counts again."""
         return np.concatenate([np.array([], "V16"), *self.key_blocks()])
 
     def key_blocks(self) -> Iterator[NDArray[np.void]]:
@@ -186,7 +186,7 @@ class Journal:
         return again, [ends for _, ends in numbered], Mark(newest, repairs)
 
     def check(self) -> None:
-        """Read all that is there.
+        """Read the whole journal.
 
         Raises
         ------

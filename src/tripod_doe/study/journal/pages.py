@@ -46,7 +46,7 @@ def logged_rows(path: Path, page_bytes: int) -> Iterator[Row]:
 
 
 def _pages(path: Path, start: int, before: int, page_bytes: int) -> list[Page]:
-    """Pages of a file from a place on, each with what stands before it; the last one may have been cut."""
+    """Pages of a file from a place on, each with the bytes before it; the last one may have been cut."""
     if not path.exists() or path.stat().st_size <= start:
         return []
     with path.open("rb") as stream:
@@ -59,7 +59,7 @@ def _pages(path: Path, start: int, before: int, page_bytes: int) -> list[Page]:
 def _log(path: Path, page_bytes: int) -> list[tuple[int, Page]]:
     """Numbers and contents of the pages in the log, in the order in which they were written.
 
-    Left-overs of an earlier log behind them do no harm: overflow pages never change, and rows are never deleted.
+    Remains of an earlier log behind them are harmless: overflow pages never change, and rows are never deleted.
     """
     frames = _pages(path.with_name(f"{path.name}-wal"), _LOG_HEADER, _FRAME_HEADER, page_bytes)
     return [(int.from_bytes(frame[:4], "big"), frame[_FRAME_HEADER:]) for frame in frames]
@@ -77,7 +77,7 @@ def _rows(leaves: list[Page], pages: dict[int, Page]) -> Iterator[Row]:
 
 
 class _NotARowError(Exception):
-    """What should be a row is damaged."""
+    """Raised for a damaged row."""
 
 
 def _row(leaf: Page, start: int, pages: dict[int, Page]) -> Row:

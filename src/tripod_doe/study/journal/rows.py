@@ -1,4 +1,4 @@
-"""Rows of a journal: what stands in its two tables, with the checksums by which damage is noticed."""
+"""Rows of the two tables of a journal, with the checksums by which damage is noticed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ CREATE TABLE IF NOT EXISTS note (
 
 
 class DamagedRowError(ValueError):
-    """A row is not as it was written."""
+    """A row does not match its checksum."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class BlockRow:
         return cls(0, 0, *ends, zlib.crc32(payload), payload).numbered(number)
 
     def check_ends(self) -> None:
-        """Raise DamagedRowError if anything but the payload is not as it was written."""
+        """Raise DamagedRowError if anything but the payload is damaged."""
         try:
             whole = self._ends_digest() == self.digest and len(self.keys) == 16 * len(self.outcomes)
         except (TypeError, ValueError) as error:  # a value of another type
@@ -77,13 +77,13 @@ class BlockRow:
             raise DamagedRowError("its checksum does not fit")
 
     def check(self) -> None:
-        """Raise DamagedRowError if anything is not as it was written."""
+        """Raise DamagedRowError if any part is damaged."""
         self.check_ends()
         if not isinstance(self.payload, bytes) or zlib.crc32(self.payload) != self.payload_digest:
             raise DamagedRowError("the checksum of its results does not fit")
 
     def block(self) -> FinishedBlock:
-        """Read the block, or raise DamagedRowError if it is not as it was written."""
+        """Read the block, or raise DamagedRowError if it is damaged."""
         self.check()
         try:
             result = decode(self.payload, np.frombuffer(self.outcomes, np.int8))
@@ -126,7 +126,7 @@ class NoteRow:
         return cls(0, zlib.crc32(f"{key}={value}".encode()), key, value)
 
     def check(self) -> None:
-        """Raise DamagedRowError if the note is not as it was written."""
+        """Raise DamagedRowError if the note is damaged."""
         try:
             whole = isinstance(self.value, str) and self.of(self.key, self.value).digest == self.digest
         except UnicodeEncodeError as error:

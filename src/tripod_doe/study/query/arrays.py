@@ -151,7 +151,7 @@ def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:
-    """Names of the coordinates by the CF conventions: those of dimensions, and those that an attribute lists."""
+    """Names of the coordinates by the CF conventions: variables of dimensions, and names that an attribute lists."""
     listing: list[Any] = [stored, *stored.variables.values()]
     named = " ".join(str(owner.getncattr("coordinates")) for owner in listing if "coordinates" in owner.ncattrs())
     return {*stored.dimensions, *named.split()}

@@ -22,13 +22,13 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
-from tripod_doe.study.query.selection import Chosen, Selection, labels_told, selections, taken
+from tripod_doe.study.query.selection import Chosen, Selection, labels_text, selections, taken
 from tripod_doe.study.results.result_cube import opened_cube
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
-_SLAB_CELLS = 4_000_000  # cells of a variable that are looked at together
+_SLAB_CELLS = 4_000_000  # cells of a variable that are read together
 
 Columns = dict[str, NDArray[Any]]
 
@@ -107,32 +107,31 @@ def cell_count(
 
 
 def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | str]) -> str:
-    """Why an answer is empty, in words: the first selection that no label meets, and what labels there are."""
+    """The reason of an empty answer: the first selection that no label meets, and the labels there are."""
     for selection in selections(select):
         labels = cube.coordinates[selection.name]
         dim, count = labels.dims[0], cube.sizes[labels.dims[0]]
         if taken(labels, None, count, selection, False).size == 0:
             ordered = bool(selection.values) and labels.at({dim: np.arange(min(count, 1))}).dtype.kind in "fiu"
             remedy = "; --nearest takes the closest" if ordered else ""
-            return f"{selection.name} {labels_told(labels, count)}{remedy}"
+            return f"{selection.name} {labels_text(labels, count)}{remedy}"
     return "no cell meets all conditions"
 
 
 @dataclass(frozen=True)
 class _Choice:
-    """Cells of a cube: a variable, what is shown beside it, and the rows along each dimension."""
+    """Chosen cells of a cube: a variable, the variables beside it, and the rows along each dimension."""
 
     cube: CubeArrays  # the whole cube
-    variable: str  # what is asked for
-    # variables, coordinates: what is shown: the variable and the outcome, and the coordinates along the dimensions of
-    # the variable
+    variable: str  # the name of the variable
+    # variables, coordinates: the variable and the outcome, and the coordinates along the dimensions of the variable
     variables: Mapping[str, Variable]
     coordinates: Mapping[str, Variable]
     rows: Mapping[str, IntArray]  # positions that a selection leaves, by dimension; all where a dimension is not named
 
     @property
     def target(self) -> Variable:
-        """The variable that is asked for."""
+        """The variable itself."""
         return self.variables[self.variable]
 
     @property
@@ -141,7 +140,7 @@ class _Choice:
         return tuple(self.rows[dim].size if dim in self.rows else self.cube.sizes[dim] for dim in self.target.dims)
 
     def parts(self) -> Iterator[_Choice]:
-        """The same cells in slabs, in their order, so that no more than one is in memory besides what is chosen."""
+        """The same cells in slabs, in their order, so that one slab at a time is in memory besides the answer."""
         shape = self.shape
         if math.prod(shape) <= _SLAB_CELLS:
             yield self
@@ -164,7 +163,7 @@ class _Choice:
         return {name: column[kept] for name, column in columns.items()}
 
     def spread(self, other: Variable) -> NDArray[Any]:
-        """Values of a variable at the chosen cells, over the dimensions of the one that is asked for."""
+        """Values of a variable at the chosen cells, broadcast over the dimensions of the target."""
         taken = other.at({dim: self.rows[dim] for dim in other.dims if dim in self.rows})
         order = [other.dims.index(dim) for dim in self.target.dims if dim in other.dims]
         missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in other.dims)
@@ -213,7 +212,7 @@ def _choose(
 
 
 def _decoded(values: NDArray[Any], words: Mapping[int, str]) -> NDArray[Any]:
-    """Meanings of flags; values without one, and what is no flag, as they are."""
+    """Meanings of flags; other values unchanged."""
     if not words:
         return values
     known, inverse = np.unique(values, return_inverse=True)
@@ -263,12 +262,12 @@ def answer_format(asked: str | None, output: Path | None) -> str:
     if output is None:
         return asked or "table"
     named = _FORMATS.get(output.suffix.lower())
-    told = option("output", str(output))
+    where = option("output", str(output))
     if asked is None and named is None:
-        raise InputError(f"{told}: end the name in {', '.join(_FORMATS)}, or give {option('format')}")
+        raise InputError(f"{where}: end the name in {', '.join(_FORMATS)}, or give {option('format')}")
     if asked and named and asked != named:
         raise InputError(
-            f"{told} is named as {named}, but {option('format')} is {asked}: change one, or leave out the latter"
+            f"{where} is named as {named}, but {option('format')} is {asked}: change one, or leave out the latter"
         )
     return asked or named or "table"
 

@@ -1,4 +1,4 @@
-"""Selections: which labels of a coordinate are wanted, and where they stand."""
+"""Selections of labels of a coordinate, and the positions of these labels."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tripod_doe.quantities import level
 from tripod_doe.study.query.arrays import Variable
 
 _MATCH = 1e-9
-_STRETCH = 4_000_000  # labels that are looked at together
-_LISTED = 8  # labels that are told one by one
+_STRETCH = 4_000_000  # labels that are compared together
+_LISTED = 8  # labels that are listed one by one
 
 Chosen = float | str | slice | Sequence[float | str]
-"""What a coordinate may be: a value, a range (either end may be None), or several values."""
+"""A selection of a coordinate: a value, a range (either end may be None), or several values."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +71,19 @@ def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list
     """
     if not isinstance(select, Mapping):
         return [parse_selection(item) if isinstance(item, str) else item for item in select]
-    found = []
+    parsed = []
     for name, wanted in select.items():
         if isinstance(wanted, slice):
             try:
                 low, high = _end(wanted.start, -math.inf), _end(wanted.stop, math.inf)
             except (TypeError, ValueError) as error:
                 raise InputError(f"select={select!r}: a range of {name} is two numbers, slice(a, b)") from error
-            found.append(Selection(name, (), low, high))
+            parsed.append(Selection(name, (), low, high))
         else:
             several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
             numbers = tuple(one if isinstance(one, str) else float(one) for one in several)
-            found.append(Selection(name, numbers, texts=tuple(map(str, several))))
-    return found
+            parsed.append(Selection(name, numbers, texts=tuple(map(str, several))))
+    return parsed
 
 
 def _word(text: str) -> float | str:
@@ -130,7 +130,7 @@ def _around(selection: Selection, count: int) -> IntArray:
 
 
 def _stretches(labels: Variable, left: IntArray | None, count: int) -> Iterator[tuple[IntArray, NDArray[Any]]]:
-    """Positions with their labels, so many that they fit into memory at a time; at least one stretch, maybe empty."""
+    """Positions with their labels, one stretch after the other; at least one, maybe empty."""
     size = count if left is None else left.size
     for start in range(0, max(size, 1), _STRETCH):
         stop = min(start + _STRETCH, size)
@@ -139,7 +139,7 @@ def _stretches(labels: Variable, left: IntArray | None, count: int) -> Iterator[
 
 
 def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[Any]]]) -> float | str:
-    """The first of the labels that are nearest to a number; of texts what is wanted."""
+    """The first of the labels nearest to a number; a text itself."""
     best, least = wanted, math.inf
     for _, values in stretches:
         if isinstance(wanted, str) or values.dtype.kind not in "fiub":
@@ -152,7 +152,7 @@ def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[An
 
 
 def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
-    """Which labels a selection takes."""
+    """Labels that meet a selection."""
     if values.dtype.kind not in "fiub":
         return np.isin(values.astype(str), selection.texts)
     if not selection.values:
@@ -170,8 +170,8 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
     return keep
 
 
-def labels_told(labels: Variable, count: int) -> str:
-    """What labels there are, in words: few one by one, numbers by their ends; of more than a stretch how many."""
+def labels_text(labels: Variable, count: int) -> str:
+    """The labels in words: few one by one, numbers by their ends, more than a stretch by their number."""
     if count > _STRETCH:
         return f"has {count:,} values"
     known = np.unique(labels.values)

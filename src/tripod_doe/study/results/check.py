@@ -1,4 +1,4 @@
-"""The files of a result directory held against their checksums: which are damaged, and what makes them anew."""
+"""Check of the files of a result directory against their checksums, with a remedy for each damaged one."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _SLAB_BYTES = 32_000_000
 
 @dataclass(frozen=True)
 class CheckedFile:
-    """A file, and what is wrong with it."""
+    """A file with its damage."""
 
     path: Path
-    damage: str = ""  # a sentence with what makes it anew; empty where it is whole
-    note: str = ""  # what was not checked
+    damage: str = ""  # a sentence with the remedy; empty where it is intact
+    note: str = ""  # parts that were not checked
 
     @property
     def is_whole(self) -> bool:
-        """Whether it is as it was written, as far as that is known."""
+        """Whether no damage is known."""
         return not self.damage
 
 
@@ -48,7 +48,7 @@ def check_files(path: Path) -> list[CheckedFile]:
 
 
 def _checked(path: Path) -> Iterator[CheckedFile]:
-    if path.is_symlink():  # of somewhere else
+    if path.is_symlink():  # to a place elsewhere
         return
     if path.is_dir():
         for inner in sorted(path.iterdir()):
@@ -70,7 +70,7 @@ def _checked_netcdf(path: Path) -> CheckedFile:
 
 
 def _is_of_its_directory(path: Path) -> bool:
-    """Whether a file names the study of its result directory; true where either is not known."""
+    """Whether a file names the study of its result directory; true where one of them is not known."""
     directory = path.parent.parent if path.parent.name == "analysis" else path.parent
     if not journal_path(directory).exists():
         return True
@@ -78,7 +78,7 @@ def _is_of_its_directory(path: Path) -> bool:
         with Journal(directory, read_only=True) as journal:
             expected = journal.recall(STUDY_HASH)
         return expected is None or study_hash(path) in ("", expected)
-    except CubeError:  # the journal is damaged, which is stated of itself
+    except CubeError:  # of the journal, which is checked itself
         return True
 
 
@@ -89,7 +89,7 @@ def _checked_content(path: Path) -> CheckedFile:
         with reading(path), opened_file(path) as stored:
             for variable in stored.variables.values():
                 for slab in slabs(variable.shape, box(variable.shape, variable.dtype.itemsize, _SLAB_BYTES)):
-                    variable[slab.place]  # its chunks are held against their checksums
+                    variable[slab.place]  # HDF5 checks its chunks
     except CubeError as error:
         return CheckedFile(path, str(error).removeprefix(f"{path}: "))
     return CheckedFile(path, note="without a checksum of the file: names, attributes and texts are not checked")
@@ -97,15 +97,15 @@ def _checked_content(path: Path) -> CheckedFile:
 
 def _checked_journal(path: Path) -> CheckedFile:
     try:
-        found = damage(path)
+        damaged = damage(path)
     except sqlite3.Error as error:
         return CheckedFile(path, f"cannot be read: {error}")
-    if not found:
+    if not damaged:
         return CheckedFile(path)
     rerun = (
         f"run the study again with the same {option('out')}: all whole blocks are kept, and the others computed again"
     )
-    return CheckedFile(path, f"{found}; {rerun}")
+    return CheckedFile(path, f"{damaged}; {rerun}")
 
 
 def _checked_study(path: Path) -> CheckedFile:

@@ -1,7 +1,7 @@
-"""The result directory of a study: held by one process, filled block by block, turned into cube and costs.
+"""The result directory of a study: locked by one process, filled block by block, and written as cube and costs.
 
 ``study.toml`` is the study whose results are here, with copies of its tables in ``tables``; ``journal.sqlite`` its
-finished blocks; ``cube.nc`` and ``cost.nc`` are made of them. Nothing else needs to be there to go on.
+finished blocks; ``cube.nc`` and ``cost.nc`` are made of them. A later run needs nothing else.
 """
 
 from __future__ import annotations
@@ -59,16 +59,16 @@ def make_directory(path: str | Path) -> Path:
 
 
 class ResultDirectory:
-    """The results of one study, held by this process until it is closed.
+    """The results of one study, locked by this process until it is closed.
 
-    Of a damaged journal all blocks are kept that can be read, and standard error tells what is lost.
+    All readable blocks of a damaged journal are kept; the loss is printed to standard error.
 
     Parameters
     ----------
     path
         The directory; made if it is not there.
     take_over
-        Whether to take the place of a process that holds it and is known to be dead (`DirectoryLock`).
+        Whether to take the lock of a process that is known to be dead (`DirectoryLock`).
 
     Raises
     ------
@@ -116,14 +116,14 @@ class ResultDirectory:
         self.adopt(asked.study)
 
     def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
-        """Refuse a study that is not the one whose results are here, unless it only grew.
+        """Refuse a study that differs from the study of the results, unless it only grew.
 
         Parameters
         ----------
         asked
             The study and its points.
         done
-            Fingerprints of the points for which there are results; those in the journal if omitted.
+            Fingerprints of the points with results; by default of the points in the journal.
 
         Raises
         ------
@@ -148,19 +148,19 @@ class ResultDirectory:
             return
         listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
         raise InputError(
-            f"{study.origin}: the study differs from that of the results in {self.path}; choose another "
+            f"{study.origin}: the study differs from the study of the results in {self.path}; choose another "
             f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
         )
 
     def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
-        """`StudyPoints.done` of the journal, which is read once for the checks of a study and for what it misses."""
+        """`StudyPoints.done` of the journal, cached for the checks of a study and for its missing points."""
         state = self._journal.state()
         if self._known is None or self._known[0] is not asked or self._known[1] != state:
             self._known = asked, state, asked.done(self._journal.key_blocks())
         return self._known[2]
 
     def adopt(self, study: Study) -> None:
-        """Make this the study whose results are here."""
+        """Make this the study of the directory, without checks."""
         notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
         self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
@@ -171,9 +171,9 @@ class ResultDirectory:
         Parameters
         ----------
         asked
-            What is asked for.
+            The study and its points.
         retry_failed
-            Whether points whose last outcome is a failure are missing too.
+            Whether failed points count as missing.
         """
         there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
         if there is not None:
@@ -197,9 +197,9 @@ class ResultDirectory:
 
     @contextmanager
     def computing(self) -> Iterator[bool]:
-        """Surround the computing of points; gives whether an earlier process died while it computed here.
+        """Mark that points are computed; gives whether an earlier process died while it computed here.
 
-        So a point that takes down its process does not do so each time the study is run again.
+        The next run then keeps a point that ends its process away from this one.
         """
         died = self._journal.recall(_COMPUTING) == "yes"
         self._journal.remember({_COMPUTING: "yes"})
@@ -219,9 +219,9 @@ class ResultDirectory:
         Parameters
         ----------
         asked
-            What the cube shows.
+            The study and its points.
         action
-            What was done, for the history of the files.
+            The action, for the history of the files.
 
         Raises
         ------
@@ -235,7 +235,7 @@ class ResultDirectory:
         return opened_cube(self.path)
 
     def _check_space(self, asked: StudyPoints) -> None:
-        """Refuse (InputError) to start where cube and journal will not fit on the disk."""
+        """Refuse (InputError) to start if cube and journal do not fit on the disk."""
         cube = cube_bytes(asked.study, asked.points) or 0
         needed = _SPARE_BYTES + 2 * cube
         free = shutil.disk_usage(self.path).free

@@ -1,8 +1,8 @@
-"""Holding a result directory: one process writes there, and is told if another takes its place.
+"""The lock of a result directory: one process writes there, and notices if another takes its place.
 
-The system gives the lock back when its process ends, however that ends. Some network filesystems lock for one machine
-only, or for nobody: so the file also names its holder by host, process and a token of its own, and counts as long as
-nobody knows that process to be gone.
+The system releases the lock of any process that ends. Some network filesystems lock within one machine only, or not at
+all: so the file also names its holder by host, process and a random token, and the lock holds until that process is
+known to have ended.
 """
 
 from __future__ import annotations
@@ -27,15 +27,14 @@ _CLOCK = 2.0  # seconds by which the start of a process is uncertain
 
 
 class DirectoryLock:
-    """A directory held for this process, whose host, number and token stand in its file ``.lock``.
+    """Lock of a directory for this process, whose host, number and token are written to its file ``.lock``.
 
     Parameters
     ----------
     path
         The directory.
     take_over
-        Whether a process of another host that is named there counts for nothing. One of this host counts as long as
-        it is alive.
+        Whether to take the lock of a process of another host. A process of this host keeps it while it is alive.
 
     Raises
     ------
@@ -65,16 +64,16 @@ class DirectoryLock:
         os.close(lock)
         if _alive(holder) or not (take_over or self._stays_gone(holder)):
             raise BlockingIOError
-        self._file.unlink(missing_ok=True)  # a new file has a lock of its own; its former holder sees that
+        self._file.unlink(missing_ok=True)  # a new file has a new lock; the former holder notices it
         return self._locked(take_over=False)
 
     def _stays_gone(self, holder: dict[str, Any]) -> bool:
-        """Whether a holder is gone, and no other process is just about to write its own name."""
+        """Whether a holder has ended, and no other process is about to write its name."""
         time.sleep(_SIGNING if _gone(holder) else 0.0)
         return _gone(holder) and _holder(self._file) == holder
 
     def _sign(self) -> bool:
-        """Write who holds into the lock's file; where a disk is full that fails, and the lock holds all the same."""
+        """Write the holder into the lock's file; that fails on a full disk, and the lock holds without it."""
         signature = {"host": socket.gethostname(), "process": os.getpid(), "since": time.time(), "token": self._token}
         with contextlib.suppress(OSError):
             os.ftruncate(self._lock, 0)
@@ -84,12 +83,12 @@ class DirectoryLock:
         return False
 
     def check(self) -> None:
-        """Make sure that nobody has taken the directory over.
+        """Check that no other process has taken the directory over.
 
         Raises
         ------
         StorageError
-            If somebody has, or might: the lock's file is gone.
+            If one has, or if the lock's file is missing.
         """
         place = self._file.parent
         try:
@@ -125,38 +124,38 @@ def _opened(file: Path) -> int:
 
 
 def _holder(file: Path) -> dict[str, Any]:
-    """Host, number and token of the process that holds a directory; empty where they are not known."""
+    """Host, number and token of the holder of a directory; empty where they are not known."""
     try:
-        found = json.loads(file.read_text())
+        holder = json.loads(file.read_text())
     except (OSError, ValueError):
         return {}
-    known = isinstance(found, dict) and isinstance(found.get("process"), int) and "host" in found
-    return found if known else {}
+    known = isinstance(holder, dict) and isinstance(holder.get("process"), int) and "host" in holder
+    return holder if known else {}
 
 
 def _gone(holder: dict[str, Any]) -> bool:
-    """Whether a holder is known to have ended: a process of this host that is not there any more."""
+    """Whether a holder is known to have ended: a process of this host that no longer exists."""
     return bool(holder) and holder["host"] == socket.gethostname() and not _alive(holder)
 
 
 def _alive(holder: dict[str, Any]) -> bool:
-    """Whether a holder is known to live: a process of this host, and no later one of the same number."""
+    """Whether a holder is known to be alive: a process of this host, and no later one with the same number."""
     if not holder or holder["host"] != socket.gethostname():
         return False
-    import psutil  # only where a directory was not given back
+    import psutil  # only where a directory was not released
 
     try:
         process = psutil.Process(holder["process"])
         began, ended = process.create_time(), process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return False
-    except psutil.Error:  # somebody else's
+    except psutil.Error:  # another user's
         return True
     return not ended and bool(began <= holder.get("since", began) + _CLOCK)
 
 
 def _held(file: Path) -> str:
-    """Who holds a directory, and what to do: the beginning of a sentence."""
+    """The holder of a directory, and a remedy: the beginning of a sentence."""
     holder = _holder(file)
     who = f"process {holder['process']} on {holder['host']}" if holder else "another run"
     place = "" if _alive(holder) else f", take its place with {option('take_over', True)} if it is dead,"

@@ -61,9 +61,9 @@ def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = N
 
 
 def opened_cube(path: str | Path) -> xr.Dataset:
-    """Open a cube as `open_cube` does, with the variables of a large one read when they are used, each time anew.
+    """Open a cube as `open_cube` does, but read variables of a large one each time they are used.
 
-    To be closed: ``with opened_cube(path) as cube``.
+    Close it: ``with opened_cube(path) as cube``.
     """
     if not is_shown(Path(path)):
         return cube_so_far(Path(path))
@@ -102,18 +102,18 @@ def cube_files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     if not (path / "cube.nc").exists():
-        told = option("out", str(path))
-        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with {told}")
+        out = option("out", str(path))
+        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with {out}")
     return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
 
 
 def is_shown(path: Path) -> bool:
-    """Whether the cube of a result directory shows every block in its journal; true for what has no journal."""
+    """Whether the cube of a result directory shows every block in its journal; true without a journal."""
     return not unshown_state(path)
 
 
 def unshown_state(path: Path) -> str:
-    """The state of the journal of a result directory, as a word; empty where its own cube shows every block in it.
+    """The state of the journal of a result directory, as a word; empty if its cube shows every block.
 
     Raises
     ------
@@ -130,14 +130,14 @@ def unshown_state(path: Path) -> str:
 
 
 def _are_of(files: list[Path], study: str | None) -> bool:
-    """Whether files are results of a study, by its hash; true where it is not known."""
+    """Whether files are results of a study, by its hash; true where the hash is not known."""
     return study is None or all(study_hash(file) == study for file in files)
 
 
 def cube_so_far(path: Path) -> xr.Dataset:
     """Cube and costs of the points that the journal of a directory holds; nothing is written there.
 
-    To be closed, as `opened_cube`: a large one stands in temporary files until then.
+    Close it as `opened_cube`: a large one is in temporary files until then.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def write_cube_so_far(path: Path, folder: Path) -> None:
 
 
 def refuse_changed_study(directory: Path, journal: Journal) -> None:
-    """Refuse the study file of a result directory where it is not the one that was stored there.
+    """Refuse the study file of a result directory if it is not the stored one.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 
 
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
-    """The study of a directory, and where its results are."""
+    """The study of a directory, and the places of its results."""
     from tripod_doe.study.cube.writing import StoredResults
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
@@ -206,7 +206,7 @@ def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredRes
 
 
 def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
-    """A cube in temporary files, which go when it is closed."""
+    """A cube in temporary files, which are removed when it is closed."""
     with ExitStack() as opened:
         folder = Path(opened.enter_context(TemporaryDirectory(prefix="tripod-doe-")))
         _write(asked, results, folder)

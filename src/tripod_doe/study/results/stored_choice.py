@@ -1,6 +1,6 @@
 """The choice of model of a study with model = "auto", as its result directory holds it: `choice.nc`.
 
-Made by `tripod_doe.analyses.model_choice`; whoever reads the results of the study needs only what is here.
+Made by `tripod_doe.analyses.model_choice`; readers of results need only this module.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
     new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands}
     new |= {"confidence": accuracy.confidence, "floor": accuracy.floor}
-    told = [
+    changes = [
         f"  accuracy.{key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}"
         for key in sorted(old.keys() | new.keys())
         if old.get(key) != new.get(key)
     ]
-    if told:
+    if changes:
         raise InputError(
             f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another "
-            f"{option('out')}, or undo these changes\n" + "\n".join(told)
+            f"{option('out')}, or undo these changes\n" + "\n".join(changes)
         )
     return frozen
 
@@ -59,7 +59,7 @@ def chosen_keys(study: Study, directory: Path) -> NDArray[np.void]:
 
 
 def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
-    """The points with what was chosen for each."""
+    """The points with the model that is chosen for each."""
     rows = {key: row for row, key in enumerate(choice["point_key"].values.tolist())}
     at = np.array([rows.get(key, 0) for key in key_texts(study, points).tolist()])
     chosen = {}

@@ -1,7 +1,7 @@
-"""What a result directory keeps of its study, so that results are read without running code or following a path.
+"""The study stored in a result directory, read without running code or following a path.
 
-A directory may come from a stranger. To show its points, its study is read again: its function is never imported, whose
-arguments stand in the journal, and its tables are copies in the directory.
+A directory may come from a stranger. To show its points, its study is read again: its function is never imported, its
+arguments are recorded in the journal, and its tables are copies in the directory.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TABLES = "tables"  # folder of a result directory with copies of the study's ta
 
 @dataclass(frozen=True)
 class ResultFolder(StudyFolder):
-    """Where the study of a result directory finds what it names: in the directory itself."""
+    """Where tables and the function of a stored study are looked up: in the directory itself."""
 
     record: Mapping[str, Any] = field(default_factory=dict)  # of the function, as `RecordedFunction` takes it
 
@@ -90,7 +90,7 @@ def stored_study(directory: Path, most_points: int | None = None) -> Study:
 
 
 def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
-    """What is recorded of the study's function; the names in the study where the journal has lost it."""
+    """The record of the study's function; the names in the study if the journal has lost it."""
     if file.study.function is None:
         return {}
     if journal_path(directory).is_file():

@@ -1,4 +1,4 @@
-"""A cube as a Zarr store, for tools that read that: an export beside the cube, made of it and never read here."""
+"""Export of a cube as a Zarr store, beside the cube; never read here."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def export_zarr(directory: Path) -> Path:
         with open_cube(directory, chunks="auto") as cube:
             for variable in cube.variables.values():
                 variable.encoding = {}  # of netCDF
-            cube.to_zarr(fresh, mode="w", zarr_format=2)  # which every reader knows, texts included
+            cube.to_zarr(fresh, mode="w", zarr_format=2)  # known to every reader, texts included
         shutil.rmtree(store, ignore_errors=True)
         fresh.rename(store)
     except OSError as error:
