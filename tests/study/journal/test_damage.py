@@ -226,10 +226,10 @@ def test_a_journal_with_other_tables_is_refused_before_anything_in_it_runs(whole
     shutil.copytree(whole, folder)
     with closing(sqlite3.connect(journal_path(folder))) as connection:
         connection.executescript(script)
-    with pytest.raises(CubeError, match="tables are not those of a journal"):
+    with pytest.raises(CubeError, match="tables are not the tables of a journal"):
         Journal(folder, read_only=True)
     with Journal(folder) as journal:  # a writer keeps what is whole
-        assert "tables are not those of a journal" in journal.repaired
+        assert "tables are not the tables of a journal" in journal.repaired
         assert len(list(journal.blocks())) == BLOCKS
 
 
@@ -246,7 +246,7 @@ def test_a_journal_with_views_or_triggers_is_not_read(out, strange):
     """Regression: a journal of a stranger whose table of blocks was an endless view was read without end."""
     with closing(sqlite3.connect(journal_path(out))) as connection:
         connection.executescript(strange)
-    with pytest.raises(CubeError, match="its tables are not those of a journal"):
+    with pytest.raises(CubeError, match="its tables are not the tables of a journal"):
         Journal(out, read_only=True)
     with Journal(out) as journal:  # what is whole is kept, in tables of its own
         assert numbers(journal) == list(range(BLOCKS))

@@ -80,7 +80,7 @@ def connected(path: Path, mode: str) -> sqlite3.Connection:
     connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
     try:
         if connection.execute(_STRUCTURE).fetchall() != _structure_of_a_journal():
-            raise DamagedRowError("its tables are not a journal's")
+            raise DamagedRowError("its tables are not the tables of a journal")
     except (DamagedRowError, sqlite3.Error) as error:
         connection.close()
         code = getattr(error, "sqlite_errorcode", 0)
@@ -113,7 +113,7 @@ def damage(path: Path) -> str:
     with path.open("rb") as stream:
         header = stream.read(24)
     if header[:18] != _HEADER or not {*header[18:20]} <= {*_VERSIONS} or header[20:] != _FRACTIONS:
-        return "its first bytes are not a journal's"
+        return "its first bytes are not the header of a journal"
     logged = {row.id for row in _blocks(logged_rows(path, PAGE_BYTES))}
     try:
         with closing(connected(path, "ro")) as connection:
