@@ -95,7 +95,7 @@ def test_lengths_follow_the_parameter_that_sets_them():
 
 
 @pytest.mark.parametrize(
-    ("base", "factors", "told"),
+    ("base", "factors", "message"),
     [
         ({"step_s": 1e-3, "method": "controlled"}, {}, r"step_s = 0.001: not used by controlled \(plain\)"),
         ({"step_s": 1e-3, "model": "fine"}, {}, r"step_s = 0.001: not used by direct \(fine\); leave it out$"),
@@ -103,8 +103,8 @@ def test_lengths_follow_the_parameter_that_sets_them():
         ({"method": "direct"}, {}, "method = direct: not a method of plain; known: explicit, controlled"),
     ],
 )
-def test_numerics_that_nothing_in_play_uses_are_refused(base, factors, told):
-    with pytest.raises(InputError, match=told):
+def test_numerics_that_nothing_in_play_uses_are_refused(base, factors, message):
+    with pytest.raises(InputError, match=message):
         SPRING.check(base, factors, [])
 
 

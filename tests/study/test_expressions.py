@@ -117,12 +117,12 @@ def test_deep_and_long_conditions_are_refused_or_answered(form, depth):
     """Regression: 100,000 signs ended in a RecursionError."""
     before, after = form.split("{}")
     text = before * depth + after * depth + "a"
-    told = ""
+    complaint = ""
     try:
         Expression(text, COLUMNS)(COLUMNS)
     except InputError as error:
-        told = str(error)
-    assert len(told) < 400
+        complaint = str(error)
+    assert len(complaint) < 400
 
 
 @given(st.text("abs19.*+-/<>=!()[],:' \"\n\x00noterdmix_", max_size=40))

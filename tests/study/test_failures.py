@@ -12,8 +12,8 @@ from tripod_doe.study.failures import common_failures, failure_lines
 def test_reasons_that_differ_in_numbers_only_are_one():
     ends = [(Outcome.DIVERGED, f"no balance at {angle} deg") for angle in (3.5, 17, -4e-3)]
     ends += [(Outcome.FINISHED, "a note"), (Outcome.JAMMED, "no room"), (Outcome.NOT_RUN, "")]
-    found = common_failures(ends, {Outcome.FINISHED, Outcome.NOT_RUN})
-    assert [str(failure) for failure in found] == [
+    result = common_failures(ends, {Outcome.FINISHED, Outcome.NOT_RUN})
+    assert [str(failure) for failure in result] == [
         "3 points ended as diverged: no balance at 3.5 deg",
         "1 point ended as jammed: no room",
     ]
@@ -41,9 +41,9 @@ def test_the_commonest_come_first_and_the_rest_is_counted():
 def test_a_retry_is_advised_only_where_it_can_end_otherwise(outcome, advice):
     """Regression: --retry-failed was suggested for parts that do not fit."""
     with speaking_of_options():
-        _, *told = failure_lines(common_failures([(outcome, "")]))
-    assert bool(told) == bool(advice)
-    assert all(advice in line for line in told)
+        _, *message = failure_lines(common_failures([(outcome, "")]))
+    assert bool(message) == bool(advice)
+    assert all(advice in line for line in message)
 
 
 def test_what_the_study_tries_itself_is_not_advised():

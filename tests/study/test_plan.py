@@ -267,9 +267,9 @@ def test_a_plan_warns_of_points_outside_the_range_of_their_model():
         '[study]\nname = "w"\n[base]\nmodel = "equilibrium"\n[factors]\njoint_angle_deg = {values = [1, 2, 10, 12]}\n'
     )
     plan = td.plan(parse_study(text), timing=False)
-    (told,) = [text for text in plan.warnings if "swing_ratio" in text]
-    assert told.startswith("Model equilibrium is outside its range at 2 of 4 points (50 %): swing_ratio (swing of")
+    (message,) = [text for text in plan.warnings if "swing_ratio" in text]
+    assert message.startswith("Model equilibrium is outside its range at 2 of 4 points (50 %): swing_ratio (swing of")
     slip = [21 * np.tan(theta) * np.sin(theta) / 2 for theta in np.radians([2, 1])]
     low, high = (2 * 0.05 * 0.0086 * 16 / each for each in slip)  # docs/models.md
-    assert f" up to 0.05, there {low:.2g} to {high:.2g}; beyond, rollers swing" in told
+    assert f" up to 0.05, there {low:.2g} to {high:.2g}; beyond, rollers swing" in message
     assert "model        equilibrium: typical error of the third order" in plan.describe()

@@ -47,7 +47,7 @@ def test_the_cost_is_told_with_units(table):
 
 def test_outputs_without_a_number_are_named_and_fill_no_table():
     """Regression: a roller that lifts off had a warning of NumPy and forty lines of "not known"."""
-    told = point_table(simulate_point(model="kinetostatic", joint_angle_deg=21, torque_n_m=-6, speed_rpm=2900))
-    assert told.startswith("outcome  out_of_range a roller lifts off its groove")
-    assert "\nnot known  groove_thrust_amplitude, " in told
-    assert "[N]" not in told
+    message = point_table(simulate_point(model="kinetostatic", joint_angle_deg=21, torque_n_m=-6, speed_rpm=2900))
+    assert message.startswith("outcome  out_of_range a roller lifts off its groove")
+    assert "\nnot known  groove_thrust_amplitude, " in message
+    assert "[N]" not in message

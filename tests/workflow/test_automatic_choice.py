@@ -88,11 +88,11 @@ def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
     xr.testing.assert_equal(old["model_used"], cube["model_used"])
 
     before = (wave.folder / "out" / "choice.nc").read_bytes()
-    for change, told in (
+    for change, message in (
         (("y = 0.03", "y = 0.02"), r"accuracy\.y: 0\.03 -> 0\.02"),
         (('model = "auto"', 'model = "auto"\nslow = 0.001'), r"base\.slow: not set -> 0\.001"),
     ):
-        with pytest.raises(td.InputError, match=told):
+        with pytest.raises(td.InputError, match=message):
             wave.run(STUDY.replace("[0, 1, 2]", "[0, 1, 2, 3]").replace(*change))
     assert (wave.folder / "out" / "choice.nc").read_bytes() == before
 
@@ -291,7 +291,7 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         (
             "thrust_amplitude_3 =",
@@ -316,12 +316,12 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
         ),
     ],
 )
-def test_bad_requests_are_refused_before_anything_runs(write_study, old, new, told):
+def test_bad_requests_are_refused_before_anything_runs(write_study, old, new, message):
     text = JOINT.replace(old, new).replace("joint_angle_deg", "load_n" if "plates" in new else "joint_angle_deg")
     text = text.replace(
         'outputs = ["thrust", "thrust_amplitude"]', "" if "plates" in new else 'outputs = ["thrust_amplitude"]'
     )
-    with pytest.raises(td.InputError, match=told):
+    with pytest.raises(td.InputError, match=message):
         td.load_study(write_study(text))
 
 

@@ -65,11 +65,11 @@ def test_a_point_that_the_full_model_does_not_know_itself_tells_nothing():
     cheap, full = Candidate({"model": 0}, 1.0, 1), Candidate({"model": 1}, 1.0, 1, full=True)
     differences = np.array([[0.7, 0], [-0.7, 0], [0.9, 0], [0, 0]])[:, :, None]
     numerical = np.array([0.8, 0.8, 0.9, 1.5])[:, None]
-    found = PilotErrors({"x": np.arange(4)}, (cheap, full), differences, numerical, np.ones(2), np.array([4, 4]))
+    result = PilotErrors({"x": np.arange(4)}, (cheap, full), differences, numerical, np.ones(2), np.array([4, 4]))
     record = RecordedChoice((cheap, full), np.zeros(4, int), np.ones(4, bool), np.ones(4), np.zeros((4, 1)), SIMILAR)
-    assert record.hits(found, np.arange(4)) == (2, 3)
-    assert found.worst[:, 0] == pytest.approx([0.806, 0.806, 1.006, 0.75], abs=1e-3)
-    assert found.worst[:, 1] == pytest.approx(numerical[:, 0])
+    assert record.hits(result, np.arange(4)) == (2, 3)
+    assert result.worst[:, 0] == pytest.approx([0.806, 0.806, 1.006, 0.75], abs=1e-3)
+    assert result.worst[:, 1] == pytest.approx(numerical[:, 0])
 
 
 def test_four_points_confirm_a_record_that_holds(recorded):

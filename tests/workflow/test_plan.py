@@ -59,15 +59,15 @@ def test_a_workflow_costs_what_its_studies_cost(chain):
 
 def test_the_command_tells_the_sum_and_what_cannot_run(chain, capsys):
     assert main(["plan", str(chain), "--quick", "--workers", "3"]) == 0
-    told = capsys.readouterr().out
-    assert "16 points" in told
-    assert "on 3 workers" in told
-    assert "coast: 6 of 12 points jammed" in told  # needles of 3 mm
+    message = capsys.readouterr().out
+    assert "16 points" in message
+    assert "on 3 workers" in message
+    assert "coast: 6 of 12 points jammed" in message  # needles of 3 mm
     assert not list(chain.parent.glob("*/"))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (
             ["run", "chain.toml", "--out", "o"],
@@ -84,10 +84,10 @@ def test_the_command_tells_the_sum_and_what_cannot_run(chain, capsys):
         ),
     ],
 )
-def test_a_file_given_to_the_wrong_command(chain, arguments, told, monkeypatch, capsys):
+def test_a_file_given_to_the_wrong_command(chain, arguments, message, monkeypatch, capsys):
     monkeypatch.chdir(chain.parent)
     assert main(arguments) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (chain.parent / "o").exists()
 
 

@@ -16,21 +16,21 @@ def clock(monkeypatch):
 
 
 def test_a_log_gets_a_line_now_and_then(clock, capsys):
-    with Progress(1000, shown=True) as told:
+    with Progress(1000, shown=True) as message:
         for _ in range(1000):
             clock[0] += 1
-            told.add(1)
+            message.add(1)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "30 of 1,000 points (3 %) after 30 s, about 16.2 min left"
     assert [line.split(" of ")[0] for line in lines] == ["30", "60", "120", "240", "480", "960"]
 
 
 def test_waiting_for_the_first_points_does_not_count_as_their_price(clock, capsys):
-    with Progress(100, shown=True) as told:
+    with Progress(100, shown=True) as message:
         clock[0] += 200  # kernels are compiled
-        told.add(2)
+        message.add(2)
         clock[0] += 200
-        told.add(20)
+        message.add(20)
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
         "2 of 100 points (2 %) after 3.33 min",
@@ -39,17 +39,17 @@ def test_waiting_for_the_first_points_does_not_count_as_their_price(clock, capsy
 
 
 def test_short_runs_and_silent_ones_say_nothing(clock, capsys):
-    with Progress(10, shown=True) as told:
+    with Progress(10, shown=True) as message:
         clock[0] += 29
-        told.add(9)
-    with Progress(10, shown=False) as told:
+        message.add(9)
+    with Progress(10, shown=False) as message:
         clock[0] += 1000
-        told.add(9)
+        message.add(9)
     assert capsys.readouterr().err == ""
 
 
 def test_a_terminal_gets_a_bar(monkeypatch, capsys):
     monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True, raising=False)
-    with Progress(10, shown=True) as told:
-        told.add(10)
+    with Progress(10, shown=True) as message:
+        message.add(10)
     assert "10/10" in capsys.readouterr().err

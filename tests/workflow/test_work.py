@@ -56,8 +56,8 @@ def test_the_time_left_goes_by_the_work(monkeypatch, capsys):
     """Exact: 250 dear points took 250 s of 260."""
     passed = [0.0]
     monkeypatch.setattr("tripod_doe.workflow.progress.time.monotonic", lambda: passed[0])
-    with Progress(1250, shown=True, work=work(SEVERAL)) as told:
-        told.add(50)
+    with Progress(1250, shown=True, work=work(SEVERAL)) as message:
+        message.add(50)
         passed[0] = 200.0
-        told.add(200)
+        message.add(200)
     assert capsys.readouterr().err == "250 of 1,250 points (20 %) after 3.33 min, about 10 s left\n"

@@ -207,24 +207,24 @@ def test_notes_on_the_models_of_an_ablation_are_those_with_all_mechanisms_on():
     study = parse_study(ABLATION.replace("[5, 10]", "[5, 10, 12, 35]"))
     points = make_points(study)
     cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
-    (told,) = [note for note in cube.attrs["model_notes"].splitlines() if "not known" in note]
-    assert told.startswith("Model kinetostatic with all mechanisms on: typical error of the third order")
-    assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in told
+    (message,) = [note for note in cube.attrs["model_notes"].splitlines() if "not known" in note]
+    assert message.startswith("Model kinetostatic with all mechanisms on: typical error of the third order")
+    assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in message
 
 
 @pytest.mark.parametrize(
-    ("reasons", "told"),
+    ("reasons", "message"),
     [
         ("abc", "a (1 point); b (1 point); c (1 point)"),
         ("aabbccd", "a (2 points); b (2 points); other reasons (3 points), most often c"),
     ],
 )
-def test_reasons_for_an_unknown_error_are_named(reasons, told):
+def test_reasons_for_an_unknown_error_are_named(reasons, message):
     unknown = np.array(list(reasons), object)
     nan = np.full(unknown.size, np.nan)
     summary = ModelSummary()
     summary.add(ModelErrors("third order", "fine", np.full(unknown.size, "coarse", object), nan, nan, unknown))
-    assert summary.error_texts == [f"Model coarse: error not known: {told}."]
+    assert summary.error_texts == [f"Model coarse: error not known: {message}."]
 
 
 def test_the_errors_of_some_points_keep_the_ranges_that_these_leave():

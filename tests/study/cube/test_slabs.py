@@ -122,10 +122,10 @@ def without_history(cube):
 def test_a_cube_in_slabs_is_the_one_that_is_written_as_a_whole(run_in_slabs, text):
     """The same variables, values, types and attributes; the first slab lacks an output that later ones have."""
     whole, parts = run_in_slabs(text, 2000)
-    expected, found = td.open_cube(whole), td.open_cube(parts)
-    xr.testing.assert_identical(without_history(expected), without_history(found))
+    expected, result = td.open_cube(whole), td.open_cube(parts)
+    xr.testing.assert_identical(without_history(expected), without_history(result))
     numbers = {name: variable.dtype for name, variable in expected.variables.items() if variable.dtype.kind in "fi"}
-    assert {name: found[name].dtype for name in numbers} == numbers
+    assert {name: result[name].dtype for name in numbers} == numbers
     with netCDF4.Dataset(parts / "cube.nc") as stored:
         assert stored["course"].chunking() != "contiguous"
         assert set(stored["outcome_detail_text"][:]) >= {"", "ValueError: no force at 1" if text == GRID else ""}
@@ -197,8 +197,8 @@ def test_points_are_found_by_their_numbers_which_need_not_be_read(run_in_slabs, 
             assert cube["point"].values.tolist() == chosen.tolist()
             np.testing.assert_equal(cube["peak"].sel(point=0).values, whole["peak"].sel(point=0).values)
         with opened_arrays(file) as stored:
-            found = records(stored, "peak", ["point=0"])["peak"]
-            np.testing.assert_equal(found, whole["peak"].sel(point=[0]).values)
+            result = records(stored, "peak", ["point=0"])["peak"]
+            np.testing.assert_equal(result, whole["peak"].sel(point=[0]).values)
 
 
 def made_up_cube(file, count):
@@ -274,8 +274,8 @@ def test_a_question_is_answered_slab_by_slab(run_in_slabs, monkeypatch, asked):
     monkeypatch.setattr(selection, "_STRETCH", 4)
     monkeypatch.setattr(arrays, "_STRETCH", 2)
     with opened_arrays(parts) as cube:
-        found = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
-    for one, other in zip(expected, found, strict=True):
+        result = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
+    for one, other in zip(expected, result, strict=True):
         assert one.keys() == other.keys()
         assert one["x"].size > 10
         for name, column in one.items():

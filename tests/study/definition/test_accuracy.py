@@ -61,7 +61,7 @@ def test_the_table_is_part_of_the_study():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (("", "[accuracy]\nthrust_amplitud_2 = 0.1\n"), "did you mean 'thrust_amplitude_2'"),
         (("", "[accuracy]\n"), "name what must be accurate"),
@@ -80,11 +80,11 @@ def test_the_table_is_part_of_the_study():
         ),
     ],
 )
-def test_what_cannot_be_asked_is_refused(change, told):
+def test_what_cannot_be_asked_is_refused(change, message):
     old, new = change
     text = STUDY + new if not old else STUDY.replace(old, new) + ORDERS
     assert old in STUDY
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         parse_study(text)
 
 

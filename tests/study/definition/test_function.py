@@ -22,7 +22,7 @@ from tripod_doe.study.simulate import simulate
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 FUNCTIONS = """
-def told(n, mode="sum", scale=2):
+def echo(n, mode="sum", scale=2):
     rows = range(n)                       # a float would not do
     return {"y": scale * (sum(rows) if mode == "sum" else len(rows))}
 
@@ -43,7 +43,7 @@ def answer(tmp_path, function, factors):
 
 
 def test_arguments_come_as_they_are_written(tmp_path):
-    result = answer(tmp_path, "told", '[factors]\nn = {values = [3, 4]}\nmode = {values = ["sum", "count"]}\n')
+    result = answer(tmp_path, "echo", '[factors]\nn = {values = [3, 4]}\nmode = {values = ["sum", "count"]}\n')
     assert result.detail == [""] * 4
     assert result.outputs["y"].data.tolist() == [6, 6, 12, 8]
 
@@ -81,7 +81,7 @@ def test_a_dimension_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_p
 def test_a_whole_number_that_a_cube_would_round_is_refused(tmp_path):
     """Regression: two points became one, and the function got another number than was written."""
     with pytest.raises(InputError, match="n = 9007199254740993: a whole number that float64 does not hold"):
-        answer(tmp_path, "told", "[factors]\nn = {values = [9007199254740992, 9007199254740993]}\n")
+        answer(tmp_path, "echo", "[factors]\nn = {values = [9007199254740992, 9007199254740993]}\n")
 
 
 def test_an_argument_that_a_cube_cannot_hold_is_refused_before_anything_runs(tmp_path):
@@ -110,17 +110,17 @@ def test_a_single_point_is_labelled_like_a_cube():
 
 def test_each_study_takes_the_function_of_its_own_folder(tmp_path):
     """Modules of one name in two folders are two modules, in whichever order their studies run."""
-    found = []
+    answers = []
     for folder, factor in (("one", 2), ("two", 3), ("one", 2)):
         place = tmp_path / folder
         place.mkdir(exist_ok=True)
         (place / "same_name.py").write_text(f"def f(x):\n    return {{'y': {factor} * x}}\n")
         (place / "s.toml").write_text('[study]\nname = "s"\nfunction = "same_name:f"\n[factors.x]\nvalues = [1.0]\n')
-        td.run(place / "s.toml", tmp_path / f"out{len(found)}", workers=0, progress=False)
-        found.append(float(td.open_cube(tmp_path / f"out{len(found)}")["y"][0]))
+        td.run(place / "s.toml", tmp_path / f"out{len(answers)}", workers=0, progress=False)
+        answers.append(float(td.open_cube(tmp_path / f"out{len(answers)}")["y"][0]))
         (copy := place / "results").mkdir(exist_ok=True)  # regression: a folder without a module counted as where it is
         load_simulator(function="same_name:f", folder=StudyFolder(copy))
-    assert found == [2, 3, 2]
+    assert answers == [2, 3, 2]
 
 
 MEASURED = """

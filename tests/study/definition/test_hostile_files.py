@@ -90,10 +90,10 @@ def judged(read):
     try:
         answer = read()
     except InputError as error:
-        answer, told = None, str(error)
-        assert told
-        assert all(line.isprintable() for line in told.split("\n"))
-        assert len(told) < 100_000
+        answer, message = None, str(error)
+        assert message
+        assert all(line.isprintable() for line in message.split("\n"))
+        assert len(message) < 100_000
     assert time.process_time() - started < _SOON
     return answer
 

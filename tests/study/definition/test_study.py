@@ -94,19 +94,19 @@ def test_all_names_and_base_values_that_are_wrong_are_told_at_once():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "complaint"),
     [
         ("[design]\nsample = 3\n", "[design]: unknown key 'sample'; did you mean 'samples'?"),
         ("[keep]\noutputs = 'thrust'\n", "[keep]: outputs = 'thrust': expected a list, as outputs = ['thrust']"),
     ],
 )
-def test_names_that_are_wrong_are_told_with_what_is_wrong_in_form(wrong, told):
+def test_names_that_are_wrong_are_told_with_what_is_wrong_in_form(wrong, complaint):
     """At once, and nothing that is only wrong in form a second time."""
     text = HEAD + wrong + "[base]\nspeed = 60\nmodel = 'auto'\n[factors]\ntorque = { values = [1] }\n"
     with pytest.raises(InputError) as caught:
         parse_study(text, "mine.toml")
     form, base, factor = str(caught.value).splitlines()
-    assert form == f"mine.toml: {told}"
+    assert form == f"mine.toml: {complaint}"
     assert base == "mine.toml: [base]: speed = 60: unknown parameter; did you mean 'speed_rpm'?"
     assert factor.startswith("mine.toml: [factors.torque]: unknown parameter; did you mean")
 

@@ -66,7 +66,9 @@ def test_a_logarithmic_scale_is_sampled_log_uniformly():
 
 def test_the_trajectories_of_a_study_are_made_once_for_it_and_its_analysis(monkeypatch):
     made, sample = [], SALib.sample.morris.sample
-    monkeypatch.setattr(SALib.sample.morris, "sample", lambda *told, **named: made.append(1) or sample(*told, **named))
+    monkeypatch.setattr(
+        SALib.sample.morris, "sample", lambda *arguments, **named: made.append(1) or sample(*arguments, **named)
+    )
     text = (
         HEAD + "[factors]\njoint_angle_deg = {low = 4, high = 12}\ntorque_n_m = {low = 50, high = 150}\n"
         '[design]\nkind = "morris"\nsamples = 5\nseed = '

@@ -43,8 +43,8 @@ EXACT = [
 
 @pytest.mark.parametrize(("mean", "std", "low", "high", "expected"), [(*row[:4], row[4:]) for row in EXACT])
 def test_quantiles_to_many_digits(mean, std, low, high, expected):
-    found = quantile(factor(mean, std, low, high), np.array([0.01, 0.5, 0.9]))
-    assert found == pytest.approx(expected, abs=1e-8 * (high - low), rel=0)
+    result = quantile(factor(mean, std, low, high), np.array([0.01, 0.5, 0.9]))
+    assert result == pytest.approx(expected, abs=1e-8 * (high - low), rel=0)
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -58,9 +58,9 @@ def test_both_ways_of_computing_it_meet(side):
 
 @pytest.mark.parametrize(("mean", "std"), [(5.0, 3.0), (5.0, 1e7), (1e7, 1e5), (-3e4, 2.0)])
 def test_densities_are_those_of_the_quantiles(mean, std):
-    found = factor(mean, std)
-    scatter = scatter_density(found.table)
-    values = quantile(found, np.linspace(0.001, 0.999, 20_001))
+    result = factor(mean, std)
+    scatter = scatter_density(result.table)
+    values = quantile(result, np.linspace(0.001, 0.999, 20_001))
     between = (values[1:] + values[:-1]) / 2
     assert scatter.density(between) * np.diff(values) == pytest.approx(0.998 / 20_000, rel=0.01)
     assert scatter.density(np.array([-1.0, 21.0])).tolist() == [0, 0]

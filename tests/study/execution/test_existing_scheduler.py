@@ -112,9 +112,9 @@ def test_a_scheduler_that_is_killed_and_comes_back_costs_the_blocks_at_work_only
     np.testing.assert_array_equal(cube["y"], cube["x"] ** 2)
     assert sum(case.started().values()) - 60 <= 4
     assert {name for name in np.unique(cube["worker"].values) if name} == {"worker 0", "late worker"}
-    told = capsys.readouterr().err
-    assert "the connection is lost; trying for 60 s to connect again" in told
-    assert "connected again" in told
+    printed = capsys.readouterr().err
+    assert "the connection is lost; trying for 60 s to connect again" in printed
+    assert "connected again" in printed
 
 
 @pytest.mark.slow
@@ -135,19 +135,19 @@ def test_a_point_that_kills_its_worker_is_condemned_alone(case, tmp_path, monkey
 @pytest.mark.slow
 def test_workers_that_join_before_the_first_block_is_finished_get_work_at_once(case, tmp_path, monkeypatch):
     """Regression: without a worker at the start two blocks were sent, and others only when one of them was finished."""
-    study, told, begun = case(count=4, pause=8.0), [], time.monotonic()
-    monkeypatch.setattr(dask_cluster, "print", lambda text, **_: told.append(text), raising=False)
+    study, printed, begun = case(count=4, pause=8.0), [], time.monotonic()
+    monkeypatch.setattr(dask_cluster, "print", lambda text, **_: printed.append(text), raising=False)
     with Cluster(tmp_path, workers=0) as cluster:
 
         def join():
             for number in range(4):
                 cluster.add_worker(f"worker {number}")
 
-        thread = meanwhile(join, lambda: told or time.monotonic() > begun + 60)
+        thread = meanwhile(join, lambda: printed or time.monotonic() > begun + 60)
         run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
         thread.join()
     assert set(td.open_cube(tmp_path / "out")["worker"].values.tolist()) == {f"worker {number}" for number in range(4)}
-    assert "no worker has joined yet; waiting for the first" in told[0]
+    assert "no worker has joined yet; waiting for the first" in printed[0]
 
 
 @pytest.mark.slow
@@ -161,7 +161,7 @@ def test_what_does_not_match_is_left_out_by_name_and_what_is_shipped_matches(cas
         with Client(cluster.address) as client:
             client.wait_for_workers(2)
         run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
-        told = capsys.readouterr().err
+        printed = capsys.readouterr().err
         code = tmp_path / "cluster_function.py"
         code.write_text(
             code.read_text().replace("x**2", "x**3 + helper.SHIFT").replace("import os", "import helper, os")
@@ -172,8 +172,8 @@ def test_what_does_not_match_is_left_out_by_name_and_what_is_shipped_matches(cas
     assert set(td.open_cube(tmp_path / "out")["worker"].values.tolist()) == {"worker 0"}
     cube = td.open_cube(tmp_path / "changed")
     np.testing.assert_array_equal(cube["y"], cube["x"] ** 3 + 7)
-    assert told.count("worker old worker at tcp://127.0.0.1") == 1
-    assert "is left out: it has no tripod-doe that can be used (ModuleNotFoundError: No module named" in told
+    assert printed.count("worker old worker at tcp://127.0.0.1") == 1
+    assert "is left out: it has no tripod-doe that can be used (ModuleNotFoundError: No module named" in printed
 
 
 @pytest.mark.slow
@@ -233,15 +233,15 @@ def test_answers_that_are_there_are_fetched_together(here, monkeypatch, broken):
         executor.submit(np.array([number]), number)
     while executor._finished.qsize() < 16:
         time.sleep(0.01)
-    found = {}
+    result = {}
     while executor.busy:
         try:
             points, answer = executor.next_finished()
         except ValueError as error:
-            found[broken] = str(error)
+            result[broken] = str(error)
         else:
-            found[points.item()] = answer
-    assert found == {number: "broken" if number == broken else number**2 for number in range(16)}
+            result[points.item()] = answer
+    assert result == {number: "broken" if number == broken else number**2 for number in range(16)}
     assert len(asked) == 2
 
 

@@ -43,11 +43,11 @@ def workers():
 def listening(workers: LocalWorkers) -> list[tuple[str, int]]:
     """Where the processes of a cluster take connections."""
     program = psutil.Process(workers._program.pid)
-    found = set()
+    answer = set()
     for process in [program, *program.children(recursive=True)]:
         with suppress(psutil.Error):
-            found |= {tuple(c.laddr) for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN}
-    return sorted(found)
+            answer |= {tuple(c.laddr) for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN}
+    return sorted(answer)
 
 
 def test_its_owner_runs_code_there(workers):

@@ -139,7 +139,7 @@ def test_a_lower_rung_takes_its_own_numerics_and_leaves_what_it_cannot_give_open
 
 
 @pytest.mark.parametrize(
-    ("entries", "told"),
+    ("entries", "message"),
     [
         ('["smaller-steps"]', r"\[run\]: retry: 'smaller-steps'.*did you mean 'smaller-step'"),
         ('[{ modle = "rollers" }]', r"\[run\]: retry: modle = 'rollers': unknown parameter; did you mean 'model'"),
@@ -152,8 +152,8 @@ def test_a_lower_rung_takes_its_own_numerics_and_leaves_what_it_cannot_give_open
         ("[3]", r"\[run\.retry\].*3"),
     ],
 )
-def test_a_bad_retry_is_refused_before_anything_runs(entries, told):
-    with pytest.raises(td.InputError, match=told):
+def test_a_bad_retry_is_refused_before_anything_runs(entries, message):
+    with pytest.raises(td.InputError, match=message):
         parse_study(JOINT.partition("retry")[0] + f"retry = {entries}\n")
 
 

@@ -57,9 +57,9 @@ def test_the_ends_of_a_range_match_to_1e_9(cube):
 
 
 def test_conditions_see_coordinates_outcome_and_values(cube):
-    found = records(cube_arrays(cube), "f", where="outcome == 'finished' and f > 2 and order == 3")
-    assert found["x"].tolist() == [0.2, 0.4]
-    assert found["outcome"].tolist() == ["finished", "finished"]
+    result = records(cube_arrays(cube), "f", where="outcome == 'finished' and f > 2 and order == 3")
+    assert result["x"].tolist() == [0.2, 0.4]
+    assert result["outcome"].tolist() == ["finished", "finished"]
     assert records(cube_arrays(cube), "f")["outcome"].tolist().count("diverged") == 2
 
 
@@ -70,14 +70,14 @@ def test_labels_are_found_stretch_by_stretch(monkeypatch, asked, nearest, left):
     """As in one stretch, whatever is missing among them."""
     values = np.array([7, 3, np.nan, 2, 2.5, 3, 0, np.nan, np.nan, 1, 9])
 
-    def found(values, is_counted=False):
+    def result(values, is_counted=False):
         labels = Variable(("x",), lambda place: values[place], is_counted=is_counted)
         return taken(labels, left, values.size, parse_selection(asked), nearest).tolist()
 
-    at_once, counted = found(values), found(np.arange(11.0))
+    at_once, counted = result(values), result(np.arange(11.0))
     monkeypatch.setattr(selection, "_STRETCH", 3)
-    assert found(values) == at_once
-    assert found(np.arange(11.0), is_counted=True) == counted
+    assert result(values) == at_once
+    assert result(np.arange(11.0), is_counted=True) == counted
     if left is None and nearest:
         expected = {
             "x=3": [1, 5],
@@ -123,7 +123,7 @@ def test_a_cube_and_its_file_answer_alike(cube, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("asked", "message"),
     [
         (["x=0.25"], "x is 0.1, 0.2, 0.3 or 0.4; --nearest takes the closest"),
         (["x=0.2", "order=5:9"], "order is 2 or 3"),
@@ -131,9 +131,9 @@ def test_a_cube_and_its_file_answer_alike(cube, tmp_path):
         (["x=0.2", "model=a"], "no cell meets all conditions"),
     ],
 )
-def test_an_empty_answer_says_what_there_is(cube, asked, told):
+def test_an_empty_answer_says_what_there_is(cube, asked, message):
     assert query(cube, "f", asked)["f"].size == 0
-    assert unmet(cube_arrays(cube), asked) == told
+    assert unmet(cube_arrays(cube), asked) == message
 
 
 def test_many_labels_are_told_by_their_ends():
@@ -200,8 +200,8 @@ def test_flags_are_answered_and_asked_for_by_their_meanings(cube, tmp_path):
     write_dataset(cube, tmp_path / "cube.nc")
     with opened_arrays(tmp_path / "cube.nc") as stored:
         for arrays in (stored, cube_arrays(cube)):
-            found = records(arrays, "model_used")["model_used"].tolist()
-            assert found == ["equilibrium", "kinetostatic", "none", "kinetostatic"]
+            result = records(arrays, "model_used")["model_used"].tolist()
+            assert result == ["equilibrium", "kinetostatic", "none", "kinetostatic"]
             assert records(arrays, "f", where="model_used == 'kinetostatic' and order == 2")["x"].tolist() == [0.2, 0.4]
 
 
