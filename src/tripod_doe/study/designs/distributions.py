@@ -136,7 +136,7 @@ class Scatter:
 
     density: Callable[[FloatArray], FloatArray]  # its density over its values, or over their logarithms
     centre: float  # what it scatters about: mean, middle of a range, or peak
-    logarithmic: bool  # whether density and centre are those of logarithms
+    logarithmic: bool  # whether density and centre belong to logarithms
 
 
 def scatter_density(table: FactorTable) -> Scatter | None:

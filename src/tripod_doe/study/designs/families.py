@@ -43,7 +43,7 @@ def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> R
 
 
 def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Made:
-    """The points of one design: that of the study, or a part of a product.
+    """The points of one design, of the study or a part of a product.
 
     Raises
     ------

@@ -122,7 +122,7 @@ def _unit_sample(table: DesignTable, tables: dict[str, FactorTable], count: int)
 
 
 def _make(request: Request) -> Made:
-    """The samples of each model, first those of the truth."""
+    """The samples of each model, from the truth to the cheapest."""
     table, models = request.table, _models(request)
     split = split_of(table, models)
     tables = random_factors(table, request.tables)

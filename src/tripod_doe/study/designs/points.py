@@ -43,7 +43,7 @@ class Points:
     # values of parameters that a pilot chose, each of shape (point,): not factors, but what a point runs with
     chosen: dict[str, Column] = field(default_factory=dict)
     # error_estimate, accuracy_met: estimated relative errors of such a choice by quantity, and whether they meet the
-    # accuracy that was asked for (1, 0, or -1 where nobody knows), each of shape (point,)
+    # accuracy that was asked for (1, 0, or -1 if unknown), each of shape (point,)
     error_estimate: dict[str, Column] = field(default_factory=dict)
     accuracy_met: Column | None = None
     has_excluded: bool = False  # whether a constraint leaves out any point of the whole design

@@ -1,4 +1,4 @@
-"""Damage of a journal: found by its checksums, repaired by a new journal with all whole blocks."""
+"""Damage of a journal: noticed by its checksums, repaired by a new journal with all whole blocks."""
 
 from __future__ import annotations
 
