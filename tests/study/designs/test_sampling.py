@@ -7,10 +7,10 @@ import pytest
 from SALib.sample import sobol
 
 from tripod_doe.errors import InputError
+from tripod_doe.study.definition.distributions import quantile
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points, salib_problem, unit_sample
-from tripod_doe.study.designs.distributions import quantile
 from tripod_doe.study.designs.saltelli import first_order_blocks
 
 TABLES = {name: FactorTable(low=0.0, high=1.0) for name in ("a", "b", "c")}

@@ -22,8 +22,8 @@ from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySetti
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
+from tripod_doe.study.definition.distributions import scatter_density
 from tripod_doe.study.definition.study_file import FactorTable
-from tripod_doe.study.designs.distributions import scatter_density
 
 
 class ToleranceSettings(SensitivitySettings):

@@ -1,1 +1,1 @@
-"""The definition of a study: its file parsed and checked, what its factors, functions and retries may be; no points."""
+"""The definition of a study: its file parsed and checked, factors with distributions, functions, retries; no points."""

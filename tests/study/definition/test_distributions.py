@@ -9,8 +9,8 @@ import pytest
 from scipy import stats
 
 from tripod_doe.errors import InputError
+from tripod_doe.study.definition.distributions import quantile, scatter_density
 from tripod_doe.study.definition.study import parse_study
-from tripod_doe.study.designs.distributions import quantile, scatter_density
 
 UNIT = np.array([0.0, 1e-9, 0.01, 0.3, 0.5, 0.9, 1 - 1e-9, 1.0])
 
