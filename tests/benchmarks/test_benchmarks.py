@@ -46,6 +46,15 @@ def test_flips_are_refused_or_harmless(benchmark, capsys):
     assert capsys.readouterr().out.count("run again: as before") == 5
 
 
+def test_hostile_files_and_flags_end_in_messages(benchmark, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # it goes elsewhere
+    monkeypatch.setattr(sys, "argv", ["gauntlet_cli.py", "--texts", "60"])
+    with pytest.raises(SystemExit) as ended:
+        benchmark("gauntlet_cli").main()
+    assert "; 0 faults" in capsys.readouterr().out
+    assert ended.value.code == 0
+
+
 @pytest.mark.parametrize("name", ["equilibrium", "kinetostatic"])
 def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
     workload = benchmark("workload")
