@@ -50,7 +50,7 @@ def holds(found: Estimate, truth: float, logarithmic: bool = False) -> bool:
 def coverage(seeds: int) -> None:
     """Share of the 95 % intervals that hold the truth."""
     print(f"{'samples':>18} {'mean':>6} {'var.':>6} {'S1':>6} {'ST':>6} {'median':>7}")
-    for counts in ((16, 64, 512), (32, 128, 1024), (64, 256, 2048)):
+    for counts in ((16, 64, 512), (32, 128, 1024), (64, 256, 2048), (48, 1500, 20000)):
         hits: dict[str, list[bool]] = {key: [] for key in ("mean", "variance", "S1", "ST", "median")}
         for seed in range(seeds):
             x = blocks(seed, counts[-1])

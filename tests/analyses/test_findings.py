@@ -354,6 +354,23 @@ def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
     assert "(analysis mine)" in sentences[0]
 
 
+@pytest.mark.parametrize(
+    ("first", "half", "said"),
+    [
+        ((0.1, 0.72), (0.1, 0.2), "interactions may explain up to 41 % of the variance"),
+        ((0.1, 0.7), (0.1, 0.05), "the rest are interactions"),
+        ((0.4, 0.6), (0, 0), "interactions explain nothing"),
+        ((0.4, np.nan), (np.nan, np.nan), "what interactions explain is not known"),
+    ],
+)
+def test_what_first_order_indices_leave_to_interactions(first, half, said):
+    """Exact: 1 - (0.82 - hypot(0.1, 0.2)) = 0.404, rounded up. Regression: "no interaction shows" of 18 %."""
+    result = sobol_result()
+    for key, numbers in (("S1", first), ("S1_conf", half)):
+        result[key].loc[{"order": 3}] = numbers
+    assert findings_of("mine", result)[0].endswith(f"{said} (analysis mine).")
+
+
 def test_indices_of_what_does_not_vary_are_told_and_not_drawn():
     """Regression: of a straight joint the analysis said nothing, and its page began with an empty figure."""
     still = sobol_result()

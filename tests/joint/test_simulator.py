@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 
+import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.joint.simulator import simulator
@@ -130,3 +131,21 @@ def test_waveforms_of_different_lengths_are_refused():
     with pytest.raises(InputError, match="different lengths"):
         simulator.check({}, {"samples_per_revolution": ()}, ["thrust"])
     assert simulator.check({}, {"samples_per_revolution": (60, 90)}, KEEP) == []
+
+
+@pytest.mark.parametrize("model", ["kinetostatic", "rollers"])
+@pytest.mark.parametrize("factor", [0.4, 2.0])
+def test_forces_stiffnesses_and_masses_scale_alike(model, factor):
+    """Exact: dimensional analysis; with every one of them times a factor, motions stay and forces are multiplied.
+
+    Regression: needle contacts grew with Young's modulus to the power 10/9.
+    """
+    given = {"torque_n_m": -210.0, "youngs_modulus_gpa": 207.0, "density_kg_m3": 7850.0}
+    given |= {"shaft_mass_kg": 2.0, "output_inertia_kg_m2": 0.01}
+    others = {"model": model, "joint_angle_deg": 12.9, "speed_rpm": 900.0, "needle_sliding_friction": 0.07}
+    once, often = (
+        td.simulate(**others, **{name: each * value for name, value in given.items()}) for each in (1.0, factor)
+    )
+    amplitude = once["thrust_amplitude"]
+    assert float(amplitude.max()) > 50
+    np.testing.assert_allclose(often["thrust_amplitude"] / factor, amplitude, rtol=1e-6, atol=1e-6)

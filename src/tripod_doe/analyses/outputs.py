@@ -82,6 +82,14 @@ class OutputTable:
             return values[None]
         return np.stack([np.cos(np.radians(values)), np.sin(np.radians(values))])
 
+    def placed(self, numbers: FloatArray) -> FloatArray:
+        """Numbers relative to `centre` as the cube has them, phases above -180 and up to 180 deg."""
+        return wrapped_phases(numbers + self.centre) if self.wraps else numbers
+
+    def relative(self, numbers: FloatArray) -> FloatArray:
+        """Numbers as a user gives them, relative to `centre`: a phase by the shorter way round."""
+        return wrapped_phases(numbers - self.centre) if self.wraps else numbers
+
     def rows(self, chosen: IntArray) -> OutputTable:
         """The same output at some points only."""
         return replace(self, variable=self.variable[chosen], values=self.values[chosen])
@@ -184,6 +192,12 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
         known = np.isfinite(reported)
         error = np.where(known, reported, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     return OutputTable(name, variable, values, centre, wraps, error)
+
+
+def wrapped_phases(degrees: FloatArray) -> FloatArray:
+    """Phases above -180 and up to 180 deg."""
+    wrapped: FloatArray = 180 - (180 - degrees) % 360
+    return wrapped
 
 
 def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
+from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
@@ -182,3 +183,14 @@ def test_morris_own_function(tmp_path):
     exact = [2 * (20 + middle * 3 * (-1) ** (3 + i)) for i in (8, 9, 10)]
     assert (np.abs(found["mu"].values[7:10] - exact) <= found["mu_star_conf"].values[7:10]).all()
     found.close()
+
+
+@pytest.mark.parametrize("effects", [(64.0, -40.0, 5.0), (3.0, 2.0, 2.5)])
+def test_effects_without_points_to_judge_them_by_are_named_with_their_sizes(effects):
+    """Regression: "No effect is significant, R2 1" of two levels of two factors, whose three terms use up the points."""
+    levels = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
+    rows = [((a, b), [10 + (a * effects[0] + b * effects[1] + a * b * effects[2]) / 2]) for a, b in levels]
+    sentence = find_in_effects(measured('kind = "full-factorial"', [(1, 3)] * 2, rows), "mine")[0]
+    assert "R2" not in sentence
+    assert "is significant" not in sentence
+    assert all(f"{each:g}" in sentence for each in effects)

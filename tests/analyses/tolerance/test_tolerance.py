@@ -92,3 +92,26 @@ def test_a_limit_of_nothing_is_refused():
     cube = cube_of(lambda angle, torque, speed: angle + torque + speed)
     with pytest.raises(InputError, match=r"limits: 'z' is no output"):
         tolerance(cube, ToleranceSettings(outputs=["y"], limits={"z": 1}))
+
+
+@pytest.mark.parametrize("middle", [-137.0, 179.0, -180.0, 0.0, 95.5])
+@pytest.mark.parametrize("off", [-8.0, 7.0])
+def test_a_phase_is_where_the_points_are(middle, off):
+    """Exact: a distribution of phases is that of the same numbers without a wrap, turned to where the phases are."""
+
+    def numbers(angle, torque, speed):
+        return 20 * (angle - 10) + 0 * (torque + speed)
+
+    limit = float(180 - (180 - middle - off) % 360)
+    plain = tolerance(cube_of(numbers), ToleranceSettings(outputs=["y"], limits={"y": off}))
+    cube = cube_of(lambda *columns: 180 - (180 - middle - numbers(*columns)) % 360)
+    cube["y"].attrs["wraps_at"] = "+-180 degree"
+    phases = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": limit}))
+    assert float(phases["limit"]) == limit
+    for key in ("exceedance", "exceedance_low", "exceedance_high", "exceedance_if_halved", "std", "gain_of_halving"):
+        np.testing.assert_allclose(phases[key], plain[key], atol=1e-6)
+    for key in ("mean", "quantile", "quantile_low", "quantile_high", "distribution"):
+        gap = (phases[key] - plain[key] - middle + 180) % 360 - 180
+        np.testing.assert_allclose(gap, 0, atol=0.02)  # the circular mean of the points is not their mean
+        assert (phases[key] > -180).all()
+        assert (phases[key] <= 180).all()

@@ -54,11 +54,15 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
             for term, effect, half, _ in sure[:_MOST_NAMED]
         ]
         weak = f"; {count_of(len(rows) - len(sure), 'term')} not significant" if len(sure) < len(rows) else ""
-        explained = f", R2 {number(float(part['r_squared']), 4)}" if np.isfinite(part["r_squared"]) else ""
+        saturated = int(result.attrs["degrees_of_freedom"]) == 0  # R2 is one, whatever the terms
+        known = np.isfinite(part["r_squared"]) and not saturated
+        explained = f", R2 {number(float(part['r_squared']), 4)}" if known else ""
         if text:
             sentences.append(
                 f"Largest effects on {what}, from low to high: {listed(text)}{weak}{explained} (analysis {name})."
             )
+        elif saturated and rows:
+            sentences.append(_without_scatter(what, unit, rows, name))
         else:
             sentences.append(f"No effect on {what} is significant{explained} (analysis {name}).")
     aliases: dict[str, list[str]] = json.loads(str(result.attrs.get("aliases", "{}")))
@@ -69,6 +73,16 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
         more = f" and {len(mixed) - _MOST_NAMED} more" if len(mixed) > _MOST_NAMED else ""
         sentences.append(f"Effects that this design confounds: {'; '.join(mixed[:_MOST_NAMED])}{more}.")
     return sentences + left_points(result)
+
+
+def _without_scatter(what: str, unit: str, rows: list[tuple[str, float, float, float]], name: str) -> str:
+    """The largest effects where the only scatter that they could be judged by is that among themselves."""
+    largest = sorted(rows, key=lambda row: -abs(row[1]))[:_MOST_NAMED]
+    text = listed([f"{term_text(str(row[0]))} {with_unit(number(float(row[1])), unit)}" for row in largest])
+    return (
+        f"Largest effects on {what}, from low to high: {text}; the terms use up all points, so no scatter is left to "
+        f"judge them by, and none is much larger than the others (analysis {name})."
+    )
 
 
 def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:

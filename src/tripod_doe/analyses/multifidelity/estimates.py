@@ -6,7 +6,9 @@ Each quantity is a mean of a statistic q over samples. With nested samples Z_1 (
 
 A coefficient or a centre that knew the samples which it is applied to would bias the estimate. So the samples of the
 truth are divided into folds: those of a fold get coefficients and centres from the other folds. Means and variances are
-then unbiased for given numbers of samples. An index is a quotient, whose bias goes with one over the samples.
+then unbiased for given numbers of samples. The centre c of the truth's squared deviations is an estimate by all models:
+that by the truth alone would scatter more than the rest. As E (y - c)^2 = var y + var c, var c is subtracted. An
+index is a quotient, whose bias goes with one over the samples.
 """
 
 from __future__ import annotations
@@ -114,14 +116,18 @@ def estimate(values: list[FloatArray]) -> Estimates:
         for each, count in zip(products, counts, strict=True)
     ]
     width = statistics(known[0][:, :1], 0.0).shape[0]
-    per_sample = 1 if values[0].shape[1] == 1 else 2
+    covariances = [_covariance([each[0, a:b] for each in products[at:]]) for at, (a, b) in enumerate(pairwise(ends))]
+    middles = [float(each[0].mean()) for each in products[1:]]
     answer, coefficients = np.zeros(width), np.zeros((len(values), width, counts[0]))
+    doubt = 0.0  # variance of the centre, averaged over the folds
     for number in range(fold.max() + 1):
         own, rest = fold == number, fold != number
-        centres = [float(each[0, rest].mean()) for each in known]
-        truth = statistics(known[0][:, rest], centres[0])
-        part = statistics(known[0][:, own].mean(axis=1), centres[0])
-        part[1] /= 1 + 1 / (per_sample * rest.sum())  # the centre scatters as well
+        centre, scatter = _centre([each[0, rest] for each in known], strata, covariances, shares, counts)
+        centres = [centre, *middles]
+        truth = statistics(known[0][:, rest], centre)
+        part = statistics(known[0][:, own].mean(axis=1), centre)
+        part[1] -= scatter
+        doubt += scatter * own.mean()
         for k in range(1, len(values)):
             coefficient = _coefficients(truth, statistics(known[k][:, rest], centres[k]))
             coefficients[k][:, own] = coefficient[:, None]
@@ -129,27 +135,66 @@ def estimate(values: list[FloatArray]) -> Estimates:
             about = [statistics(mean, centres[k]) for mean in means]
             part += coefficient * sum(share * each for share, each in zip(shares[k], about, strict=False))
         answer += part * own.mean()
-    influences = _influences(products, coefficients, shares, counts)
-    alone = statistics(known[0], 0.0)
+    centres = [float(answer[0]), *middles]
+    influences = _influences(products, coefficients, shares, counts, centres)
+    alone = statistics(known[0], centres[0])
     mean = _with_variance(answer[0], influences, alone, 0)
     variance = _with_variance(answer[1], influences, alone, 1)
+    variance = variance._replace(variance=variance.variance + 2 * doubt**2)  # of the squared error of the centre
     factors = (width - 2) // 2
     indices = [_quotient(answer, influences, alone, 2 + at) for at in range(2 * factors)]
     mean = mean._replace(value=mean.value + shift[0])
     return Estimates(mean, variance, tuple(indices[:factors]), tuple(indices[factors:]))
 
 
+def _covariance(values: list[FloatArray]) -> FloatArray:
+    """Covariances of models over the same samples, shape (model, model); 0 of a single sample, which bounds none."""
+    return np.atleast_2d(np.cov(values)) if values[0].size > 1 else np.zeros((len(values), len(values)))
+
+
+def _centre(
+    rest: list[FloatArray],
+    strata: list[list[FloatArray]],
+    covariances: list[FloatArray],
+    shares: FloatArray,
+    counts: list[int],
+) -> tuple[float, float]:
+    """The mean of the truth by all models, and the variance of this estimate.
+
+    Parameters
+    ----------
+    rest
+        Values of each model at the truth's samples that may be used, shape (sample,).
+    strata, covariances
+        Means of each model's products in each stratum; covariances of the values of the models that a stratum holds.
+    shares, counts
+        See `shares_of`.
+    """
+    values = np.stack(rest)
+    left = values[1:] - values[1:].mean(axis=1, keepdims=True)
+    power = (left**2).sum(axis=1)
+    weights = np.divide(left @ values[0], power, out=np.zeros_like(power), where=power > 0)
+    used = np.concatenate([[1.0], weights * shares[1:, 0]])
+    centre = float(used @ values.mean(axis=1))
+    scatter = float((used @ values).var(ddof=1) / values.shape[1])
+    for stratum, size in enumerate(np.diff(counts), 1):
+        used = weights[stratum - 1 :] * shares[stratum:, stratum]
+        centre += float(used @ [strata[k][stratum][0] for k in range(stratum, len(counts))])
+        scatter += float(used @ covariances[stratum] @ used) / max(int(size), 1)
+    return centre, scatter
+
+
 def _influences(
-    products: list[FloatArray], coefficients: FloatArray, shares: FloatArray, counts: list[int]
+    products: list[FloatArray], coefficients: FloatArray, shares: FloatArray, counts: list[int], centres: list[float]
 ) -> list[FloatArray]:
     """What each sample adds to the estimates, by stratum, shape (statistic, sample): an estimate is a sum of means."""
     influences = []
     ends = [0, *counts]
     for stratum, (start, stop) in enumerate(pairwise(ends)):
-        total = statistics(products[0], 0.0) if stratum == 0 else 0.0
+        total = statistics(products[0], centres[0]) if stratum == 0 else 0.0
         for k in range(max(stratum, 1), len(products)):
             own = coefficients[k] if stratum == 0 else coefficients[k].mean(axis=1, keepdims=True)
-            total = total + own * shares[k, stratum] * statistics(products[k][:, start:stop], 0.0)
+            total = total + own * shares[k, stratum] * statistics(products[k][:, start:stop], centres[k])
         influences.append(np.asarray(total))
     return influences
 

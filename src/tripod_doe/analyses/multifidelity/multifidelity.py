@@ -123,13 +123,8 @@ def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettin
             for key, answer in answers.items():
                 arrays[key][..., component] = answer
     for key in _PLACES:
-        arrays[key] = _wrapped(arrays[key] + table.centre, table.wraps)
+        arrays[key] = table.placed(arrays[key])
     return xr.Dataset({key: table.labelled(answer, dims[key]) for key, answer in arrays.items()})
-
-
-def _wrapped(degrees: FloatArray, wraps: bool) -> FloatArray:
-    """Phases back between -180 and 180 deg; other numbers as they are."""
-    return 180 - (180 - degrees) % 360 if wraps else degrees
 
 
 def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:

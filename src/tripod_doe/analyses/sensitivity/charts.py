@@ -106,15 +106,22 @@ def _index_chart(key: str, name: str, what: str, part: xr.Dataset, level: float,
             data[index], rows, xerr=data[f"{index}_conf"], fmt="none", ecolor=INK, elinewidth=1.1, capsize=2.5
         )
         if "chance" in part:
-            axes.axvline(float(part["chance"]), color=COLOURS[1], ls="--", lw=1, label="a factor without effect")
+            axes.axvline(
+                float(part["chance"]), color=COLOURS[1], ls="--", lw=1, label="factors without effect, by chance"
+            )
             legend_above(axes, 1)
         axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
         axes.axvline(0, color=MUTED, lw=0.8)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
         axes.set_xlabel(_INDEX_NAMES[kind])
-    caption = f"{_INDEX_NAMES[kind]} of {what} with {level:g} % confidence intervals (analysis {name})."
+    caption = f"{_INDEX_NAMES[kind]} of {what}{_intervals(data[f'{index}_conf'], level)} (analysis {name})."
     return Chart(key, f"Sensitivity of {what}", caption[0].upper() + caption[1:], figure, data)
+
+
+def _intervals(halves: pd.Series, level: float) -> str:
+    """What a caption says of intervals: nothing of a method that knows none."""
+    return f" with {level:g} % confidence intervals" if halves.notna().any() else ""
 
 
 def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level: float) -> list[Chart]:
@@ -240,13 +247,13 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
         axes.set_xlabel("samples used")
         axes.set_ylabel(f"index {index}")
         legend_above(axes, 2)
-    level = 100 * float(part.attrs.get("confidence_level", 0.95))
-    caption = (
-        f"The index {index} of {what} from the first eighth, quarter and half of the samples and from all of them, "
-        f"with {level:g} % confidence intervals (analysis {name}). The samples suffice where "
-        "lines are level and intervals short."
-    )
     data = pd.DataFrame(rows, columns=["factor", "samples", index, f"{index}_conf"])
+    intervals = _intervals(data[f"{index}_conf"], 100 * float(part.attrs.get("confidence_level", 0.95)))
+    caption = (
+        f"The index {index} of {what} from the first eighth, quarter and half of the samples and from all of "
+        f"them{intervals} (analysis {name}). The samples suffice where lines are level"
+        f"{' and intervals short' if intervals else ''}."
+    )
     return Chart(f"{key}-convergence", f"Convergence for {what}", caption, figure, data)
 
 

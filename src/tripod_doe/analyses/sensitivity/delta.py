@@ -3,8 +3,9 @@
 The estimate of `SALib.analyze.delta` without its correction by resampling: SALib's own function with scipy's densities
 took 1.24 s in place of 0.12 s for 13 orders at 256 points, and two minutes for a waveform.
 
-From few points delta never vanishes; a factor counts as resolved where its index exceeds, by its interval, the index of
-a factor that is pure chance.
+From few points delta never vanishes, and smoothing by the kernel biases it by more than it scatters: intervals by
+resampling, said to hold in 95 %, held in 0 % (Ishigami's function, 4,096 points) to 40 %. So it has none, and a factor
+counts as resolved as in `pawn`.
 """
 
 from __future__ import annotations
@@ -13,11 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
-from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.resampling import half_width, random_halves
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.sensitivity.pawn import with_chance
@@ -30,8 +29,6 @@ _MOST_POINTS = 4096  # a density from more points is no better known, and each c
 
 class DeltaSettings(SensitivitySettings):
     """[analysis.NAME] of kind delta."""
-
-    resamples: int = Field(20, ge=10, description="random halves for the intervals")
 
 
 def _classes(column: FloatArray) -> list[IntArray]:
@@ -68,20 +65,16 @@ def _indices(values: FloatArray, factors: FloatArray) -> FloatArray:
 
 def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     rows = np.arange(min(sample.rows.size, _MOST_POINTS))
-    factors, values = with_chance(sample, settings.seed)[rows], table.values[rows][:, components]
-    whole = _indices(values, factors)
-    halves = [
-        _indices(values[half], factors[half])[:-1]
-        for half in random_halves(rows.size, settings.resamples, settings.seed)
-    ]
-    return {"delta": whole[:-1], "delta_conf": half_width(np.stack(halves), settings.confidence), "chance": whole[-1]}
+    factors, own = with_chance(sample, settings)
+    indices = _indices(table.values[rows][:, components], factors[rows])
+    return {"delta": indices[:own], "chance": indices[own:].max(axis=0)}
 
 
 METHOD = Method(
     _estimate,
     designs=SAMPLED_DESIGNS,
     ranked="delta",
-    meanings={"delta": "Borgonovo's delta", "chance": "index of a factor that is pure chance"},
+    meanings={"delta": "Borgonovo's delta", "chance": "largest index of factors that are pure chance"},
     dims={"chance": ()},
     threshold="chance",
     independent=False,
@@ -97,13 +90,13 @@ def borgonovo_delta(cube: xr.Dataset, settings: DeltaSettings | None = None) -> 
     cube
         Cube of a sampled design; its factors may be correlated.
     settings
-        Outputs, and level of the intervals.
+        Outputs, and at which level a factor counts as resolved.
 
     Returns
     -------
     xarray.Dataset
-        delta, delta_conf (factor, and the dimensions of the output), and chance, the delta of a factor without effect;
-        see `method.apply`.
+        delta (factor, and the dimensions of the output), and chance, the largest delta of factors without effect; see
+        `method.apply`.
 
     Raises
     ------

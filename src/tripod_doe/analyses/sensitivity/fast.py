@@ -54,7 +54,7 @@ METHOD = Method(
     ranked="ST",
     meanings={"S1": "first-order Sobol' index", "ST": "total Sobol' index"},
     nested=False,
-    intervals=False,
+    judged=False,
 )
 
 

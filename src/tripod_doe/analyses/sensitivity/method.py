@@ -54,7 +54,7 @@ class Method:
     nested: bool = True  # whether a part of the points is a smaller design of the same kind
     threshold: str = ""  # the answer that the ranked one must exceed to be resolved; zero if empty
     independent: bool = True  # whether it rests on factors that are not correlated
-    intervals: bool = True  # whether it knows intervals; without, nothing is said of what is resolved
+    judged: bool = True  # whether intervals, or a threshold, say which factors are resolved
 
 
 def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
@@ -102,7 +102,7 @@ def _of_table(method: Method, sample: Sample, table: OutputTable, settings: Sens
     answers = _estimate(method, sample, table, settings)
     size = answers.pop("size", None)
     result = _labelled(method, table, answers)
-    if method.intervals:
+    if method.judged:
         result["resolved"] = table.labelled(_resolution(method, answers, table, size), _dims(method, method.ranked))
     if not method.nested or table.is_waveform:
         return result
@@ -113,12 +113,12 @@ def _of_table(method: Method, sample: Sample, table: OutputTable, settings: Sens
         parts.append(_estimate(method, part, table.rows(rows), settings))
     counts.append(sample.blocks)
     parts.append(answers)
-    for key in (method.ranked, f"{method.ranked}_conf"):
+    for key in (each for each in (method.ranked, f"{method.ranked}_conf") if each in answers):
         course = np.stack([part[key] for part in parts])
         name = key.replace(method.ranked, f"{method.ranked}_over_samples")
         result[name] = table.labelled(course, ("samples", *_dims(method, method.ranked)))
-    needed = _needed(method, answers, sample, settings)
-    result["samples_needed"] = table.labelled(needed, ())
+    if f"{method.ranked}_conf" in answers:
+        result["samples_needed"] = table.labelled(_needed(method, answers, sample, settings), ())
     return result.assign_coords(samples=np.array(counts, np.int32))
 
 
@@ -138,8 +138,9 @@ def _estimate(method: Method, sample: Sample, table: OutputTable, settings: Sens
 
 
 def _resolution(method: Method, answers: Answers, table: OutputTable, size: FloatArray | None) -> FloatArray:
-    """Flags of a factor: its interval covers zero (0) or not (1), or its effect is below the model's error (2)."""
-    index, half = answers[method.ranked], answers[f"{method.ranked}_conf"]
+    """Flags of a factor: its interval covers the threshold (0), is above (1), or its effect below the error (2)."""
+    index = answers[method.ranked]
+    half = answers.get(f"{method.ranked}_conf", np.zeros_like(index))
     least = answers[method.threshold] if method.threshold else 0.0
     flags = np.where(np.abs(index) - np.where(np.isfinite(half), half, 0) > least, 1.0, 0.0)
     if size is not None:

@@ -59,8 +59,10 @@ def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
 
 
 def _with_halves(result: xr.Dataset) -> xr.Dataset:
-    """A result with half widths of all Sobol' indices, NaN for a method that knows no intervals."""
-    without = [key for key in ("S1", "ST") if key in result and f"{key}_conf" not in result]
+    """A result with half widths of all indices, NaN for a method that knows no intervals."""
+    ranked = RANKED[kind_of(result)]
+    keys = dict.fromkeys(("S1", "ST", ranked, f"{ranked}_over_samples"))
+    without = [key for key in keys if key in result and f"{key}_conf" not in result]
     return result.assign({f"{key}_conf": xr.full_like(result[key], np.nan) for key in without})
 
 
@@ -73,10 +75,18 @@ def sobol_sentence(part: OutputPart) -> str:
     others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
     first = {index: part.answers[index].values[np.isfinite(part.answers["S1"].values)] for index in ("S1", "S1_conf")}
     total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
-    alone = f"the first-order indices add up to {interval(total, half)}: " + (
-        "no interaction shows" if total + half >= 1 else "the rest are interactions"
-    )
+    alone = f"the first-order indices add up to {interval(total, half)}: {_interactions(total, half)}"
     return f"Total Sobol' indices of {part.what}: {text}{others}; {alone}"
+
+
+def _interactions(first: float, half: float) -> str:
+    """What the sum of the first-order indices and its half width say of interactions."""
+    if not np.isfinite(first + half):
+        return "what interactions explain is not known"
+    if first + half < 1:
+        return "the rest are interactions"
+    most = rounded_up(100 * max(1 - (first - half), 0.0))
+    return f"interactions may explain up to {most} % of the variance" if most != "0" else "interactions explain nothing"
 
 
 def _morris_sentence(part: OutputPart) -> str:
@@ -89,11 +99,18 @@ def _morris_sentence(part: OutputPart) -> str:
 
 def _index_sentence(part: OutputPart, kind: str) -> str:
     ranked = _ranked(part.answers, RANKED[kind])
-    text = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
+    text = [_index_text(row, kind) for row in ranked[:_MOST_NAMED]]
     chance = ""
     if "chance" in part.answers:
-        chance = f"; without any effect, the index of a factor is {number(float(part.answers['chance']), 2)}"
+        chance = f"; factors without effect reach {number(float(part.answers['chance']), 2)} by chance"
     return f"{_HEADS[kind].format(what=part.what)}: {listed(text)}{chance}"
+
+
+def _index_text(row: tuple[str, float, float], kind: str) -> str:
+    """A factor with its index; of an upper bound above one, that it bounds nothing."""
+    factor, value, half = row
+    known = kind != "dgsm" or value < 1
+    return f"{spoken(factor)} {interval(value, half) if known else 'not below 1'}"
 
 
 def _unresolved(part: OutputPart) -> list[str]:

@@ -3,6 +3,8 @@
 Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution.
 Halving needs no further points: each point counts by how much more often it would occur if that factor scattered half
 as far about its centre, w = 2 f(c + 2 (x - c)) / f(x) with the density f of the factor.
+
+Phases are ordered by their difference from the circular mean, and so is their limit.
 """
 
 from __future__ import annotations
@@ -128,10 +130,12 @@ def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> Non
 
 def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
     values, limit = table.values, _limits(settings.limits, table)
+    bound = table.relative(limit)
     quantiles = _quantiles(values, settings.probabilities, settings.confidence)
-    single = _exceedance(values, limit, settings.confidence)
-    single |= {"mean": values.mean(axis=0), "std": values.std(axis=0, ddof=1), "limit": limit}
-    gains = _gains(_halved_weights(sample), values, limit, settings)
+    single = _exceedance(values, bound, settings.confidence)
+    quantiles = {key: table.placed(answer) for key, answer in quantiles.items()}
+    single |= {"mean": table.placed(values.mean(axis=0)), "std": values.std(axis=0, ddof=1), "limit": limit}
+    gains = _gains(_halved_weights(sample), values, bound, settings)
     gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
     return xr.Dataset(
         {"distribution": table.labelled(quantiles.pop("distribution"), ("share",))}
