@@ -365,9 +365,9 @@ def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
 )
 def test_what_first_order_indices_leave_to_interactions(first, half, said):
     """Exact: 1 - (0.82 - hypot(0.1, 0.2)) = 0.404, rounded up. Regression: "no interaction shows" of 18 %."""
-    result = sobol_result()
+    result = sobol_result().copy(deep=True)
     for key, numbers in (("S1", first), ("S1_conf", half)):
-        result[key].loc[{"order": 3}] = numbers
+        result[key].loc[{"order": 3}] = np.array(numbers)
     assert findings_of("mine", result)[0].endswith(f"{said} (analysis mine).")
 
 
