@@ -13,9 +13,16 @@ from measured import Recorder
 
 import tripod_doe as td
 from tripod_doe.analyses.comparison.comparison import compare
-from tripod_doe.analyses.comparison.measurement import Measurement, edge_times, pulse_numbers, read_measurement
+from tripod_doe.analyses.comparison.measurement import (
+    Measurement,
+    edge_times,
+    pulse_numbers,
+    read_measurement,
+    rotation_from_tachometer,
+)
 from tripod_doe.analyses.comparison.model_point import model_point
 from tripod_doe.analyses.comparison.order_tracking import resample, track_orders
+from tripod_doe.analyses.comparison.sentences import find_in_comparison
 
 KNOWN = {0: (2.0, 0.0), 2: (4.0, 40.0), 3: (14.0, -75.0), 9: (1.3, 120.0)}
 
@@ -481,3 +488,64 @@ def four_points():
         },
         coords={"joint_angle_deg": [5.0, 10.0], "needle_count": [27, 40], "rotation_deg": np.arange(720.0)},
     )
+
+
+@pytest.mark.parametrize("drift", [3.0, -40.0])
+@pytest.mark.parametrize("step", [1.0, 2.7])
+def test_a_drift_adds_nothing_to_the_orders(drift, step):
+    """Exact with an even number of samples; regression: 3 N per revolution made the second order 45 % larger."""
+    rotation = np.arange(13.0, 7 * 360 + 100, step)
+    force = Recorder(KNOWN).thrust(rotation) + drift * rotation / 360
+    tracked = track_orders(rotation, force)
+    assert tracked.attrs["drift_n_per_revolution"] == pytest.approx(drift, rel=0.01)
+    error = np.abs(complex_of(tracked) - complex_orders(KNOWN))[:, 1:].max()
+    assert error < 1e-3 * abs(drift)
+    said = "\n".join(find_in_comparison(compare(Measurement(rotation, force, None, "zero"), model(), 0.0)))
+    assert f"The force drifts by {drift:g} N per revolution" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("samples", "pulses"), [(127.3, 1), (128.0, 1), (60.7, 4)])
+def test_phases_hold_the_truth_as_often_as_they_say(samples, pulses):
+    """Sampled edges: at least 90 % of the phases of orders 2, 3 and 9 lie within their 95 % intervals.
+
+    Regression: 50 to 75 %, since an edge between two samples is off by the same angle in every revolution.
+    """
+    rng, hits = np.random.default_rng(5), []
+    for _ in range(60):
+        start = rng.uniform(0, 360)
+        true = start + np.arange(0, 12 * 360, 360 / samples)
+        force = Recorder(KNOWN).thrust(true) + 0.2 * rng.standard_normal(true.size)
+        tacho = (np.mod(true * pulses, 360) < 180).astype(float)
+        got = rotation_from_tachometer(true / 3600, tacho, force, pulses)
+        first = 360 / pulses * np.ceil(start * pulses / 360)
+        result = compare(got, model(), reference_angle_deg=first)
+        near = np.abs(result["phase_difference_deg"]) <= result["phase_difference_uncertainty_deg"]
+        hits.append(near.sel(order=[2, 3, 9]).values)
+    assert np.mean(hits) >= 0.9
+
+
+@pytest.mark.parametrize("offset", [0.0, 40.0])
+def test_a_force_of_reversed_sign_is_noticed(offset):
+    """Fitted, by the second order, which then does not fit; with a reference angle, by the phase of the third."""
+    rotation = np.arange(0, 6 * 360, 1.5)
+    force = -Recorder(KNOWN, noise_n=0.0).thrust(rotation) + 0.1 * np.random.default_rng(1).standard_normal(
+        rotation.size
+    )
+    fitted = compare(Measurement(rotation - offset, force, None, "zero"), model())
+    assert "Check the sign of the force" in fitted.attrs["doubts"]
+    given = compare(Measurement(rotation, force, None, "zero"), model(), reference_angle_deg=0.0)
+    assert "Check the sign of the force and" in given.attrs["doubts"]
+    for reference in (None, 0.0):
+        assert "sign" not in compare(Measurement(rotation, -force, None, "zero"), model(), reference).attrs["doubts"]
+
+
+def test_an_encoder_out_of_centre_is_noticed():
+    """Published order: 3 x 1 deg / 2 of 14 N and 9 x 1 deg / 2 of 1.3 N beside them: 0.37 N at orders 2 and 4."""
+    true = np.arange(0, 12 * 360, 1.0)
+    force = Recorder(KNOWN).thrust(true)
+    for swing in (0.0, 1.0):
+        angle = true + swing * np.sin(np.radians(true + 20))
+        doubts = compare(Measurement(angle, force, true / 3600, "zero"), model(), 0.0).attrs["doubts"]
+        assert ("by 1 deg once per revolution" in doubts) == bool(swing)
+        assert ("falsifies the order" in doubts) == bool(swing)

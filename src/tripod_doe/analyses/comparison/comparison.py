@@ -27,7 +27,7 @@ from tripod_doe.analyses.comparison.model_point import (
     orders_at_speeds,
 )
 from tripod_doe.analyses.comparison.order_tracking import CELLS, resample, track_orders
-from tripod_doe.analyses.comparison.plausibility import record_doubts
+from tripod_doe.analyses.comparison.plausibility import alignment_doubts, record_doubts
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
@@ -103,9 +103,11 @@ def compare(
 
     The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
     with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
-    of freedom. A model that is not periodic adds the difference between its last two revolutions,
-    thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's envelope is
-    |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
+    of freedom. The sampling of a tachometer may shift its edges by up to half a sample, in each revolution alike: with
+    a given reference angle, k times this angle is part of the uncertainty of the phase of order k. A model that is not
+    periodic adds the difference between its last two revolutions, thrust_amplitude_scatter, to the uncertainty of the
+    difference as the root of squares. The beat's envelope is |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper
+    3.3).
 
     Parameters
     ----------
@@ -163,7 +165,8 @@ def compare(
         each = each - models + model
     factor = float(stdtrit(each.shape[0] - 1, (1 + confidence) / 2)) / np.sqrt(each.shape[0])
     scatter = model_scatter(point)
-    variables = _order_variables(each, model, scatter, factor)
+    shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
+    variables = _order_variables(each, model, scatter, factor, shared)
     compared = _within(measurement, chosen["revolution"].values)
     variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
     attrs = _provenance(measurement, point) | {
@@ -171,7 +174,9 @@ def compare(
         "shift_deg": shift,
         "confidence_level": confidence,
         "revolutions_compared": each.shape[0],
-        "doubts": "\n".join(record_doubts(measurement, model)),
+        "doubts": "\n".join(
+            [*record_doubts(measurement, model), *alignment_doubts(measurement, each, model, reference_angle_deg)]
+        ),
     }
     rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
     return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
@@ -235,7 +240,9 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
     )
 
 
-def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArray, factor: float) -> dict[str, Any]:
+def _order_variables(
+    each: ComplexArray, model: ComplexArray, scatter: FloatArray, factor: float, angle_error_deg: float
+) -> dict[str, Any]:
     """Amplitudes, phases and differences with their uncertainties, over ``order``."""
     mean = each.mean(axis=0)
     amplitude, phase = amplitude_and_phase(mean)
@@ -246,6 +253,7 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
     known &= amplitude > _NOTHING * amplitude.max()
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
     sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
+    sure = np.hypot(sure, ORDERS * angle_error_deg)
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference = np.round(difference, _DECIMALS) + 0.0
     difference[~(known & model_told)] = np.nan
@@ -257,7 +265,7 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
         "amplitude_difference": (amplitude - model_amplitude, "N", "measured minus model amplitude"),
         "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
         "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
-        "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from the scatter between revolutions"),
+        "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from scatter and sampled tachometer edges"),
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
         "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),

@@ -44,6 +44,8 @@ class Measurement:
     digest: str = ""
     # in words, which headings of the file were taken for which columns; empty where they are named as ours
     columns: str = ""
+    # largest error of the angle that may be the same in all revolutions, deg
+    angle_error_deg: float = 0.0
     # rising edges of the tachometer per revolution that were given; None with an angle of its own
     pulses_per_revolution: int | None = None
 
@@ -187,6 +189,7 @@ def rotation_from_tachometer(
         zero,
         lost_samples,
         lost_pulses,
+        angle_error_deg=float(np.median(np.diff(rotation))) / 2,
         pulses_per_revolution=pulses_per_revolution,
     )
 

@@ -1,4 +1,4 @@
-"""What is probably wrong where a record and a model hardly agree: pulses per revolution, units of angle and force.
+"""What is probably wrong where a record and a model hardly agree: pulses, units, sign of the force, eccentric encoder.
 
 Such a mistake gives a smooth answer: amplitudes and phases of the wrong orders, or a force of another unit.
 """
@@ -17,6 +17,9 @@ _FEWEST_CYCLES = 3  # of an oscillation in the record, below which it may be dri
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
 _DEAD = 1e-6  # part of the model's strongest order below which a record does not oscillate
 _NEAR = 0.04  # relative: how near a ratio must be to the one that explains it
+_REVERSED = 0.6  # part of the difference that is left with the sign of the force reversed, below which it is doubted
+_OPPOSITE = 30.0  # deg: how near half a turn the phase of the third order is where sign or reference angle is doubted
+_SIDEBAND = 0.02  # part of the largest order by which an eccentric encoder may falsify another without a word
 _THOUSAND = (300.0, 3000.0)  # a measurement and a model of the same joint differ by less
 
 
@@ -53,6 +56,79 @@ def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
             f"{unit}; write the unit into the heading, for instance thrust [{unit}]."
         )
     return doubts
+
+
+def alignment_doubts(
+    measurement: Measurement, each: ComplexArray, model: ComplexArray, reference_angle_deg: float | None
+) -> list[str]:
+    """Sentences on a sign of the force, a reference angle or an encoder that does not fit.
+
+    Parameters
+    ----------
+    measurement
+        Thrust force over the rotation angle.
+    each
+        Complex amplitudes of each revolution of the record, aligned with the model, shape (revolution, order).
+    model
+        Those of the model, shape (order,).
+    reference_angle_deg
+        The reference angle, None where the record was aligned by its third order.
+    """
+    return _encoder_doubts(measurement, each) + _sign_doubts(each, model, reference_angle_deg)
+
+
+def _sign_doubts(each: ComplexArray, model: ComplexArray, reference_angle_deg: float | None) -> list[str]:
+    measured, noise = each.mean(axis=0), each.std(axis=0).sum() / np.sqrt(len(each))
+    if not (abs(model[3]) and abs(measured[3]) > noise):
+        return []
+    if reference_angle_deg is not None:
+        apart = abs(float(np.degrees(np.angle(measured[3] / model[3]))))
+        if apart < 180 - _OPPOSITE:
+            return []
+        return [
+            f"Check the sign of the force and {option('reference_angle', reference_angle_deg)}: the measured third "
+            f"order is {number(apart)} deg out of phase with the model's."
+        ]
+    as_given = _difference(measured, model)
+    turns = (np.exp(1j * np.radians(angle) * np.arange(model.size)) for angle in (60, 180, -60))
+    reversed_sign = min(_difference(-measured * turn, model) for turn in turns)
+    if reversed_sign < _REVERSED * as_given and as_given - reversed_sign > 2 * noise:
+        return ["Check the sign of the force: with the sign reversed, the record agrees better with the model."]
+    return []
+
+
+def _difference(measured: ComplexArray, model: ComplexArray) -> float:
+    return float(np.abs(measured - model).sum())
+
+
+def _eccentricity(measurement: Measurement) -> float:
+    """How far the angle runs ahead and behind once per revolution of even turning, deg; 0 where no time is known."""
+    angle, time = measurement.rotation_deg, measurement.time_s
+    turns = np.arange(np.ceil(angle[0] / 360), angle[-1] / 360) * 360
+    if time is None or turns.size < _FEWEST_CYCLES:
+        return 0.0
+    from scipy.interpolate import CubicSpline
+
+    even = CubicSpline(np.interp(turns, angle, time), turns)
+    within = (angle >= turns[0]) & (angle < turns[-1])
+    wave = np.exp(-1j * np.radians(angle[within]))
+    return float(2 * np.abs(((angle[within] - even(time[within])) * wave).mean()))
+
+
+def _encoder_doubts(measurement: Measurement, each: ComplexArray) -> list[str]:
+    """What an encoder out of centre adds to an order: k a / 2 times order k, at its neighbours k - 1 and k + 1."""
+    swing = _eccentricity(measurement)
+    amplitude = np.abs(each.mean(axis=0))
+    sides = np.radians(swing) / 2 * np.arange(amplitude.size) * amplitude
+    wrong = np.append(sides[1:], 0.0) + np.append(0.0, sides[:-1])
+    wrong[0] = 0.0
+    order = int(np.argmax(wrong))
+    if not wrong[order] > _SIDEBAND * amplitude[1:].max():
+        return []
+    return [
+        f"Check the encoder: its angle runs ahead and behind by {number(swing, 2)} deg once per revolution. If the "
+        f"shaft turned evenly, this falsifies the order {order} by up to {number(float(wrong[order]), 2)} N."
+    ]
 
 
 def _angle_doubts(measurement: Measurement, strongest: float, order: int) -> list[str]:

@@ -31,6 +31,7 @@ _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
 _MOST_DECIMALS = 6
 _CONSTANT = 0.05  # percent about its mean below which no beat can be seen
 _NOTHING = 1e-9  # part of the largest below which a number is rounding
+_DRIFT = 0.02  # of the force per revolution, over the largest order, from which the reader should know
 _SPEED_APART = 0.05  # relative difference of speeds from which the reader should know
 
 
@@ -123,6 +124,11 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
     if "model_error" in attrs:
         off = number(100 * attrs["model_error"], 2)
         sentences.append(f"Model {attrs['model']}: typical error of the third order {off} % against the finest model.")
+    drift = attrs.get("drift_n_per_revolution", 0.0)
+    if abs(drift) > _DRIFT * float(comparison["measured_amplitude"][1:].max()):
+        sentences.append(
+            f"The force drifts by {number(drift, 2)} N per revolution; what this adds to the orders is subtracted."
+        )
     if attrs.get("columns"):
         sentences.append(f"Columns: {attrs['columns']}.")
     lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]
