@@ -50,6 +50,54 @@ def test_proportion_is_distinguished_from_a_straight_line(make_cube):
     assert any("y increases with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
 
 
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([9.5, 44.0, 66.0, 87.0, 109.0, 131.0, 152.0], "y increases with x"),
+        ([21.0, 44.0, 66.0, 87.0, 109.0, 131.0, 152.0], "y is nearly proportional to x: 109 per 10 (2 to 14, "),
+        ([1.0, 1.000001, 1.00002], "from 1 (at 2) to 1.00002 (at 6)"),
+    ],
+)
+def test_a_proportion_holds_at_each_level(make_cube, values, said):
+    """Regression: "nearly proportional, 10.9 N per deg" with 9.5 N at 2 deg; "decreases from 113 N to 113 N"."""
+    cube = make_cube(LINE.format(offset=0).replace("[1, 2, 3, 4]", str([2 * at + 2 for at in range(len(values))])))
+    cube["y"] = cube["y"] * 0 + xr.DataArray(np.array(values), dims="x")
+    assert any(said in s for s in find(cube)), find(cube)
+
+
+def test_drive_is_compared_with_coast(make_cube):
+    """Exact: |x - 0.6 |x|| / 10 is 1.6 at 1 and 0.4 at -1 of the same size: four times."""
+    cube = make_cube(SIZES.format(values=[-450, -150, 150, 450], bend=0.5))
+    x = cube["x"]
+    cube["y"] = cube["y"] * 0 + np.abs(x) * (1 + 0.6 * np.sign(x))
+    assert any("; at 450 it is 4 times as large as at -450" in s for s in find(cube)), find(cube)
+
+
+def test_means_of_models_are_listed_where_an_error_may_hide_their_difference(make_cube):
+    """Regression: "does not depend on model beyond its numerical error": 0, 1.57, 0.03 N, two without an error."""
+    cube = make_cube(LINE.format(offset=0)).assign_coords(z=["equilibrium", "rollers"])
+    means = xr.DataArray([0.25, 1.57], dims="z")
+    cube["y"] = cube["y"] * 0 + means + 4 * (cube["x"] == 1) * xr.DataArray([1, -1], dims="z")
+    (response,) = (replace(each, error=5.0) for each in responses(cube))
+    said = [s for s in find_effects(response, cube, effects_on(response, cube)) if s.startswith("Over z")]
+    assert said
+    assert (
+        "the mean of y is 1.25 (equilibrium) and 0.57 (rollers), averaged over x; the largest numerical error"
+        in said[0]
+    )
+
+
+def test_a_small_effect_is_compared_with_the_value_there_as_well(make_cube):
+    """Regression: "change the third order by at most 4 % of its range" where they change it by 58 % at a small angle."""
+    cube = make_cube(SIZES.format(values=[2, 8, 14], bend=0.5))
+    cube["y"] = cube["y"] * 0 + cube["x"] ** 2 + 2 * (cube["z"] > 0)
+    said = [s for s in find(cube) if s.startswith("z ")]
+    assert said == [
+        "z changes y by at most 2 % of its range, and by up to 34 % of its value there, at any setting of the other "
+        "factors that was computed."
+    ]
+
+
 SIGNS = """
 [study]
 name = "signs"

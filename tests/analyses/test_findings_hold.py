@@ -217,6 +217,14 @@ def check_curve(sentence: str, truth: Truth, at: int) -> None:
         return
     curve = truth.mean_curve(at)
     step, small = np.diff(curve), 2e-9 * np.abs(truth.values).max()
+    if against := re.search(rf"; at ({NUMBER}) it is ({NUMBER}) times as large as at ({NUMBER})", sentence):
+        levels = np.unique(truth.points[np.isfinite(truth.values), at])
+        more, times, less = map(float, against.groups())
+        assert (more, less) in ((levels[0], levels[-1]), (levels[-1], levels[0]))
+        assert curve[levels == more] / curve[levels == less] == pytest.approx(times, rel=0.06)
+    if slope := re.search(rf"proportional to \w+: ({NUMBER})", sentence):
+        line = float(slope[1]) * np.unique(truth.points[np.isfinite(truth.values), at])
+        assert (np.abs(curve - line) <= 0.11 * np.abs(line) + 0.021 * np.abs(curve).max() * (line == 0)).all()
     if re.search(r"increases|(?<!-)\bproportional to \w+: (?!-)", sentence):
         assert (step >= -small).all()
     elif re.search(r"decreases|proportional to \w+: -", sentence):
@@ -236,6 +244,12 @@ def check_curve(sentence: str, truth: Truth, at: int) -> None:
         assert (np.diff(turned[: bottom + 1]) <= small).all()
         assert (np.diff(turned[bottom:]) >= -small).all()
         assert 0 < bottom < curve.size - 1
+        said = re.search(rf"(?:smallest|largest), ({NUMBER})(?: to ({NUMBER}))?, at", sentence)
+        assert turned.min() == pytest.approx(
+            min(float(each) * (1 if "smallest" in sentence else -1) for each in said.groups() if each),
+            rel=6e-3,
+            abs=1e-8,
+        )
         assert ("symmetrically" in sentence) <= np.allclose(curve, curve[::-1], atol=0.0101 * np.ptp(curve))
     elif "rises and falls" in sentence:
         assert step.max() > small

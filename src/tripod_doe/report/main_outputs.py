@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of, number, with_unit
+from tripod_doe.quantities import count_of, digits_apart, number, with_unit
 from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
+_MOST_DIGITS = 6
 _UNNAMED = "the output"  # of a result that does not say what it was made of
 
 
@@ -70,14 +71,16 @@ def quantile_text(answers: xr.Dataset, unit: str) -> str:
     for probability in answers["probability"].values:
         at = answers.sel(probability=probability)
         low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
-        text.append(f"{100 * probability:g} % below {with_unit(number(value), unit)} ({_bounds(low, high)})")
+        digits = min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite(low) and np.isfinite(high) else 3
+        shown = with_unit(number(value, digits), unit)
+        text.append(f"{100 * probability:g} % below {shown} ({_bounds(low, high, digits)})")
     return ", ".join(text)
 
 
-def _bounds(low: float, high: float) -> str:
+def _bounds(low: float, high: float, digits: int) -> str:
     """What the points say of where a quantile lies."""
     if np.isfinite(low) and np.isfinite(high):
-        return f"{number(low)} to {number(high)}"
+        return f"{number(low, digits)} to {number(high, digits)}"
     if np.isfinite(low):
         return f"at least {number(low)}"
     return f"at most {number(high)}" if np.isfinite(high) else "too few points for an interval"

@@ -65,6 +65,8 @@ class Comparison:
     several: IntArray  # numbers of the settings at which there are at least two levels
     steps: FloatArray  # changes from each level to the next one that there is, over all settings, shape (pair,)
     largest: float  # largest change at one setting; 0 where no two points can be compared
+    # the largest change over the value there, of settings where the response is not nearly zero
+    relative: float
 
 
 def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) -> Comparison:
@@ -84,17 +86,21 @@ def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) ->
     whole, several = count == levels, count > 1
     rows = start[whole][:, None] + np.arange(levels)
     same = np.diff(cells // levels) == 0
-    spread = np.maximum.reduceat(mean, start) - np.minimum.reduceat(mean, start)
+    high, low = np.maximum.reduceat(mean, start), np.minimum.reduceat(mean, start)
+    spread, size = high - low, np.maximum(np.abs(high), np.abs(low))
+    seen = size > _NEARLY_ZERO * size.max(initial=0.0)
     return Comparison(
         curves=mean[rows] if levels > 1 else np.empty((0, 1)),
         whole=owner[whole & several],
         several=owner[several],
         steps=np.diff(mean)[same],
         largest=float(spread.max()),
+        relative=float((spread[seen] / size[seen]).max(initial=0.0)),
     )
 
 
 _MOST_ROWS = 4096  # points of a regression: more make its intervals narrower than anybody needs
+_NEARLY_ZERO = 1e-3  # part of the largest value below which a change is not compared with the value itself
 _ROUNDING = 1e-9  # part of the largest value within which two values are the same
 
 
@@ -120,7 +126,9 @@ class FactorEffect:
     level: Column = field(default_factory=lambda: np.empty(0))
     mean: FloatArray = field(default_factory=lambda: np.empty(0))
     error: float = 0.0  # difference up to which two values of the curve count as equal
-    largest: float = np.nan  # largest change at one setting of the others; NaN for a regression
+    # largest, relative: largest change at one setting of the others, and over the value there; NaN for a regression
+    largest: float = np.nan
+    relative: float = np.nan
     # settings, of_settings: settings of the others that were used, and at which there are at least two levels. For
     # steps: pairs. For a regression: points.
     settings: int = 0
@@ -216,6 +224,7 @@ def _by_curves(
         mean,
         error,
         compared.largest,
+        compared.relative,
         compared.whole.size,
         compared.several.size,
         int((curve_shapes(compared.curves, error) == shape).sum()),
@@ -234,6 +243,7 @@ def _by_steps(
         Ground.STEPS,
         error=error,
         largest=compared.largest,
+        relative=compared.relative,
         settings=compared.steps.size,
         of_settings=compared.steps.size,
         rising=int((compared.steps > error).sum()),

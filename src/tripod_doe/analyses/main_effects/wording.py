@@ -13,14 +13,19 @@ from tripod_doe.analyses.main_effects.curve_shape import Shape, extreme_levels, 
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.array_types import FloatArray
-from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
+from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, with_unit
 from tripod_doe.report.responses import Response, factor_label, factor_text, factor_unit, listed
 
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
 _INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
 _EXACT = 0.9999  # R^2 above which no difference from it can be seen
-_THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
+_THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it may be a proportion
+_PROPORTIONAL = 0.1  # part of a proportion by which no value may differ from it
+_OF_VALUE = 2.0  # change in parts of the value there, over that in parts of the range, that is worth a remark
+_SIDES = 1.2  # ratio of the values at both signs of a level from which it is stated
+_MOST_DIGITS = 6
+_MOST_LEVELS = 6  # of a factor with words, whose means a sentence can list
 _MANIFOLD = 2.0  # change at a single setting, over the mean change, that is worth a remark
 _MOST_UNSEEN = 8  # factors without a visible effect that a sentence names
 _MOST_HELD = 3  # values of other factors that a sentence can list
@@ -42,6 +47,13 @@ def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
     if 0 in levels or not levels[0] < 0 < levels[-1]:
         return False
     return bool(np.isin(extreme, (levels[levels < 0].max(), levels[levels > 0].min())).all())
+
+
+def _is_proportion(levels: FloatArray, curve: FloatArray, slope: float) -> bool:
+    """Whether every value is nearly that of a straight line through zero."""
+    line, apart = slope * levels, _THROUGH_ZERO * np.abs(curve).max()
+    near = np.where(levels == 0, np.abs(curve) <= apart, np.abs(curve - line) <= _PROPORTIONAL * np.abs(line))
+    return bool(near.all())
 
 
 def _capital(text: str) -> str:
@@ -83,7 +95,19 @@ class EffectWording:
             Shape.PEAK: self._optimum,
             Shape.MIXED: self._mixed,
         }[effect.shape](effect)
-        return f"{text}{self._alike(effect)}."
+        return f"{text}{self._against(effect)}{self._alike(effect)}."
+
+    def _against(self, effect: FactorEffect) -> str:
+        """How the values at both signs of the outermost level compare, as those of drive and coast."""
+        levels, curve = effect.level.astype(float), effect.mean
+        if not np.isclose(levels[0], -levels[-1]) or not curve[[0, -1]].min() > _INVISIBLE * curve.max():
+            return ""
+        more, less = (0, -1) if curve[0] > curve[-1] else (-1, 0)
+        ratio = float(curve[more] / curve[less])
+        if ratio < _SIDES or abs(float(curve[more] - curve[less])) <= effect.error:
+            return ""
+        larger, smaller = (self.at(effect, levels[at].item()) for at in (more, less))
+        return f"; at {larger} it is {number(ratio, 2)} times as large as at {smaller}"
 
     def _signed(self, effect: FactorEffect) -> str:
         """A factor whose value grows or falls: where it is negative, that is not its size, as the torque of coast."""
@@ -92,16 +116,17 @@ class EffectWording:
     def _is_signed(self, effect: FactorEffect) -> bool:
         return bool((self.cube[effect.factor].values < 0).any())
 
-    def value(self, value: float) -> str:
+    def value(self, value: float, digits: int = 3) -> str:
         """A value of the response with its unit; rounding errors are zero."""
         rounding = _INVISIBLE * float(np.nanmax(np.abs(self.response.values.values)))
-        return with_unit(number(0.0 if abs(value) <= rounding else value), self.response.unit)
+        return with_unit(number(0.0 if abs(value) <= rounding else value, digits), self.response.unit)
 
     def at(self, effect: FactorEffect, value: object) -> str:
         """A level of a factor with its unit; a mean of a class is rounded."""
         if not isinstance(value, int | float):
             return "none" if value == "nan" else str(value)  # a column with open fields
-        text = number(value) if effect.ground is Ground.REGRESSION else level(value)
+        digits = min(digits_apart(float(effect.level.min()), float(effect.level.max())), _MOST_DIGITS)
+        text = number(value, digits) if effect.ground is Ground.REGRESSION else level(value)
         return with_unit(text, factor_unit(self.cube, effect.factor))
 
     def where(self, effect: FactorEffect) -> str:
@@ -116,7 +141,8 @@ class EffectWording:
         if effect.settings < effect.of_settings:
             parts.append(f"over the {effect.settings:,} of {effect.of_settings:,} settings that have all levels")
         if effect.ground is Ground.REGRESSION:
-            parts.append(f"means of {effect.mean.size} classes, +- {number(effect.error, 2)}")
+            each = with_unit(number(effect.error, 2), self.response.unit)
+            parts.append(f"means of {effect.mean.size} classes, each +- {each}")
         return "".join(f", {part}" for part in parts)
 
     def _held(self, effect: FactorEffect) -> str:
@@ -143,6 +169,7 @@ class EffectWording:
         label, own = factor_label(self.cube, effect.factor), factor_unit(self.cube, effect.factor)
         verb = "increases" if effect.shape is Shape.RISING else "decreases"
         slope, offset = np.polyfit(levels, curve, 1)
+        through = float(levels @ curve) / float(levels @ levels)
         rest = curve - (slope * levels + offset)
         straight = 1 - float(rest @ rest) / float(((curve - curve.mean()) ** 2).sum())
         if straight < _STRAIGHT or levels.size < 3:
@@ -154,9 +181,10 @@ class EffectWording:
         written = number if effect.ground is Ground.REGRESSION else level
         over = with_unit(f"{written(float(levels[0]))} to {written(float(levels[-1]))}", own) + self.where(effect)
         exact = straight > _EXACT
-        fit = f"R2 > {_EXACT}" if exact else f"R2 = {math.floor(straight * 1e4) / 1e4:.4f}"
-        if abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max()):
-            per = f"{self.value(slope * step)} per {own or number(step)}"
+        fit = "R2 of these means" if effect.ground is Ground.REGRESSION else "R2"
+        fit += f" > {_EXACT}" if exact else f" = {math.floor(straight * 1e4) / 1e4:.4f}"
+        if abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max()) and _is_proportion(levels, curve, through):
+            per = f"{self.value(through * step)} per {own or number(step)}"
             return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
         per = f"{self.value(abs(slope) * step)} per {own or number(step)}"
         return f"{self.start} {verb} with {self._signed(effect)} by {per} ({over}; straight line with {fit})"
@@ -167,10 +195,11 @@ class EffectWording:
         if effect.ground is Ground.CURVES and effect.shape is Shape.VALLEY and _about_zero(levels, inside):
             return self._from_zero(effect)
         best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
-        extreme = float(curve.max() if effect.shape is Shape.PEAK else curve.min())
         spot = " to ".join(dict.fromkeys(self.at(effect, end.item()) for end in (inside[0], inside[-1])))
+        within = curve[(levels >= inside[0]) & (levels <= inside[-1])]
+        value = " to ".join(dict.fromkeys((self.value(float(within.min())), self.value(float(within.max())))))
         label = factor_label(self.cube, effect.factor)
-        head = f"Over {label}, {self.name} is {best}, {self.value(extreme)}, at {spot} and {verb} to both sides"
+        head = f"Over {label}, {self.name} is {best}, {value}, at {spot} and {verb} to both sides"
         middle = mirror_level(levels, curve, effect.error)
         if middle is not None:
             far = f"{self.value(float(curve[[0, -1]].mean()))} at {self.at(effect, levels[0].item())} and "
@@ -204,18 +233,35 @@ class EffectWording:
     def _extremes(self, effect: FactorEffect) -> list[str]:
         """Smallest and largest value of the mean curve, with their levels."""
         by = "at " if effect.numeric else ""
+        ends = int(np.argmin(effect.mean)), int(np.argmax(effect.mean))
+        least, most = (float(effect.mean[at]) for at in ends)
+        digits = min(digits_apart(least, most), _MOST_DIGITS)
         return [
-            f"{self.value(float(effect.mean[at]))} ({by}{self.at(effect, effect.level[at].item())})"
-            for at in (int(np.argmin(effect.mean)), int(np.argmax(effect.mean)))
+            f"{self.value(float(effect.mean[at]), digits)} ({by}{self.at(effect, effect.level[at].item())})"
+            for at in ends
         ]
 
     def _words(self, effect: FactorEffect) -> str:
         """A factor without an order, such as the model, or with one value of each sign: nothing is known between."""
         if effect.shape is Shape.NONE:
-            return f"{self._flat(effect)}."
+            return f"{self._flat(effect) if effect.rise <= self._rounding else self._means(effect)}."
         least, most = self._extremes(effect)
         label = factor_label(self.cube, effect.factor)
-        return f"Over {label}, {self.name} lies between {least} and {most}{self.where(effect)}{self._alike(effect)}."
+        rest = f"{self._against(effect) if effect.numeric else ''}{self._alike(effect)}"
+        return f"Over {label}, {self.name} lies between {least} and {most}{self.where(effect)}{rest}."
+
+    def _means(self, effect: FactorEffect) -> str:
+        """Means within the error of one another, which may be known for some of the words only, as for models."""
+        if effect.mean.size > _MOST_LEVELS:
+            text = " to ".join(self._extremes(effect))
+        else:
+            values = zip(effect.mean.tolist(), effect.level.tolist(), strict=True)
+            text = listed([f"{self.value(mean)} ({self.at(effect, word)})" for mean, word in values])
+        return (
+            f"Over {factor_label(self.cube, effect.factor)}, the mean of {self.name} is {text}{self.where(effect)}; "
+            f"the largest numerical error that is known is {self.value(effect.error)}; at single settings of the other "
+            f"factors the change reaches {self.value(effect.largest)}"
+        )
 
     def _flat(self, effect: FactorEffect) -> str:
         """No effect in the mean although single settings change: an interaction."""
@@ -287,6 +333,9 @@ class EffectWording:
             verb = f"{'have' if several else 'has'} no effect on {self.name}"
         else:
             bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
+            local = max(effect.relative for effect in effects)
+            if local > _OF_VALUE * largest / self.span:
+                bound += f", and by up to {rounded_up(100 * local, 2)} % of its value there"
             bound += ", not beyond its numerical error" * (largest <= max(effect.error for effect in effects))
             verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"
         return f"{head} {verb}{self._everywhere(effects)}."
