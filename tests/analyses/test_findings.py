@@ -36,6 +36,16 @@ def test_dominant_order_is_that_of_the_cube(grid_cube):
     assert f"ninth order with {float(mean.sel(order=9)):.3g} N" in first
 
 
+def test_a_mean_over_models_is_that_of_no_joint(grid_cube):
+    """Regression: "117 N on average over the study" of six points of one model and six of another."""
+    both = xr.concat([grid_cube, grid_cube], "model", data_vars="all", combine_attrs="override")
+    both = both.assign_coords(model=["equilibrium", "rollers"])
+    factor = xr.DataArray([1.0, 2.0], dims="model")
+    both["thrust_amplitude"] = both["thrust_amplitude"] * factor
+    mean = float(grid_cube["thrust_amplitude"].sel(order=3).mean())
+    assert f"{mean:.3g} to {2 * mean:.3g} N on average over the study, depending on the model" in find(both)[0]
+
+
 def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
     mean = grid_cube["thrust_amplitude"].sel(order=3).mean("torque_n_m")
     slope = np.polyfit(grid_cube["joint_angle_deg"], mean, 1)[0]

@@ -46,6 +46,13 @@ def test_flips_are_refused_or_harmless(benchmark, capsys):
     assert capsys.readouterr().out.count("run again: as before") == 5
 
 
+def test_intervals_of_all_kinds_are_counted(benchmark, capsys):
+    benchmark("coverage").main(["--seeds", "2"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) >= 16
+    assert all(" % of " in line for line in lines)
+
+
 def test_hostile_files_and_flags_end_in_messages(benchmark, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # it goes elsewhere
     monkeypatch.setattr(sys, "argv", ["gauntlet_cli.py", "--texts", "60"])

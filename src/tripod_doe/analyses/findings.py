@@ -34,6 +34,7 @@ from tripod_doe.simulator import Outcome
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
+_MOST_DIGITS = 6
 _MOST_NAMED = 3  # factors by which a point can be named
 
 
@@ -168,14 +169,31 @@ def _dominant_order(cube: xr.Dataset) -> str:
     if float(mean.sel(order=first)) == 0:
         return "The thrust force has no rotating order: all amplitudes are zero."
     over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
+    size, models = number(float(mean.sel(order=first))), _by_model(amplitude.sel(order=first))
+    if len(models) > 1:  # a mean over models is that of no joint
+        least, most = min(models.values()), max(models.values())
+        digits = min(digits_apart(least, most), _MOST_DIGITS)
+        size, over = f"{number(least, digits)} to {number(most, digits)}", f"{over}, depending on the model"
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
     beyond = rotating.max("order") - rotating.sel(order=first)
     other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
     text = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
     return (
-        f"The {ORDINALS[first]} of the thrust force is the largest: {number(float(mean.sel(order=first)))} N{over}; "
+        f"The {ORDINALS[first]} of the thrust force is the largest: {size} N{over}; "
         f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{text}."
     )
+
+
+def _by_model(amplitude: xr.DataArray) -> dict[str, float]:
+    """The mean amplitude with each model, empty where the study has one."""
+    if "model" not in amplitude.coords or amplitude["model"].ndim == 0:
+        return {}
+    means = amplitude.groupby("model").mean(...)
+    return {
+        str(name): float(value)
+        for name, value in zip(means["model"].values, means.values, strict=True)
+        if value == value
+    }
 
 
 def _left_over(cube: xr.Dataset) -> xr.DataArray:

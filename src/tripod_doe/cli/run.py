@@ -14,11 +14,11 @@ from tripod_doe.quantities import count_of, duration, pace
 
 
 def _seconds(text: str) -> float:
-    """A time such as ``90``, ``30s``, ``10min`` or ``2h``."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)?", text)
+    """A time such as ``90``, ``30s``, ``10min``, ``10m`` or ``2h``."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|m|min|h|d)?", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r}: write a time such as 90, 30s, 10min or 2h")
-    return float(match[1]) * {None: 1, "s": 1, "min": 60, "h": 3600, "d": 86400}[match[2]]
+    return float(match[1]) * {None: 1, "s": 1, "m": 60, "min": 60, "h": 3600, "d": 86400}[match[2]]
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:

@@ -71,6 +71,7 @@
     return Math.sqrt(rows.reduce(function (sum, n) { return sum + values[n] * values[n]; }, 0) / rows.length);
   }
   function amount(quantity, found) {
+    if (quantity.wraps) return 180 - ((180 - found[quantity.parts[0]]) % 360 + 360) % 360;
     return quantity.parts.length === 1 ? found[quantity.parts[0]] : Math.hypot(found[quantity.parts[0]], found[quantity.parts[1]]);
   }
   function text(value, digits) {

@@ -461,6 +461,23 @@ def test_files_that_are_no_tables_are_refused(tmp_path):
         track(read_measurement(tmp_path / "few.csv"))
 
 
+def test_a_file_is_read_and_a_path_is_no_point(measure, tmp_path):
+    """Regression: "'str' object has no attribute 'rotation_deg'"."""
+    measure(Recorder(KNOWN), columns=("rotation_deg", "thrust_n"))
+    third = compare(str(tmp_path / "m.csv"), model(), 0.0).sel(order=3)
+    assert float(third["amplitude_difference"]) == pytest.approx(0, abs=1e-3)
+    with pytest.raises(td.InputError, match=r"point: str is no point of a cube"):
+        compare(tmp_path / "m.csv", "cube.nc")
+
+
+def test_speeds_outside_of_the_model_are_named(measure):
+    """Regression: "speeds from 1000 to 350.35 rpm"."""
+    speeds = [100.0, 200.0, 350.0]
+    points = over_speed(speeds, lambda speed: KNOWN)
+    with pytest.raises(td.InputError, match=r"1000:2000'?: the model has no point at such a speed"):
+        compare(measure(Recorder(KNOWN, rpm=(200, 300))), points, 0.0, speeds_rpm=(1000, 2000))
+
+
 def test_one_point_must_be_chosen(four_points):
     point = model_point(four_points, ["joint_angle_deg=10", "needle_count=27"])
     assert float(point["joint_angle_deg"]) == 10

@@ -88,6 +88,31 @@ def test_a_single_number_has_its_part_of_a_page():
     assert value == pytest.approx(100, rel=0.01)
 
 
+def test_a_phase_and_an_amplitude_stay_what_they_are():
+    """Regression: "thrust phase -221 deg", and "second order below -0.624 N in 5 %" of an amplitude."""
+    text = TEXT + "samples = 60\nseed = 1\n"
+    columns = make_points(parse_study(text)).columns
+    phase = 180 - (180 - (170 + 3 * (columns["joint_angle_deg"] - 8))) % 360
+    cube = xr.Dataset(
+        {
+            "thrust_phase_deg": ("point", phase, {"units": "degree", "wraps_at": "+-180 degree"}),
+            "outcome": ("point", np.full(60, Outcome.FINISHED, np.int8)),
+        },
+        coords={name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
+    result = surrogate(cube, SurrogateSettings(outputs=["thrust_phase_deg"]))
+    (page,) = what_if_pages({"surrogate": result})
+    ends = page.quantities[0].placed(np.array([-221.0, 139.0, 190.0]))
+    assert ends.tolist() == [139.0, 139.0, -170.0]
+    for angle in (6.0, 8.0, 12.0):
+        ((value, _),) = page.at(joint_angle_deg=angle, torque_n_m=50.0, model="equilibrium")
+        assert (value - 170 - 3 * (angle - 8) + 180) % 360 - 180 == pytest.approx(0, abs=0.5)
+        assert -180 < value <= 180
+    (_, waves) = learnt(40, wiggle=2.0)
+    assert (waves.quantities[0].placed(np.array([-0.6, 1.0])) >= 0).all()
+
+
 @pytest.mark.slow
 def test_bands_hold_most_unseen_points():
     """Of 400 other points 90 to 99 % lie within the band, where the surrogate misses what wiggles."""

@@ -19,7 +19,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
     ("text", "message"),
     [
         ("[study", "not valid TOML"),
-        ("[base]\n", r"study is missing"),
+        ("[base]\n", r"my.toml: the file: table \[study\] is missing"),
         ('[study]\nname="a"\nscene="joynt"', "did you mean 'joint'"),
         ('[study]\nname="a"\nquestoin="?"', r"\[study\]: unknown key 'questoin'; did you mean 'question'"),
         ('[study]\nname="a"\nfunction="math"', "package.module:function"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def parse_speeds(text: str | None) -> tuple[float, float] | None:
 
 @makes_kind("comparison")
 def compare(
-    measurement: Measurement,
+    measurement: Measurement | str | Path,
     point: xr.Dataset,
     reference_angle_deg: float | None = None,
     speeds_rpm: tuple[float, float] | None = None,
@@ -112,7 +113,7 @@ def compare(
     Parameters
     ----------
     measurement
-        Thrust force over the rotation angle.
+        Thrust force over the rotation angle, or its file, see `read_measurement`.
     point
         One point of a cube, or points over speed, see `model_point`. Over speed, the model's complex amplitudes are
         interpolated to the speed of each revolution, and the uncertainty is that of the mean difference.
@@ -147,6 +148,12 @@ def compare(
     if reference_angle_deg is not None and not abs(reference_angle_deg) <= _LARGEST_ANGLE:
         given = option("reference_angle", reference_angle_deg)
         raise InputError(f"{given}: must be a finite angle within {_LARGEST_ANGLE:,.0f} degrees of 0")
+    if not isinstance(point, xr.Dataset):
+        raise InputError(
+            f"point: {type(point).__name__} is no point of a cube; choose one from td.open_cube(DIR) by isel"
+        )
+    if isinstance(measurement, str | Path):
+        measurement = read_measurement(measurement)
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     at_speed = orders_at_speeds(tracked, point)
     if at_speed is not None:
@@ -155,7 +162,7 @@ def compare(
             np.abs(at_speed),
             _attrs("N", "amplitude of the model at the speed of the revolution"),
         )
-    chosen = _of_speed(tracked, common_speeds(point, speeds_rpm))
+    chosen = _of_speed(tracked, common_speeds(point, speeds_rpm), speeds_rpm)
     each = complex_orders(chosen)
     models = None if at_speed is None else at_speed[np.isin(tracked["revolution"], chosen["revolution"])]
     model = model_orders(point) if models is None else models.mean(axis=0)
@@ -207,7 +214,8 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dataset:
+def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None, asked: tuple[float, float] | None) -> xr.Dataset:
+    """The revolutions whose speed is asked for and that of a point of the model."""
     if speeds is None:
         return tracked
     if "speed_rpm" not in tracked:
@@ -215,6 +223,10 @@ def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dat
     speed = tracked["speed_rpm"].values
     chosen = tracked.isel(revolution=np.flatnonzero((speed >= speeds[0]) & (speed <= speeds[1])))
     if chosen.sizes["revolution"] < 2:
+        if asked is not None and speeds[0] > speeds[1]:
+            raise InputError(
+                f"{option('speeds', f'{asked[0]:g}:{asked[1]:g}')}: the model has no point at such a speed"
+            )
         raise InputError(
             f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a "
             f"speed, two are needed; those of the record lie between {number(float(speed.min()), 4)} and "

@@ -44,7 +44,8 @@ def _quantiles(name: str, result: xr.Dataset) -> list[str]:
         if not page.surrogate.sampled:
             continue
         for each, values in zip(page.quantities, page.drawn(), strict=True):
-            low, middle, high = (number(float(value)) for value in np.quantile(values, (0.05, 0.5, 0.95)))
+            quantiles = each.placed(np.quantile(values, (0.05, 0.5, 0.95)))
+            low, middle, high = (number(float(value)) for value in quantiles)
             sentences.append(
                 f"By the surrogate, not by a model: {each.label} below {with_unit(low, each.unit)} in 5 %, below "
                 f"{with_unit(middle, each.unit)} in 50 % and below {with_unit(high, each.unit)} in 95 % of the cases "

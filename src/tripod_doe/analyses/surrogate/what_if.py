@@ -34,6 +34,7 @@ class Component:
     label: str  # of the output, or of the part of an order
     unit: str  # its unit
     order: int | None = None  # the order of which it is a part; None for other outputs
+    wraps: bool = False  # whether it is a phase
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
         "inputs": [[each.factor, each.low, each.high, each.word] for each in inputs],
         "factors": {name: _range(name, sample, cube) for name in sample.columns},
         "sampled": sample.design.kind in SAMPLED_DESIGNS and not sample.design.correlation,
-        "components": [[each.label, each.unit, each.order] for each in components],
+        "components": [[each.label, each.unit, each.order, each.wraps] for each in components],
     }
     data = {
         "exponents": (("what_if_term", "what_if_input"), learned.exponents),
@@ -149,7 +150,7 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
         unit = str(table.variable.attrs.get("units", "1"))
         labels = table.keys[1:] if len(table.keys) - 1 == table.values.shape[1] else _numbered(table)
         for at in np.flatnonzero(table.varies):
-            components.append(Component(labels[at], unit))
+            components.append(Component(labels[at], unit, wraps=table.wraps))
             columns.append(table.values[:, at] + table.centre[at])
     return components[:_MOST_COMPONENTS], np.stack(columns[:_MOST_COMPONENTS], axis=1)
 

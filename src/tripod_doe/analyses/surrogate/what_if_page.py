@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
+from tripod_doe.analyses.outputs import wrapped_phases
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import interval
@@ -43,8 +44,20 @@ class Quantity:
     errors: FloatArray
     factor: float  # half width of the band, over the root mean square of the errors at the nearest points
 
+    wraps: bool = False  # whether it is a phase
+
     def of(self, components: FloatArray) -> FloatArray:
-        """The number from predicted components, shape (point, component) -> (point,)."""
+        """The number from predicted components, shape (point, component) -> (point,); a phase from -180 to 180 deg."""
+        return self.placed(self.unwrapped(components))
+
+    def placed(self, numbers: FloatArray) -> FloatArray:
+        """Numbers as they are shown: amplitudes are not negative, phases lie between -180 and 180 deg."""
+        if len(self.parts) == 2:
+            return np.maximum(numbers, 0.0)
+        return wrapped_phases(numbers) if self.wraps else numbers
+
+    def unwrapped(self, components: FloatArray) -> FloatArray:
+        """The number, a phase beyond 180 deg where others lie near."""
         chosen = components[:, self.parts]
         number: FloatArray = chosen[:, 0] if len(self.parts) == 1 else np.hypot(chosen[:, 0], chosen[:, 1])
         return number
@@ -88,7 +101,7 @@ class WhatIfPage:
         rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
         columns = [places[rows[each.factor], at] for at, each in enumerate(self.surrogate.inputs)]
         components = self.surrogate.surrogates.predict(np.stack(columns, axis=1))
-        return [each.of(components) - random.choice(each.errors, _DRAWS) for each in self.quantities]
+        return [each.unwrapped(components) - random.choice(each.errors, _DRAWS) for each in self.quantities]
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:
@@ -134,6 +147,7 @@ class WhatIfPage:
                     "unit": each.unit,
                     "parts": each.parts,
                     "factor": each.factor,
+                    "wraps": each.wraps,
                     "largest": float(np.abs(each.values).max()),
                     "values": _bytes(each.values, np.float32),
                     "errors": _bytes(each.errors, np.float32),
@@ -204,10 +218,11 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
     quantities = []
     for parts, label, unit in choice:
         plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0)
-        known = plain.of(values)
-        error = plain.of(values + errors) - known
+        known = plain.unwrapped(values)
+        error = plain.unwrapped(values + errors) - known
         local = np.sqrt((error[near] ** 2).mean(axis=1))
-        quantities.append(Quantity(label, unit_text(unit), parts, known, error, _factor(np.abs(error), local)))
+        factor, wraps = _factor(np.abs(error), local), len(parts) == 1 and components[parts[0]].wraps
+        quantities.append(Quantity(label, unit_text(unit), parts, known, error, factor, wraps))
     return quantities
 
 

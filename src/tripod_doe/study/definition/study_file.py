@@ -311,7 +311,7 @@ def _complaint(item: ErrorDetails, known: Callable[[list[str]], Iterable[str]]) 
     if item["type"] == "extra_forbidden":
         return f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
     if item["type"] == "missing":
-        return f"{place}: {key} is missing"
+        return f"{place}: {key if where else f'table [{key}]'} is missing"
     if item["type"] == "literal_error":
         words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
         return f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
