@@ -47,7 +47,7 @@ def test_flips_are_refused_or_harmless(benchmark, capsys):
 
 
 def test_intervals_of_all_kinds_are_counted(benchmark, capsys):
-    benchmark("coverage").main(["--seeds", "2"])
+    benchmark("intervals").main(["--seeds", "2"])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) >= 16
     assert all(" % of " in line for line in lines)

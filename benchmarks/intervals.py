@@ -1,6 +1,6 @@
 """How often each stated interval of 95 % holds the truth, over many seeds of functions whose truth is known.
 
-    python benchmarks/coverage.py [--seeds 60]
+    python benchmarks/intervals.py [--seeds 60]
 
 An interval is honest where 90 to 99 % of 60 seeds hold; `pawn` and `delta` have none, and are tested against factors
 without effect instead, of which 5 % count as resolved.
