@@ -97,6 +97,7 @@ def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     path.write_text(TINY.format(studies=(ROOT / "studies").as_posix()))
     summary = td.run_workflow(path, tmp_path / "out", quick=True, workers=0, progress=False)
     assert {step.name: step.detail for step in summary.steps if step.state != "finished"} == {}
+    assert summary.reports == (tmp_path / "out" / "quick" / "page" / "index.html",)
     table = tmp_path / "out" / "quick" / "claims.json"
     claims = {record["claim"]: record for record in json.loads(table.read_text())["claims"]}
     assert list(claims) == [rule.name for rule in RULES]

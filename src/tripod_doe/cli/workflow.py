@@ -37,7 +37,9 @@ def _run(options: argparse.Namespace) -> int:
     )
     counts = Counter(step.state for step in summary.steps)
     print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)
-    print(f"report  {summary.page}", file=sys.stderr)
+    for page in summary.reports:
+        print(f"report  {page}", file=sys.stderr)
+    print(f"{'steps ' if summary.reports else 'report'}  {summary.page}", file=sys.stderr)
     return DONE if summary.good else SOME_FAILED
 
 

@@ -47,6 +47,7 @@ class WorkflowSummary:
     directory: Path  # result directory
     page: Path  # page of the workflow
     steps: tuple[StepView, ...]  # state of every step, each after those that it needs
+    reports: tuple[Path, ...] = ()  # pages of its report steps that are there
 
     @property
     def good(self) -> bool:
@@ -122,7 +123,9 @@ def run_workflow(
             answers=answers,
             figures=figures,
         )
-    return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps)
+    pages = (chain.folder(name) / "index.html" for name, step in workflow.steps.items() if step.table.kind == "report")
+    reports = tuple(page for page in pages if page.is_file())
+    return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps, reports)
 
 
 def _notice(workflow: Workflow) -> str:

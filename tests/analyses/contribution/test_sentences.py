@@ -99,6 +99,8 @@ def test_closure_and_opponents_are_stated(parts):
     below = {row[0]: row[1:] for row in share_rows(third)[2]}
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
     assert float(below["closure: 100 - sum"][2]) == 0
+    said = f"the shares by switching off a single mechanism add up to {100 - third.closure[0]:.1f} %"
+    assert said in contribution_findings(third)[0]
     assert second.shares["share_shapley"][0, second.mechanisms.index("groove_rolling")] < 0
     assert (
         "needle rolling with -0.1 % and groove rolling with -0.1 % oppose the sum" in contribution_findings(second)[0]

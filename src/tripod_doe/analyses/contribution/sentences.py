@@ -73,7 +73,9 @@ def _who_makes_it(part: Contribution) -> str:
     ]
     opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
     closure = (
-        f"; the shares by switching off leave a closure of {percent(part.closure)}" if spread(part.closure) else ""
+        f"; the shares by switching off a single mechanism add up to {percent(100 - part.closure)}"
+        if spread(part.closure)
+        else ""
     )
     over = f", {part.summarised}" if len(part.labels) > 1 else ""
     return (
