@@ -330,8 +330,8 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
     ("text", "message"),
     [
         ("[workflow", "chain.toml: not valid TOML"),
-        ("[steps.a]\nkind='study'\nstudy='first.toml'\n", "chain.toml: the file: workflow is missing"),
-        ('[workflow]\nname = "w"\n', "steps is missing"),
+        ("[steps.a]\nkind='study'\nstudy='first.toml'\n", r"chain.toml: the file: table \[workflow\] is missing"),
+        ('[workflow]\nname = "w"\n', r"table \[steps\] is missing"),
         (STEP + "[worklow]\n", "unknown key 'worklow'; did you mean 'workflow'"),
         (STEP + 'stdy = "x"\n', r"\[steps.a\]: unknown key 'stdy'; did you mean 'study'"),
         (STEP.replace('study"\nst', 'stduy"\nst'), r"\[steps.a\]: kind = 'stduy': unknown; did you mean 'study'"),

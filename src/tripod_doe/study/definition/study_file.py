@@ -297,6 +297,9 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
     return first_messages(error.errors(include_url=False), lambda item: _complaint(item, known))
 
 
+_NEEDED_TABLES = ("study", "workflow", "steps")
+"""Tables without which a file is none of ours."""
+
 _TYPE = re.compile(r"(float|int|str|bool|dict)(\[.*)?")
 """What pydantic puts into the location of a value that may have several types."""
 
@@ -311,7 +314,7 @@ def _complaint(item: ErrorDetails, known: Callable[[list[str]], Iterable[str]]) 
     if item["type"] == "extra_forbidden":
         return f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
     if item["type"] == "missing":
-        return f"{place}: {key if where else f'table [{key}]'} is missing"
+        return f"{place}: {f'table [{key}]' if key in _NEEDED_TABLES else key} is missing"
     if item["type"] == "literal_error":
         words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
         return f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
