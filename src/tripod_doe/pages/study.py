@@ -46,6 +46,7 @@ from tripod_doe.report.templates import render
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
+from tripod_doe.study.results.check import refuse_other_study
 from tripod_doe.study.results.result_cube import is_shown, opened_cube
 
 _MOST_FAILED = 50
@@ -108,8 +109,17 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
-    """The analyses of a result directory by their names."""
-    return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
+    """The analyses of a result directory by their names.
+
+    Raises
+    ------
+    CubeError
+        If one is damaged or of another study.
+    """
+    paths = sorted((directory / "analysis").glob("*.nc"))
+    for path in paths:
+        refuse_other_study(path)
+    return {path.stem: read_dataset(path) for path in paths}
 
 
 def make_page(

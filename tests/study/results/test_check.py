@@ -181,8 +181,8 @@ def test_where_nothing_can_be_checked_that_is_said(tmp_path, capsys, place):
 
 
 @pytest.mark.parametrize("file", ["cube.nc", "cost.nc", "analysis/sobol.nc"])
-def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_path, file):
-    """They are made of the journal, as while a study runs."""
+def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_path, capsys, file):
+    """They are made of the journal, as while a study runs; a report says how an analysis is made anew."""
     out = folder / "out"
     before = td.open_cube(out)
     (folder / "other.toml").write_text(STUDY.replace("high = 12", "high = 13"))
@@ -192,6 +192,10 @@ def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_pat
     read = td.open_cube(out)
     assert read["thrust_amplitude"].equals(before["thrust_amplitude"])
     assert read["cpu_seconds"].equals(before["cpu_seconds"])
+    capsys.readouterr()
+    refused = file.startswith("analysis")
+    assert main(["report", str(out)]) == (2 if refused else 0)
+    assert ("its results are of another study" in capsys.readouterr().err) == refused
 
 
 @pytest.mark.parametrize("seed", range(12))

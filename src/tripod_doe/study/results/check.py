@@ -64,9 +64,25 @@ def _checked(path: Path) -> Iterator[CheckedFile]:
 
 def _checked_netcdf(path: Path) -> CheckedFile:
     checked = _checked_content(path)
-    if checked.is_whole and not _is_of_its_directory(path):
-        return CheckedFile(path, f"its results are of another study; {remedy(path)}")
+    if not checked.is_whole:
+        return checked
+    try:
+        refuse_other_study(path)
+    except CubeError as error:
+        return CheckedFile(path, str(error).removeprefix(f"{path}: "))
     return checked
+
+
+def refuse_other_study(path: Path) -> None:
+    """Refuse a file of a result directory that names another study.
+
+    Raises
+    ------
+    CubeError
+        If it does; the message says how the file is made anew.
+    """
+    if not _is_of_its_directory(path):
+        raise CubeError(f"{path}: its results are of another study; {remedy(path)}")
 
 
 def _is_of_its_directory(path: Path) -> bool:
