@@ -60,6 +60,29 @@ def test_the_expected_share_counts_record_and_pilot_alike():
     assert by_record([0.5, 1.0], [True, False]).expected(0, 0) == pytest.approx((0.5 + 1) / 2)
 
 
+def test_a_point_is_expected_within_the_accuracy_by_the_share_that_its_study_expects(recorded):
+    """Regression: one large error on record in ten made a mean square that no point met, beside an expected 91 %."""
+    bench = recorded(model_0=0.0, model_1=0.0)
+    study = td.load_study(bench.write(STUDY))
+    points = make_points(study)
+    columns = {name: column[points.allowed] for name, column in points.columns.items()}
+    count = int(points.allowed.sum())
+    cheap, full = Candidate({"model": 0}, 1.0, 1), Candidate({"model": 1}, 1.0, 1, full=True)
+    pilot = PilotErrors(
+        {"x": np.arange(4)}, (cheap, full), np.zeros((4, 2, 1)), np.zeros((4, 1)), np.ones(2), np.array([4, 4])
+    )
+    for share, met in ((0.95, 1), (0.6, 0)):
+        record = RecordedChoice(
+            (cheap, full),
+            np.zeros(count, int),
+            np.ones(count, bool),
+            np.full(count, share),
+            np.full((count, 1), 3.0),
+            SIMILAR,
+        )
+        assert (record.labelled(pilot, columns, study, share)["accuracy_met"] == met).all()
+
+
 def test_a_point_that_the_full_model_does_not_know_itself_tells_nothing():
     """In parts of the accuracy: 0.7 and half of 0.8 are 0.81; 0.9 and half of 0.9 are 1.01; 1.5 is no knowledge."""
     cheap, full = Candidate({"model": 0}, 1.0, 1), Candidate({"model": 1}, 1.0, 1, full=True)

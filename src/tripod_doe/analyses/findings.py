@@ -139,7 +139,7 @@ def _chosen(cube: xr.Dataset) -> str:
             f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True)
         )
     unmet = int((cube["accuracy_met"].values[inside] == 0).sum())
-    short = f"; {unmet:,} are not expected to meet the accuracy" if unmet else ""
+    short = f"; {unmet:,} are not expected to meet the accuracy with its confidence" if unmet else ""
     return f"The model was chosen for each point{counts_text} of {int(inside.sum()):,} points{short}.{_not_asked(cube)}"
 
 

@@ -141,7 +141,8 @@ def _set_parameter(document: Any, name: str, field: str) -> None:
                 del document["factors"]
         _set(document, "base", name, _scalar(field))
         return
-    _set(document, "base", name, "")
+    if document.get("design", {}).get("kind") != "one-at-a-time":  # there it is the base point
+        _set(document, "base", name, "")
     if "factors" not in document:
         document["factors"] = tomlkit.table(is_super_table=True)
     table = tomlkit.table()

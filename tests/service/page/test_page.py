@@ -8,6 +8,7 @@ import io
 import json
 import re
 import struct
+import time
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
@@ -210,7 +211,22 @@ def test_text_and_form_follow_each_other_and_complaints_stand_at_their_line(serv
     page.get_by_role("button", name="Run this study").click()
     page.wait_for_url("**/runs/*")
     page.get_by_role("heading", name="From the page").wait_for()
-    served.ask("POST", f"/api/v1/runs/{page.url.rpartition('/')[2]}/stop")
+
+
+def test_a_study_that_is_run_at_once_is_the_one_that_is_seen(served, page):
+    """Regression: a field left by the click on Run changed the text after it was submitted."""
+    page.goto(f"{served.home}/new")
+    text = page.locator("#text")
+    text.fill('[study]\nname = "At once"\n[base]\nspeed_rpm = 900\n[factors.joint_angle_deg]\nvalues = [5, 11]\n')
+    until(page, "document.querySelector('[name=\"parameter.speed_rpm\"]').value === '900'")
+    until(page, "!document.getElementById('submit').disabled")
+    submitted = []
+    page.on("request", lambda r: submitted.append(r.post_data) if r.url.endswith("/api/v1/runs") else None)
+    page.route("**/parts/change", lambda route: (time.sleep(0.5), route.continue_()))
+    page.locator('[name="parameter.speed_rpm"]').fill("450")
+    page.get_by_role("button", name="Run this study").click()
+    page.wait_for_url("**/runs/*")
+    assert [json.loads(body)["study"].count("speed_rpm = 450") for body in submitted] == [1]
 
 
 def test_a_report_stands_in_a_sandbox(served, page, coast):

@@ -417,3 +417,11 @@ def test_points_are_numbered_where_they_are_looked_at():
     assert numbers[0, 3, [7, 2]].values.tolist() == [30_007, 30_002]
     assert numbers[0, 1:3, :2].values.tolist() == [[10_000, 10_001], [20_000, 20_001]]
     assert int(numbers[7, 7, 7].values) == 700_070_007
+
+
+def test_levels_of_a_factor_keep_its_base_value_where_the_design_starts_from_it():
+    text = '[base]\nspeed_rpm = 450\n[factors.speed_rpm]\nvalues = [300, 600]\n[design]\nkind = "{}"\n'
+    for kind, kept in (("one-at-a-time", 1), ("grid", 0)):
+        changed = changed_text(text.format(kind), "parameter.speed_rpm", "200, 500")
+        assert changed.count("speed_rpm = 450") == kept
+        assert "values = [200, 500]" in changed

@@ -112,6 +112,49 @@ def test_one_at_a_time_comes_back_to_the_base():
     assert points.labels["varied"].tolist() == ["base", "joint_angle_deg", "joint_angle_deg", "speed_rpm"]
 
 
+def test_one_at_a_time_starts_from_base_values_of_its_factors():
+    """Regression: a base value of a varied factor was refused, and defaults were taken without a word."""
+    text = (
+        "[base]\njoint_angle_deg = 7\n[factors]\njoint_angle_deg = {values = [5, 15]}\nspeed_rpm = {values = [300]}\n"
+        '[design]\nkind = "one-at-a-time"'
+    )
+    points = points_of(text)
+    assert points.columns["joint_angle_deg"].tolist() == [7, 5, 15, 7]
+    assert points.columns["speed_rpm"].tolist() == [600, 600, 600, 300]
+    assert points.notes == ("the base point has default values: speed_rpm = 600.0; set them in [base] for another",)
+    assert points_of(text.replace("= 7\n", "= 7\nspeed_rpm = 450\n")).notes == ()
+    assert keys_of(text)[0] != keys_of(text.replace("= 7\n", "= 8\n"))[0]
+
+
+def test_the_base_point_of_a_product_s_part_comes_from_the_base_values():
+    points = points_of(
+        "[base]\njoint_angle_deg = 7\n[factors]\njoint_angle_deg = {values = [5]}\nspeed_rpm = {values = [300, 600]}\n"
+        '[design]\nkind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "one-at-a-time"\nfactors = ["joint_angle_deg"]\n'
+        '[design.b]\nkind = "grid"\nfactors = ["speed_rpm"]\n'
+    )
+    assert points.columns["joint_angle_deg"].tolist() == [7, 7, 5, 5]
+    with pytest.raises(InputError, match="speed_rpm is both a base value and a factor"):
+        points_of(
+            "[base]\nspeed_rpm = 500\n[factors]\njoint_angle_deg = {values = [5]}\nspeed_rpm = {values = [300]}\n"
+            '[design]\nkind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "one-at-a-time"\n'
+            'factors = ["joint_angle_deg"]\n[design.b]\nkind = "grid"\nfactors = ["speed_rpm"]\n'
+        )
+
+
+def test_a_table_in_a_product_brings_its_own_factors(tmp_path):
+    """Regression: each column of the table needed an empty [factors.X], which no page said."""
+    (tmp_path / "cases.csv").write_text("joint_angle_deg,torque_n_m\n5,100\n8,300\n")
+    points = points_of(
+        "[factors]\nspeed_rpm = {values = [300, 600]}\n"
+        '[design]\nkind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "table"\ntable = "cases.csv"\n'
+        '[design.b]\nkind = "grid"\nfactors = ["speed_rpm"]\n',
+        tmp_path,
+    )
+    assert points.columns["joint_angle_deg"].tolist() == [5, 5, 8, 8]
+    assert points.columns["torque_n_m"].tolist() == [100, 100, 300, 300]
+    assert points.columns["speed_rpm"].tolist() == [300, 600, 300, 600]
+
+
 def test_table_reads_its_columns(tmp_path):
     (tmp_path / "cases.csv").write_text("joint_angle_deg,model\n5,equilibrium\n7.5,equilibrium\n")
     points = points_of('[design]\nkind = "table"\ntable = "cases.csv"', tmp_path)

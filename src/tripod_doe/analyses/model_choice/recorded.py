@@ -105,7 +105,10 @@ class RecordedChoice:
             ]
         )
         error = np.where(self.cheap[:, None], self.error, measured.numerical.max(axis=0))
-        return labelled(measured, columns, accuracy_of(study), numbers, error).assign_attrs(
+        # by the share that `expected` averages, not by `error`: a mean square that one similar point may decide
+        accuracy = accuracy_of(study)
+        met = np.where(self.cheap, self.share >= accuracy.confidence, (error <= 1).all(axis=1))
+        return labelled(measured, columns, accuracy, numbers, error, met).assign_attrs(
             {
                 "limit": 1.0,
                 "misses": 0,

@@ -249,14 +249,19 @@ def labelled(
     accuracy: Accuracy,
     candidate: IntArray,
     error: FloatArray,
+    met: NDArray[np.bool_] | None = None,
 ) -> xr.Dataset:
-    """A choice with its labels: `candidate` by number, shape (point,), `error` over the allowed, (point, quantity)."""
+    """A choice with its labels: `candidate` by number, shape (point,), `error` over the allowed, (point, quantity).
+
+    The accuracy is expected to be met where `met`, shape (point,), says so; by default where `error` is at most one.
+    """
     allowed = np.array([demand.allowed for demand in accuracy.demands])
     numbers, labels = np.arange(len(measured.candidates), dtype=np.int32), [way.label for way in measured.candidates]
     chosen = {
         name: np.array([way.values[name] for way in measured.candidates])[candidate] for name in accuracy.parameters
     }
-    met = np.where(np.isnan(error).any(axis=1), -1, (error <= 1).all(axis=1)).astype(np.int8)
+    expected = (error <= 1).all(axis=1) if met is None else met
+    flags = np.where(np.isnan(error).any(axis=1), -1, expected).astype(np.int8)
     return xr.Dataset(
         {
             **{name: ("point", _text(column), {"long_name": f"factor {name}"}) for name, column in columns.items()},
@@ -269,9 +274,9 @@ def labelled(
             ),
             "accuracy_met": (
                 "point",
-                met,
+                flags,
                 {
-                    "long_name": "whether the estimated error is within the accuracy asked for",
+                    "long_name": "whether the accuracy is expected to be met with the confidence asked for",
                     "flag_values": np.array([-1, 0, 1], np.int8),
                     "flag_meanings": "unknown no yes",
                 },

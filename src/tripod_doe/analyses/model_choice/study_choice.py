@@ -184,5 +184,5 @@ def _told(choice: xr.Dataset) -> list[str]:
     )
     if unmet:
         why = "by the errors on record" if "recorded_share" in attrs else "not even with the finest candidate"
-        lines.append(f"warning      {unmet:,} points are not expected to meet the accuracy, {why}")
+        lines.append(f"warning      {unmet:,} points are not expected to meet the accuracy with its confidence, {why}")
     return lines

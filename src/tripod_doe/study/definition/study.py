@@ -105,6 +105,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
+    center = {name: base.pop(name) for name in _varied_around_base(file) & base.keys()}
     for name in tables:
         if name in base:
             raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
@@ -115,6 +116,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     _check_run(origin, file.run)
     levels = {name: factor.values or () for name, factor in factors.items()}
+    levels |= {name: (*levels[name], value) for name, value in center.items()}
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto else None
     demands = _demands(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     if accuracy:  # all candidates are in play
@@ -123,7 +125,8 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
             for name in accuracy.parameters
         }
     run = file.run
-    unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
+    tabulated = "table" in (part.kind for part in _parts(file))
+    unknown = simulator.parameters.keys() - base if tabulated else ()
     retry = _at(
         origin, "[run]", lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown)
     )
@@ -221,6 +224,19 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
     return base
 
 
+def _parts(file: StudyFile) -> list[DesignTable]:
+    """The sub-designs of a product that exist; of any other study its only design."""
+    if file.design.kind != "product":
+        return [file.design]
+    return [file.designs[name] for name in file.design.of if name in file.designs]
+
+
+def _varied_around_base(file: StudyFile) -> set[str]:
+    """Factors that one-at-a-time designs vary: values of theirs in [base] are the base point."""
+    around = [part for part in _parts(file) if part.kind == "one-at-a-time"]
+    return {name for part in around for name in part.factors or file.factors}
+
+
 def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
     """Turn an ablation beside other factors into a product: the ablation at each of their grid points."""
     if file.design.kind != "ablation":
@@ -238,9 +254,8 @@ def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
 def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
     """Switches of the ablations of a study: as named, else the factors of the study, else all of the scene."""
     alone = file.design.kind != "product"
-    parts = [file.design] if alone else [file.designs[name] for name in file.design.of if name in file.designs]
     switches: list[str] = []
-    for part in parts:
+    for part in _parts(file):
         if part.kind == "ablation":
             switches += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
     return tuple(dict.fromkeys(switches))

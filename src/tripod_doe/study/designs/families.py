@@ -93,13 +93,14 @@ def _product(request: Request) -> Made:
     for name in names:
         if name not in tables:
             raise InputError(f"of: no sub-design [design.{name}]{near_match(name, tables)}")
-        if tables[name].factors is None and tables[name].kind != "ablation":
+        if tables[name].factors is None and tables[name].kind not in ("ablation", "table"):
             raise InputError(f"[design.{name}]: give the factors that it varies")
         if tables[name].kind == "product":
             raise InputError(f"[design.{name}]: a product of products is not supported; list all parts in of")
         if tables[name].kind == "multifidelity":
             raise InputError(f"[design.{name}]: a multifidelity design stands alone: its pilot decides its points")
-        made = make_part(study, tables[name], factors)
+        own_columns = tables[name].kind == "table" and tables[name].factors is None
+        made = make_part(study, tables[name], {} if own_columns else factors)
         notes += [f"part {name}: {note}" for note in made.notes]
         for factor in made.columns:
             if factor in taken:
@@ -111,7 +112,7 @@ def _product(request: Request) -> Made:
     if left:
         raise InputError(f"{', '.join(left)} belongs to no sub-design; add it to the factors of one")
     columns = crossed(parts)
-    return Made({name: columns[name] for name in factors}, crossed(rows), tuple(notes))
+    return Made({name: columns[name] for name in [*factors, *columns]}, crossed(rows), tuple(notes))
 
 
 def _product_count(request: Request) -> int:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from tripod_doe.errors import InputError
+from tripod_doe.simulator import check_parameters
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.designs.request import Column, Family, Made, Request, axis_levels, column_of, crossed, levels_of
 
@@ -43,18 +44,25 @@ def _zip(request: Request) -> Made:
 
 
 def _one_at_a_time(request: Request) -> Made:
-    """The base point, then each factor through its values with all others at their defaults."""
+    """The base point, then each factor through its values with all others as at the base point.
+
+    The base point has the values that the study file gives in [base], and defaults for the others.
+    """
     study, factors = request.study, request.factors
-    home = {name: study.simulator.effective(study.base)[name] for name in factors}
+    given = {name: value for name, value in study.file.base.items() if name in factors}
+    effective = study.simulator.effective({**study.base, **check_parameters(study.simulator.parameters, given)})
+    home = {name: effective[name] for name in factors}
     rows, varied = [home], ["base"]
     for name, factor in factors.items():
         if home[name] is None:
-            raise InputError(f"[factors.{name}]: it has no default value; one-at-a-time cannot vary it")
+            raise InputError(f"[factors.{name}]: it has no default value; give one in [base]")
         for value in levels_of(factor):
             rows.append({**home, name: value})
             varied.append(name)
     columns = {name: column_of(factor, (row[name] for row in rows)) for name, factor in factors.items()}
-    return Made(columns, {"varied": np.array(varied, dtype=object)})
+    defaults = ", ".join(f"{name} = {value}" for name, value in home.items() if name not in given)
+    note = f"the base point has default values: {defaults}; set them in [base] for another"
+    return Made(columns, {"varied": np.array(varied, dtype=object)}, (note,) if defaults else ())
 
 
 def _lengths(request: Request) -> list[int]:

@@ -12,6 +12,7 @@ const submit = document.getElementById("submit");
 const PAUSE = 350;  // ms after the last key
 const attached = document.getElementById("attached");
 let timer = null, asked = null;
+let changes = Promise.resolve(true);  // of the form, one after the other: each starts from the text of the one before
 
 function number() {
   const count = text.value.split("\n").length;
@@ -92,6 +93,27 @@ function goTo(file, line) {
   field.scrollTop = (line - 5) * parseFloat(getComputedStyle(field).lineHeight);
 }
 
+// Write a field of the form into the text; false where it cannot be.
+async function change(field) {
+  const { name, value } = field;
+  try {
+    let before, changed;
+    do {  // again where the text was typed into meanwhile
+      before = text.value;
+      changed = await (await post(`${root}/parts/change`, { study: before, key: name, value })).json();
+    } while (text.value !== before);
+    text.value = changed.study;
+    field.setCustomValidity("");
+    field.closest("label").classList.toggle("varied", /[,:]/.test(value) && name.startsWith("parameter."));
+    await check({ keepForm: name !== "study.scene" });
+    if (name === "study.scene") form.innerHTML = await (await post(`${root}/parts/form`, { study: text.value })).text();
+    return true;
+  } catch (error) {
+    show(error.problems || [{ message: error.message }]);
+    return false;
+  }
+}
+
 function soon() {
   clearTimeout(timer);
   timer = setTimeout(check, PAUSE);
@@ -101,19 +123,8 @@ text.addEventListener("input", () => { number(); soon(); });
 text.addEventListener("scroll", () => { lines.scrollTop = text.scrollTop; });
 attached.addEventListener("input", soon);
 form.addEventListener("submit", (event) => event.preventDefault());
-form.addEventListener("change", async (event) => {
-  const { name, value } = event.target;
-  if (!name) return;
-  try {
-    const changed = await (await post(`${root}/parts/change`, { study: text.value, key: name, value })).json();
-    text.value = changed.study;
-    event.target.setCustomValidity("");
-    event.target.closest("label").classList.toggle("varied", /[,:]/.test(value) && name.startsWith("parameter."));
-    await check({ keepForm: name !== "study.scene" });
-    if (name === "study.scene") form.innerHTML = await (await post(`${root}/parts/form`, { study: text.value })).text();
-  } catch (error) {
-    show(error.problems || [{ message: error.message }]);
-  }
+form.addEventListener("change", ({ target }) => {
+  if (target.name) changes = changes.then(() => change(target));
 });
 document.getElementById("files").addEventListener("change", async (event) => {
   for (const file of event.target.files) attach(file.name, await file.text());
@@ -127,6 +138,12 @@ document.getElementById("time").addEventListener("click", async (event) => {
   event.target.textContent = "Time it on this machine";
 });
 submit.addEventListener("click", async () => {
+  submit.disabled = true;
+  if (!await changes) {  // a field left by this very click: what is seen is what runs
+    submit.disabled = false;
+    return;
+  }
+  clearTimeout(timer);
   submit.disabled = true;
   try {
     const key = crypto.randomUUID?.() ?? String(Math.random());
