@@ -34,9 +34,9 @@ from schemathesis.specs.openapi.checks import positive_data_acceptance  # no sch
 from starlette.testclient import TestClient
 
 import tripod_doe as td
-from tripod_doe.service import processes
 from tripod_doe.service.app import create_app
 from tripod_doe.service.limits import Limits
+from tripod_doe.service.runs import processes
 from tripod_doe.service.settings import Settings
 
 TOKEN = "a-token-of-these-cases"

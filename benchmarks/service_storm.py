@@ -24,7 +24,7 @@ import xarray as xr
 from service_load import LONG, Server, once
 
 import tripod_doe as td
-from tripod_doe.service.processes import run_process
+from tripod_doe.service.runs.processes import run_process
 from tripod_doe.study.journal import Journal
 
 

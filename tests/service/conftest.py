@@ -8,8 +8,8 @@ from server_process import Server, runs_in
 from service_client import ADDRESS, TOKEN, Asked
 from starlette.testclient import TestClient
 
-from tripod_doe.service import processes
 from tripod_doe.service.app import create_app
+from tripod_doe.service.runs import processes
 from tripod_doe.service.settings import Settings
 
 

@@ -13,7 +13,7 @@ import urllib.request
 import psutil
 
 from started import Process
-from tripod_doe.service.processes import run_process
+from tripod_doe.service.runs.processes import run_process
 from tripod_doe.study.journal import Journal
 
 LONG = """

@@ -11,19 +11,18 @@ from importlib.metadata import version
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.service.computation.worker_pool import AllBusyError, WorkerFailedError
-from tripod_doe.service.page import assets, writing
-from tripod_doe.service.page import routes as pages
-from tripod_doe.service.page.trouble import is_page, trouble_page
+from tripod_doe.service.page import assets, run_pages, study_editor
+from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, studies, views
-from tripod_doe.service.security import API, Guard
+from tripod_doe.service.security.guard import API, Guard
+from tripod_doe.service.security.sessions import Sessions
 from tripod_doe.service.service import Service
-from tripod_doe.service.sessions import Sessions
 from tripod_doe.service.settings import Settings
+from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerFailedError
 
 log = logging.getLogger(__name__)
 
@@ -71,9 +70,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.service, app.state.sessions = service, sessions
     for module in (runs, studies, results, reports, views):  # what is asked for most is looked for first
         app.include_router(module.router, prefix=API)
-    for part in (assets, pages, writing):
+    for part in (assets, run_pages, study_editor):
         app.include_router(part.router)
-    app.add_middleware(Guard, settings=settings, sessions=sessions)
+    app.add_middleware(Guard, settings=settings, sessions=sessions, refusal_answer=refusal_answer)
     _add_error_answers(app)
     return app
 
@@ -82,9 +81,7 @@ def _add_error_answers(app: FastAPI) -> None:
     """Every error is a list of problems, never a traceback."""
 
     def answer(request: Request, refusal: RefusedError) -> Response:
-        if is_page(request):
-            return trouble_page(refusal, request.app.state.service.settings, request.scope["root_path"])
-        return JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+        return refusal_answer(request, refusal, request.app.state.service.settings, request.scope["root_path"])
 
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, RefusedError)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import socket
 import stat
 import sys
+import time
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from types import FrameType
 
@@ -17,14 +21,13 @@ import uvicorn
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.app import create_app
-from tripod_doe.service.computation.forking import end_fork_server
-from tripod_doe.service.connections import limited_protocol
-from tripod_doe.service.demo import add_demo
-from tripod_doe.service.found import is_open_to_change
 from tripod_doe.service.log import start_log
-from tripod_doe.service.runs import TABLE
+from tripod_doe.service.runs.table import TABLE
+from tripod_doe.service.security.connections import limited_protocol
+from tripod_doe.service.security.delivered_files import is_open_to_change
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
+from tripod_doe.service.workers.forking import end_fork_server
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _GRACE = 3  # seconds that open answers get at the end
@@ -158,3 +161,24 @@ def _listening(settings: Settings) -> Iterator[socket.socket]:
                 f"{option('host', settings.host)} {option('port', settings.port)}: cannot listen here: {reason}"
             ) from error
         yield listener
+
+
+_LOOK = 0.1  # seconds between two looks
+
+
+def add_demo(service: Service) -> None:
+    """Run the demonstration study, unless the folder has it; ends when it is finished.
+
+    Parameters
+    ----------
+    service
+        Started, and not read-only.
+    """
+    text = (files("tripod_doe.service") / "demo.toml").read_text(encoding="utf-8")
+    name = tomllib.loads(text)["study"]["name"]
+    if any(run.name == name for run in service.runs.all()):
+        return
+    print(f"tripod-doe: running the study {name!r} for the first look", file=sys.stderr)
+    run = service.submit(json.dumps({"study": text}).encode())
+    while not service.runs.find(run.id).state.at_rest:
+        time.sleep(_LOOK)

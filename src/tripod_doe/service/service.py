@@ -13,19 +13,20 @@ from typing import Any
 
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.names import path_within
-from tripod_doe.service.computation.worker_pool import AllBusyError, WorkerFailedError, WorkerPool
-from tripod_doe.service.extremes import Extremes
-from tripod_doe.service.found import check_delivered, found_directories
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.runs import Run
+from tripod_doe.service.requests.uploads import STUDY, main_file
+from tripod_doe.service.runs.extremes import Extremes
+from tripod_doe.service.runs.result_directory import result_directories
+from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
+from tripod_doe.service.runs.table import Run
+from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.supervisor import UPLOAD, Supervisor
-from tripod_doe.service.uploads import STUDY, main_file
+from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerFailedError, WorkerPool
 
 log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
-_QUESTIONS = "computation.questions"
+_QUESTIONS = "workers.questions"
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
 
 
@@ -70,10 +71,10 @@ class Service:
         """Show the directories that the command line filled; one that cannot be shown is told on standard error."""
         self._pool.warm()
         limits = self.settings.limits
-        for path in found_directories(self.settings.folder, self.runs.known_places()):
+        for path in result_directories(self.settings.folder, self.runs.known_places()):
             try:
                 check_delivered(path, found=True)
-                place = f"{_QUESTIONS}:found"
+                place = f"{_QUESTIONS}:plan_directory"
                 self.runs.adopt(path, self._pool.ask(place, limits.simulate_seconds, path=str(path), limits=limits))
             except (RefusedError, TripodDoeError, AllBusyError, WorkerFailedError, OSError) as error:
                 if self._closed:
@@ -135,7 +136,7 @@ class Service:
         return self._pool.ask(question, self.settings.limits.query_seconds, as_json, **arguments)
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
-        """Ask a question of `computation.questions` about the body of a request."""
+        """Ask a question of `workers.questions` about the body of a request."""
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:

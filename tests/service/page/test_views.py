@@ -16,21 +16,20 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.service.explorer.again import contribution_study, price_of_point
+from tripod_doe.service.explorer.analysis_tables import view_behind
 from tripod_doe.service.explorer.axes import full_view
-from tripod_doe.service.explorer.behind import view_behind
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.point_numbers import point_numbers
 from tripod_doe.service.explorer.questions import explore, extremes, failures, figure, numbers, point
-from tripod_doe.service.explorer.slices import draw, numbered, seen
+from tripod_doe.service.explorer.slices import draw, numbered, point_numbers, seen
 from tripod_doe.service.explorer.view import View
-from tripod_doe.service.gallery import gallery, gallery_upload
+from tripod_doe.service.explorer.what_if import contribution_study, price_of_point
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.page.pages import part
-from tripod_doe.service.study_form import changed_text, study_form
-from tripod_doe.service.uploads import upload_texts, write_upload
+from tripod_doe.service.page.rendering import part
+from tripod_doe.service.requests.gallery import gallery, gallery_upload
+from tripod_doe.service.requests.study_form import changed_text, study_form
+from tripod_doe.service.requests.uploads import upload_texts, write_upload
 from tripod_doe.study.definition.study import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points

@@ -12,7 +12,7 @@ import xarray as xr
 
 from tripod_doe.report.responses import factor_names
 from tripod_doe.service.explorer.axes import design_of
-from tripod_doe.service.explorer.figures.parts import shown
+from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View
 
 _MOST_ROWS = 500

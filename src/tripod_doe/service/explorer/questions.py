@@ -26,7 +26,7 @@ from tripod_doe.service.explorer.exports import (
     study_of,
     study_of_view,
 )
-from tripod_doe.service.explorer.figures.parts import NUMBER, blank_reasons, is_failed, label_of, shown
+from tripod_doe.service.explorer.figures.elements import NUMBER, blank_reasons, is_failed, label_of, shown
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells

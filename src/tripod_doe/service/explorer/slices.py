@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import count_of
 from tripod_doe.report.responses import listed
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
+from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, shown
 from tripod_doe.service.explorer.figures.heat_map import heat_map
 from tripod_doe.service.explorer.figures.lines import lines
-from tripod_doe.service.explorer.figures.parts import NUMBER, Figure, is_failed, label_of, packed, shown
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.point_numbers import point_numbers
 from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query.query import narrowed, query
@@ -210,3 +213,25 @@ def _parallel_axis(column: xr.DataArray) -> dict[str, Any]:
         return told | {"values": packed(values.astype(float))}
     known, which = np.unique(values.astype(str), return_inverse=True)
     return told | {"words": known.tolist(), "values": packed(which.astype(float))}
+
+
+class _Numbers(BackendArray):
+    """Positions of the cells of an array in their order."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape, self.dtype = shape, np.dtype(np.int32)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._at)
+
+    def _at(self, key: tuple[Any, ...]) -> NDArray[np.int32]:
+        numbers: Any = np.int64(0)
+        for axis, (chosen, length) in enumerate(zip(key, self.shape, strict=True)):
+            along = np.arange(*chosen.indices(length)) if isinstance(chosen, slice) else chosen
+            numbers = np.add.outer(numbers, np.multiply(along, math.prod(self.shape[axis + 1 :])))
+        return np.asarray(numbers, np.int32)
+
+
+def point_numbers(dims: tuple[str, ...], shape: tuple[int, ...]) -> xr.Variable:
+    """The number of each point or cell, along dimensions of these lengths."""
+    return xr.Variable(dims, indexing.LazilyIndexedArray(_Numbers(shape)), {"long_name": "number of the point or cell"})

@@ -9,8 +9,8 @@ from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.report_keys import report_key
-from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at, gives
+from tripod_doe.service.routes.dependencies import REFUSALS, AnyService, errors_at, gives
+from tripod_doe.service.security.report_keys import report_key
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
 

@@ -11,9 +11,9 @@ from fastapi import APIRouter, Query
 from starlette.responses import FileResponse, Response
 from starlette.types import Receive, Scope, Send
 
-from tripod_doe.service.forms import Comparison
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, Body, errors_at, gives, takes
+from tripod_doe.service.requests.forms import Comparison
+from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, AnyService, Body, errors_at, gives, takes
 from tripod_doe.study.results.result_cube import is_shown
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))

@@ -9,10 +9,9 @@ from fastapi import APIRouter, Depends, Header, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.responses import PlainTextResponse
 
-from tripod_doe.service.forms import RunRecord, Submission
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.processes import run_log
-from tripod_doe.service.routes.access import (
+from tripod_doe.service.requests.forms import RunRecord, Submission
+from tripod_doe.service.routes.dependencies import (
     CHANGES,
     REFUSALS,
     AnyService,
@@ -22,6 +21,7 @@ from tripod_doe.service.routes.access import (
     gives,
     takes,
 )
+from tripod_doe.service.runs.processes import run_log
 
 router = APIRouter(responses=REFUSALS)
 

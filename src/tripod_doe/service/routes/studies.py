@@ -8,8 +8,8 @@ from typing import Any
 from fastapi import APIRouter
 from starlette.responses import Response
 
-from tripod_doe.service.forms import Health, PlanRequest
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, Body, takes
+from tripod_doe.service.requests.forms import Health, PlanRequest
+from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, AnyService, Body, takes
 
 router = APIRouter(responses=REFUSALS)
 

@@ -7,8 +7,8 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
-from tripod_doe.service.page import answers
-from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at
+from tripod_doe.service import answers
+from tripod_doe.service.routes.dependencies import REFUSALS, AnyService, errors_at
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 

@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.service.explorer.figures.parts import (
+from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
     SEQUENTIAL,
     WAITING_COLOUR,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.service.explorer.figures.parts import (
+from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
     WAITING_COLOUR,
     Figure,

@@ -6,8 +6,8 @@ from typing import Any
 
 import xarray as xr
 
+from tripod_doe.service.explorer.figures.elements import Figure, axis, label_of, packed
 from tripod_doe.service.explorer.figures.lines import lines
-from tripod_doe.service.explorer.figures.parts import Figure, axis, label_of, packed
 
 _SHARED = 4  # curves that one pair of axes takes
 

@@ -1,1 +1,0 @@
-"""Questions about texts and cubes, answered in worker processes of limited time and memory; no web code."""

@@ -1,0 +1,233 @@
+"""Results of analyses for a page: sentences, tables of numbers, and a view of the points behind each number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.kinds import kind_of
+from tripod_doe.analyses.registry import findings_of, table_of
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import number, with_unit
+from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.service.explorer.axes import choices, coordinate_axes
+from tripod_doe.service.explorer.figures.elements import label_of
+from tripod_doe.service.explorer.open_cubes import opened
+from tripod_doe.service.explorer.view import View
+from tripod_doe.study.cube.lazy_dataset import read_dataset
+
+_MOST_ROWS = 200
+_BESIDE = ("_conf", "_low", "_high", "_error", "_flag")  # endings of what is told beside a number, or not at all
+_OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of the analysis, not about the joint
+
+
+def results(paths: Mapping[str, str], order: int | None) -> Any:
+    """Results of analyses by name, at one order of the thrust.
+
+    Returns
+    -------
+    dict
+        For each: ``name``, ``kind``, ``findings``, the ``orders`` that it has, its ``text`` table (heads, rows, points
+        of each row) where its kind has one, and ``tables`` of its numbers.
+    """
+    return [_told(name, read_dataset(Path(path)), order) for name, path in paths.items()]
+
+
+def _told(name: str, result: xr.Dataset, order: int | None) -> dict[str, Any]:
+    orders = result["order"].values.tolist() if "order" in result.coords and result["order"].dims else []
+    chosen = order if order in orders else 3 if 3 in orders else next(iter(orders), None)
+    text = table_of(result)
+    claims = [points_of_claim(str(points)) for points in result["points"].values] if "claim" in result.dims else []
+    return {
+        "name": name,
+        "kind": kind_of(result),
+        "findings": findings_of(name, result),
+        "orders": orders,
+        "order": chosen,
+        "text": None if text is None else {"heads": text[0], "rows": text[1], "points": claims},
+        "tables": [] if claims else list(_tables(result, chosen)),
+    }
+
+
+def _tables(result: xr.Dataset, order: int | None) -> Iterator[dict[str, Any]]:
+    """One table per set of dimensions, the variables side by side."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, variable in result.data_vars.items():
+        about_method = str(name) in _OF_METHOD or "samples" in variable.dims
+        if variable.dtype.kind == "f" and variable.dims and not about_method and not str(name).endswith(_BESIDE):
+            groups.setdefault(tuple(map(str, variable.dims)), []).append(str(name))
+    for dims, names in groups.items():
+        rows = [dim for dim in dims if dim != "order"]
+        count = int(np.prod([result.sizes[dim] for dim in rows]))
+        if all(dim in result.coords for dim in rows):
+            yield {
+                "heads": [label_of(result[dim]) for dim in rows] + [label_of(result[name]) for name in names],
+                "meanings": [""] * len(rows) + [str(result[name].attrs.get("long_name", "")) for name in names],
+                "rows": [_row(result, dims, names, at, order) for at in range(min(count, _MOST_ROWS))],
+                "count": count,
+                "labels": len(rows),
+            }
+
+
+def _row(result: xr.Dataset, dims: Sequence[str], names: Sequence[str], row: int, order: int | None) -> dict[str, Any]:
+    sizes = {dim: result.sizes[dim] for dim in dims}
+    along = [dim for dim in dims if dim != "order"]
+    at = dict(zip(along, map(int, np.unravel_index(row, [sizes[dim] for dim in along] or [1])), strict=False))
+    if "order" in sizes:
+        at["order"] = result["order"].values.tolist().index(order)
+    cell = int(np.ravel_multi_index([at[dim] for dim in dims], list(sizes.values())))
+    labels = [_label(result[dim].isel({dim: at[dim]})) for dim in along]
+    return {"labels": labels, "cells": [(name, cell, _number(result, name, at)) for name in names]}
+
+
+def _label(coordinate: xr.DataArray) -> str:
+    value = coordinate.item()
+    if isinstance(value, str):
+        return " + ".join(spoken(part) for part in value.split(" + ")).replace(":", " and ")
+    return with_unit(number(float(value), 6), unit_text(str(coordinate.attrs.get("units", "1"))))
+
+
+def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
+    """A number with what is known of its error; a dash where there is none."""
+    found = {
+        ending: float(result[name + ending].isel({dim: at[str(dim)] for dim in result[name + ending].dims}))
+        for ending in ("_conf", "_error", "_low", "_high")
+        if name + ending in result
+    }
+    value = float(result[name].isel(at))
+    if not np.isfinite(value):
+        return "\N{EN DASH}"
+    for ending in ("_conf", "_error"):
+        if np.isfinite(found.get(ending, np.nan)):
+            return f"{number(value)} \N{PLUS-MINUS SIGN} {number(found[ending])}"
+    if {"_low", "_high"} <= found.keys() and np.isfinite(found["_low"] + found["_high"]):
+        low, high = number(found["_low"]), number(found["_high"])
+        return f"{number(value)} ({low} to {high})" if low != high else number(value)
+    return number(value)
+
+
+def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> Any:
+    """The view of the points behind a number of an analysis.
+
+    Parameters
+    ----------
+    result
+        File of the result.
+    cubes
+        Result directories of the studies that it has read, by the names of their steps; of a study its own, without
+        a name.
+    variable, cell
+        Which number.
+
+    Returns
+    -------
+    dict
+        ``step`` and ``items`` of the address of the view.
+    """
+    data = read_dataset(Path(result))
+    if not cubes:
+        raise InputError("the points behind this number are not results of a study of this run")
+    step = cube_behind(data, cell_coordinates(data, variable, cell), list(cubes))
+    with opened(cubes[step]) as cube:
+        return {"step": step, "items": view_behind(cube, data, variable, cell).items()}
+
+
+_JOINED = re.compile(r" \+ |:")  # of pairs of mechanisms and of interactions
+
+
+def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, Any]:
+    """The values of all coordinates at one cell of a variable, cells counted in its own order.
+
+    Raises
+    ------
+    InputError
+        If there is no such variable or cell.
+    """
+    if variable not in result.data_vars:
+        raise InputError(f"variable = {variable!r}: not in this analysis")
+    array = result[variable]
+    if not 0 <= cell < array.size:
+        raise InputError(f"cell = {cell}: {variable} has cells 0 to {array.size - 1}")
+    at = dict(zip(array.dims, (int(place) for place in np.unravel_index(cell, array.shape)), strict=True))
+    inside = set(array.dims)
+    return {
+        str(name): labels.isel({dim: at[dim] for dim in labels.dims}).item()
+        for name, labels in result.coords.items()
+        if set(labels.dims) <= inside
+    }
+
+
+def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) -> View:
+    """The view that shows the points from which a number was made.
+
+    Parameters
+    ----------
+    cube
+        The cube that the analysis has read.
+    result
+        Its result.
+    variable, cell
+        Which number.
+
+    Returns
+    -------
+    View
+        Of the output, over the factors or mechanisms that the number is about, at the values along the dimensions that
+        cube and result share; for a quantile the points beyond it.
+    """
+    at, axes = cell_coordinates(result, variable, cell), coordinate_axes(cube)
+    named = [name for value in at.values() if isinstance(value, str) for name in _JOINED.split(value) if name in axes]
+    named = list(dict.fromkeys(named))
+    select = tuple(
+        f"{name}={_text(value)}"
+        for name, value in (at | _of_run(result, at)).items()
+        if name in axes and name not in named
+    )
+    output = _output(cube, result, at)
+    view = View(output, select=select)
+    if (share := at.get("probability", at.get("share"))) is not None:
+        beyond = "<=" if share < 0.5 else ">="
+        number = float(result[variable].values.ravel()[cell])
+        view = View(output, "points", select=select, where=f"{output} {beyond} {number:.12g}")
+    return view if not named else View(output, "points", named[0], next(iter(named[1:]), ""), select)
+
+
+def _of_run(result: xr.Dataset, at: Mapping[str, Any]) -> dict[str, Any]:
+    """Method and setting of a timed run, which stand beside its number."""
+    if "run" not in at or "setting_kind" not in result:
+        return {}
+    run = result.sel(run=at["run"]) if "run" in result.indexes else result.isel(run=int(at["run"]))
+    return {"method": run["run_method"].item(), run["setting_kind"].item(): run["setting"].item()}
+
+
+def _output(cube: xr.Dataset, result: xr.Dataset, at: Mapping[str, Any]) -> str:
+    """The output that a number is about; the first one that the cube shows where the analysis names none of it."""
+    known = [choice.name for choice in choices(cube)]
+    told = str(result.attrs.get("outputs", "")).split(", ")
+    wanted = [at.get("output"), *told, *(name for name in known if name == result.attrs.get("output"))]
+    return next((str(name) for name in wanted if name in known), "")
+
+
+def _text(value: object) -> str:
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def cube_behind(result: xr.Dataset, at: Mapping[str, Any], steps: list[str]) -> str:
+    """The step of a workflow whose cube holds the points behind a cell; the first where the analysis does not tell."""
+    for name, dim in (("scene", "run"), ("case_scene", "case")):
+        if dim in at and name in result and result[name].dims == (dim,):
+            which = int(np.flatnonzero(result[dim].values == at[dim])[0]) if dim in result.coords else int(at[dim])
+            if (step := str(result[name].values[which])) in steps:
+                return step
+    return steps[0] if steps else ""
+
+
+def points_of_claim(text: str) -> list[tuple[str, list[int]]]:
+    """Steps with numbers of their points, from what a claim tells: ``cases 0 2; ablation``."""
+    parts = [part.split() for part in text.split(";") if part.strip()]
+    return [(step, [int(number) for number in numbers]) for step, *numbers in parts]

@@ -1,0 +1,83 @@
+"""How pages are written: the templates, what they say in words, and the policy under which browsers show them."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.responses import HTMLResponse
+
+from tripod_doe.quantities import duration, in_words, level, number, size
+from tripod_doe.report.template_cache import compiled_templates
+from tripod_doe.service.page.assets import stamp
+from tripod_doe.service.runs.table import Run
+from tripod_doe.service.settings import Settings
+
+_EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
+POLICY = (
+    "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
+    f"style-src 'self' {_EMPTY_STYLE}; frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+"""No inline script, no inline style, nothing from elsewhere.
+
+Two exceptions: the hash of an empty style element, which Plotly makes and fills by rules, not by text; and pictures
+from data: and blob: addresses, as which Plotly draws heat maps and saves figures.
+"""
+
+_PAGES = (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"))
+
+
+@cache
+def _templates() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("tripod_doe.service.page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        bytecode_cache=compiled_templates(),
+    )
+    words = {
+        "duration": duration,
+        "level": level,
+        "round_level": number,
+        "size": size,
+        "to_come": _to_come,
+        "day": _day,
+        "words": in_words,
+    }
+    environment.filters |= words
+    environment.globals |= {"version": stamp(), "plotly": version("plotly")}
+    return environment
+
+
+def show(template: str, settings: Settings, here: str = "", root: str | None = None, **values: Any) -> HTMLResponse:
+    """A whole page; `root` is empty for who has no session."""
+    root = settings.root if root is None else root
+    pages = [page for page in _PAGES if not (settings.read_only and page[0] == "/new")]
+    text = part(template, pages=pages, here=here, root=root, read_only=settings.read_only, **values)
+    return HTMLResponse(text, headers={"content-security-policy": POLICY})
+
+
+def part(template: str, **values: Any) -> str:
+    """A part of a page, as text."""
+    return _templates().get_template(template).render(**values)
+
+
+def _to_come(run: Run) -> str:
+    """CPU time that the missing points will take, by the price of those that have ended or by the plan."""
+    if not run.counts.missing:
+        return ""
+    ended = run.counts.total - run.counts.missing
+    if ended:
+        return f"about {duration(run.counts.cpu_seconds / ended * run.counts.missing, 2)}"
+    price = run.plan.get("cpu_seconds")
+    return f"about {duration(price['mean'], 2)}" if price else "not known"
+
+
+def _day(stamp: str) -> str:
+    """A time in UTC as a list shows it."""
+    return datetime.fromisoformat(stamp).strftime("%Y-%m-%d %H:%M UTC")

@@ -1,0 +1,249 @@
+"""Addresses of the page: the list of runs, one run, and the parts that scripts fetch anew."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Query, Request
+from starlette.responses import HTMLResponse, RedirectResponse
+
+from tripod_doe.errors import InputError
+from tripod_doe.service import answers
+from tripod_doe.service.page.rendering import part, show
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.routes.dependencies import AnyService, Body
+from tripod_doe.service.runs.result_directory import has_report
+from tripod_doe.service.runs.table import Run
+from tripod_doe.service.security.report_keys import report_key
+from tripod_doe.service.service import Service
+
+router = APIRouter(include_in_schema=False)
+
+_KINDS = (("lines", "Lines"), ("map", "Map"), ("points", "Points"), ("matrix", "Matrix"), ("parallel", "Parallel axes"))
+_TABS = (
+    ("", "Explore"),
+    ("analyses", "Analyses"),
+    ("report", "Report"),
+    ("failed", "Failed points"),
+    ("study", "Study"),
+)
+_WORKFLOW_TABS = (("steps", "Steps"), *_TABS[:3], _TABS[4])
+
+
+Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose extremes are told")]
+
+
+@router.get("/")
+def runs(service: AnyService, order: Order = 3) -> HTMLResponse:
+    """The list of runs."""
+    runs = service.runs.all()
+    return show(
+        "runs.html", service.settings, here="/", runs=runs, order=order, extremes=service.extremes.known(runs, order)
+    )
+
+
+@router.get("/parts/runs")
+def run_list(service: AnyService, order: Order = 3) -> HTMLResponse:
+    """The list alone."""
+    runs = service.runs.all()
+    found = service.extremes.known(runs, order)
+    return HTMLResponse(
+        part(
+            "run_list.html",
+            root=service.settings.root,
+            runs=runs,
+            read_only=service.settings.read_only,
+            order=order,
+            extremes=found,
+        )
+    )
+
+
+@router.get("/parts/extremes")
+def extremes(service: AnyService, order: Order = 3) -> dict[str, bool]:
+    """Look for the best and worst points of runs that have changed; whether the list has anything new to show."""
+    return {"new": service.extremes.update(service.runs.all(), order)}
+
+
+@router.get("/parts/runs/{run_id}")
+def run_head(run_id: str, service: AnyService) -> HTMLResponse:
+    """State, counts and price of a run."""
+    run = service.runs.find(run_id)
+    return HTMLResponse(
+        part("run_head.html", root=service.settings.root, run=run, read_only=service.settings.read_only)
+    )
+
+
+@router.get("/runs/{run_id}")
+def explorer(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
+    """The cube explorer; the query string is the view."""
+    run = service.runs.find(run_id)
+    steps = [name for name, step in run.plan.get("steps", {}).items() if "points" in step]
+    begun = [name for name in steps if service.results(run_id, name).is_dir()]
+    chosen = request.query_params.get("step") or next(iter(begun or steps), None)
+    found, trouble = _explored(service, run, request, chosen)
+    return _run_page(
+        "explore.html",
+        service,
+        run,
+        "Explore",
+        steps=steps,
+        chosen_step=chosen,
+        trouble=trouble,
+        **_control_values(service, run, found),
+    )
+
+
+@router.get("/runs/{run_id}/view")
+def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
+    """Controls, copies and title of a view; only the words that say so where no point has finished yet."""
+    run = service.runs.find(run_id)
+    step = request.query_params.get("step")
+    found = answers.explore(service, run_id, _items(request), step) if _begun(run) else None
+    values = _control_values(service, run, found)
+    return {
+        "title": found["title"] if found else "",
+        "controls": part("controls.html", trouble="", **values),
+        "exports": part("exports.html", explored=found),
+    }
+
+
+@router.get("/runs/{run_id}/points/{number}")
+def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
+    """One point in words and figures."""
+    found = answers.point(service, run_id, number, step)
+    text = part(
+        "point.html",
+        root=service.settings.root,
+        point=found,
+        run_id=run_id,
+        step=step,
+        read_only=service.settings.read_only,
+    )
+    return {"html": text, "figures": found["figures"]}
+
+
+@router.get("/parts/parameters")
+def parameters(scene: str, service: AnyService) -> HTMLResponse:
+    """Parameters of a scene as a list to choose from."""
+    return HTMLResponse(part("parameters.html", parameters=answers.parameters(service, scene)))
+
+
+@router.post("/parts/price-of-point")
+def price_of_point(body: Body, service: AnyService) -> dict[str, str]:
+    """The price of one point in words, before it is simulated."""
+    found = answers.price_of_point(service, body)
+    return {"told": part("price_of_point.txt", **found)}
+
+
+@router.post("/parts/simulate")
+def simulate(body: Body, service: AnyService) -> dict[str, Any]:
+    """One point simulated, in words and figures."""
+    found = service.simulated(body)
+    return {"told": part("simulated.txt", **found), "figures": found["figures"]}
+
+
+@router.get("/runs/{run_id}/numbers")
+def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
+    """The cells of a view as a table."""
+    return HTMLResponse(
+        part("numbers.html", **answers.numbers(service, run_id, _items(request), request.query_params.get("step")))
+    )
+
+
+@router.get("/runs/{run_id}/analyses")
+def analyses(run_id: str, service: AnyService, order: int | None = None, step: str | None = None) -> HTMLResponse:
+    """What the analyses of a run found; each number leads to its points."""
+    run = service.runs.find(run_id)
+    found = answers.results(service, run_id, order, step)
+    return _run_page("analyses.html", service, run, "Analyses", analyses=found, step=step, order=order)
+
+
+@router.get("/runs/{run_id}/behind")
+def behind(
+    run_id: str, analysis: str, variable: str, cell: int, service: AnyService, step: str | None = None
+) -> RedirectResponse:
+    """From a number of an analysis to the view of its points."""
+    items = answers.behind(service, run_id, analysis, variable, cell, step)
+    return RedirectResponse(f"{service.settings.root}/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
+
+
+@router.get("/runs/{run_id}/report")
+def report(run_id: str, service: AnyService) -> HTMLResponse:
+    """The report in its sandbox."""
+    run = service.runs.find(run_id)
+    written = has_report(service.directory(run_id))
+    return _run_page("report.html", service, run, "Report", written=written, key=report_key(service.settings, run.id))
+
+
+@router.get("/runs/{run_id}/failed")
+def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLResponse:
+    """Points that failed, with their reasons."""
+    run = service.runs.find(run_id)
+    rows = answers.failures(service, run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
+    return _run_page("failed.html", service, run, "Failed points", **rows)
+
+
+@router.get("/runs/{run_id}/study")
+def study(run_id: str, service: AnyService) -> HTMLResponse:
+    """The text that was submitted."""
+    run = service.runs.find(run_id)
+    return _run_page("study.html", service, run, "Study", texts=answers.submitted(service, run_id))
+
+
+@router.get("/runs/{run_id}/steps")
+def steps(run_id: str, service: AnyService) -> HTMLResponse:
+    """The chain of a workflow with states and times."""
+    run = service.runs.find(run_id)
+    if run.kind != "workflow":
+        raise RefusedError(404, "this run is a study; it has no steps")
+    return _run_page("steps.html", service, run, "Steps")
+
+
+@router.get("/compare")
+def compare(service: AnyService, run: str = "") -> HTMLResponse:
+    """Upload a measurement and lay it over a point."""
+    studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
+    chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
+    axes = answers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
+    return show("compare.html", service.settings, here="/compare", studies=studies, chosen=chosen, axes=axes)
+
+
+@router.post("/parts/runs/{run_id}/compare")
+def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
+    """A measurement over a point, in words and figures."""
+    found = answers.lay_over(service, run_id, body)
+    return {"html": part("laid_over.html", **found), "figures": found["figures"]}
+
+
+def _run_page(template: str, service: Service, run: Run, tab: str, **values: Any) -> HTMLResponse:
+    tabs = _WORKFLOW_TABS if run.kind == "workflow" else _TABS
+    return show(template, service.settings, run=run, tabs=tabs, tab=tab, **values)
+
+
+def _items(request: Request) -> list[tuple[str, str]]:
+    return list(request.query_params.multi_items())
+
+
+def _begun(run: Run) -> bool:
+    """Whether any point of a run has been done."""
+    return run.counts.total > run.counts.missing
+
+
+def _explored(service: Service, run: Run, request: Request, step: str | None) -> tuple[dict[str, Any] | None, str]:
+    """What the view can be changed to; or why there is nothing to see, in words."""
+    if not _begun(run):
+        return None, ""
+    try:
+        return answers.explore(service, run.id, _items(request), step), ""
+    except (InputError, RefusedError) as error:
+        return None, str(error)
+
+
+def _control_values(service: Service, run: Run, found: dict[str, Any] | None) -> dict[str, Any]:
+    kinds = [kind for kind in _KINDS if found and kind[0] in found["kinds"]]
+    others = [
+        other for other in service.runs.all() if other.id != run.id and other.kind == "study" and other.counts.finished
+    ]
+    return {"explored": found, "kinds": kinds, "others": others if found and found["points"] else []}

@@ -1,0 +1,96 @@
+"""What to start from: the templates, and the studies and workflows that come with the project, as they can be sent."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition.template import TEMPLATES
+
+_TEMPLATE_NAMES = {
+    "grid": "Grid of joint angle and torque",
+    "sensitivity": "Which parameter matters most",
+    "contribution": "Which friction causes the thrust",
+    "response-surface": "Effects and curvature from few points",
+    "tolerance": "Which tolerance to tighten first",
+    "what-if": "A page with sliders",
+    "multifidelity": "Several models at once",
+}
+_NAMED_FILE = re.compile(r'\b(study|table|measurement)(\s*=\s*)"([^"\n]+\.(?:toml|csv))"')
+_PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
+
+
+@cache
+def gallery() -> list[dict[str, str]]:
+    """Everything to start from: ``id``, ``kind``, ``name`` and ``question`` of each."""
+    found = [_told(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
+    for name, path in _files().items():
+        text = path.read_text(encoding="utf-8")
+        if "function" not in tomllib.loads(text).get("study", {}):
+            found.append(_told(name, text))
+    return found
+
+
+def gallery_upload(name: str) -> dict[str, Any]:
+    """One of them as it can be submitted: ``study`` or ``workflow``, and the ``files`` that it names, by plain names.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name.
+    """
+    kind = name.removeprefix("template-")
+    if name != kind and kind in TEMPLATES:
+        return {"study": _template(kind), "files": {}}
+    if name not in {entry["id"] for entry in gallery()}:
+        raise InputError(f"gallery: {name[:100]!r}: no study or workflow of this name")
+    texts: dict[str, str] = {}
+    text = _plain_text(_files()[name], texts)
+    return {_kind(text): text, "files": texts}
+
+
+def _plain_text(path: Path, texts: dict[str, str]) -> str:
+    """The text of a file that names others by their plain names; their texts are added to `texts`."""
+
+    def plain(found: re.Match[str]) -> str:
+        places = (path.parent, path.parent.parent / "studies")  # a table in a workflow is that of a study
+        other = next((place / found[3] for place in places if (place / found[3]).is_file()), None)
+        if other is None:
+            return found[0]
+        if other.name not in texts:
+            texts[other.name] = ""  # files that name each other would have no end
+            texts[other.name] = _plain_text(other, texts)
+        return f'{found[1]}{found[2]}"{other.name}"'
+
+    text = path.read_text(encoding="utf-8")
+    return _NAMED_FILE.sub(plain, text) if path.suffix == ".toml" else text
+
+
+def _kind(text: str) -> str:
+    return "workflow" if "workflow" in tomllib.loads(text) else "study"
+
+
+def _template(kind: str) -> str:
+    text = (files("tripod_doe.study.definition") / "templates" / f"{kind}.toml").read_text(encoding="utf-8")
+    return text.replace("NAME", "my_joint")
+
+
+def _told(name: str, text: str) -> dict[str, str]:
+    kind = _kind(text)
+    head = tomllib.loads(text)[kind]
+    return {"id": name, "kind": kind, "name": head["name"], "question": head.get("question", "")}
+
+
+def _files() -> dict[str, Path]:
+    """The project's studies and workflows by their ids: of an installation, or of the clone that this is run from."""
+    place = next((place for place in _PLACES if (place / "studies").is_dir()), None)
+    if place is None:
+        return {}
+    studies = {path.stem: path for path in sorted((place / "studies").glob("*.toml"))}
+    return studies | {f"workflow-{path.stem}": path for path in sorted((place / "workflows").glob("*.toml"))}

@@ -1,0 +1,144 @@
+"""Prices of uploaded studies and workflows, before anything of them runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.analyses.model_choice.study_choice import describe_choice
+from tripod_doe.analyses.multifidelity.study_split import describe_split
+from tripod_doe.errors import ForbiddenError, TooLargeError
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.requests.uploads import STUDY
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.designs import most_points, point_count
+from tripod_doe.study.plan import Plan, plan
+from tripod_doe.workflow.analyses import check_analyses
+from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.plan import WorkflowPlan
+
+_COUNTS = ("points", "unique", "excluded", "bytes")
+
+
+def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[str, Any]:
+    """Check an upload and give its counts and its price.
+
+    Parameters
+    ----------
+    folder
+        Where its files are.
+    main
+        Name of the submitted file: a study's or a workflow's.
+    limits
+        What is allowed.
+    timing
+        Whether points are timed, for at most ten seconds; otherwise recorded prices are used where there are any.
+
+    Returns
+    -------
+    dict
+        For a workflow the sums over its studies, and each of them under ``steps``.
+
+    Raises
+    ------
+    InputError
+        If anything in it cannot be used.
+    TooLargeError
+        If it goes beyond a limit.
+    """
+    place = StudyFolder(folder, trusted=False, most_points=limits.points)
+    if main == STUDY:
+        study = parse_study((folder / main).read_text(encoding="utf-8"), main, place)
+        check_analyses(study)
+        return plan_study(study, limits, timing)
+    workflow = load_workflow(folder / main, folder=place)
+    steps: dict[str, dict[str, Any]] = {}
+    plans = {}
+    for name, step in workflow.steps.items():
+        steps[name] = {"kind": step.table.kind, "inputs": list(step.inputs)}
+        if step.study is not None:
+            plans[name] = _plan_within(step.study, limits, timing=False)
+            steps[name] |= _told(step.study, plans[name])
+    head, hours = workflow.file.workflow, WorkflowPlan(plans).cpu_hours
+    studies = [step for step in steps.values() if "points" in step]
+    whole: dict[str, Any] = {"name": head.name, "question": head.question, "kind": "workflow", "steps": steps}
+    whole |= {key: sum(study[key] or 0 for study in studies) for key in _COUNTS}
+    whole |= {"cpu_seconds": _seconds(hours), "timed": 0}
+    blocks = [study["blocks"] for study in studies]
+    whole["blocks"] = None if None in blocks else sum(blocks)
+    whole["warnings"] = [f"{name}: {text}" for name, step in steps.items() for text in step.get("warnings", [])]
+    most = sum(max(study["points"], study["most_points"]) for study in studies)
+    _check_limits(limits, "workflow.toml", most, whole["bytes"], hours)
+    return whole
+
+
+def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
+    """Counts and price of one study; see `plan_upload`."""
+    return _told(study, _plan_within(study, limits, timing))
+
+
+def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
+    """Plan a study that keeps the limits."""
+    counted = max(point_count(study), most_points(study))
+    price = plan(study, timing, recorded=True)
+    share = max(counted / max(price.points, 1), 1.0)  # of the points that follow from a pilot, where there is one
+    _check_limits(
+        limits, study.origin, max(counted, price.points), round((price.cube_bytes or 0) * share), price.cpu_hours
+    )
+    return price
+
+
+def _told(study: Study, price: Plan) -> dict[str, Any]:
+    """A plan as JSON."""
+    return {
+        "name": study.file.study.name,
+        "question": study.file.study.question,
+        "kind": "study",
+        "points": price.points,
+        "unique": price.unique,
+        "excluded": price.excluded,
+        "most_points": price.most_points,
+        "blocks": price.blocks,
+        "bytes": price.cube_bytes,
+        "cpu_seconds": _seconds(price.cpu_hours),
+        "timed": price.timed,
+        "model_chosen_by_pilot": price.chosen,
+        "choice": describe_choice(study, None).splitlines() if price.chosen else describe_split(study, None),
+        "foreseen": [{"outcome": f.outcome.label, "reason": f.reason, "count": f.count} for f in price.foreseen],
+        "models": list(price.models),
+        "warnings": list(price.warnings),
+        "expected_outcomes": list(study.file.run.expected_outcomes),
+    }
+
+
+def _seconds(hours: tuple[float, float, float] | None) -> dict[str, float] | None:
+    return hours and dict(zip(("low", "mean", "high"), (3600 * value for value in hours), strict=True))
+
+
+def _check_limits(
+    limits: Limits, origin: str, points: int, cube_bytes: int | None, hours: tuple[float, float, float] | None
+) -> None:
+    for value, most, what in (
+        (points, limits.points, "points"),
+        (cube_bytes or 0, limits.cube_bytes, "bytes in its cubes"),
+        (hours[1] if hours else 0.0, limits.cpu_hours, "CPU-hours"),
+    ):
+        if value > most:
+            raise TooLargeError(f"{origin}: {value:,.6g} {what}; at most {most:,.6g} are allowed here")
+
+
+def plan_stored(path: Path, limits: Limits) -> dict[str, Any]:
+    """Counts of the study of a result directory, as `plans.plan_upload` gives them.
+
+    Raises
+    ------
+    InputError
+        If its study can no longer be read, or names a function.
+    """
+    from tripod_doe.study.results.stored_study import stored_study
+
+    study = stored_study(path, limits.points)
+    if study.file.study.function is not None:
+        raise ForbiddenError(f"function = {study.file.study.function!r}: studies of functions are not shown")
+    return plan_study(study, limits, False)

@@ -1,0 +1,176 @@
+"""A study file as a form, and a form's change as a change of its text: comments and order of the text stay.
+
+A parameter is one field: empty where it keeps its default, ``600`` for a value that all points share, ``25, 50, 100``
+for values of a factor, ``2 : 14 : 13`` for a range with a count and ``2 : 14`` for a range to sample, with ``log`` at
+the end for a logarithmic scale. What a field cannot say, as a distribution, is written in the text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from tripod_doe.errors import InputError
+from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.service.explorer.figures.elements import with_brackets
+from tripod_doe.simulator import Parameter
+from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.study_file import DesignTable, parse_toml
+
+_DESIGN_KEYS = ("kind", "samples", "seed", "levels")
+_RANGE_KEYS = {"low", "high", "count", "scale"}
+_LONGEST = 200
+
+
+def study_form(text: str) -> Any:
+    """The fields of a form for a study file.
+
+    Returns
+    -------
+    dict
+        ``head`` (name, question), ``scene`` and ``scenes``, ``design`` with ``designs``, and ``groups`` of parameters
+        with their fields.
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML.
+    """
+    study = parse_toml(text, "study.toml")
+    head, base, factors, design = (_table(study, name) for name in ("study", "base", "factors", "design"))
+    scene = str(head.get("scene", "joint"))
+    known = load_simulator(scene).parameters.values() if scene in SCENES else ()
+    return {
+        "head": {name: str(head.get(name, "")) for name in ("name", "question")},
+        "scene": scene,
+        "scenes": sorted(SCENES),
+        "design": {name: "" if design.get(name) is None else str(design[name]) for name in _DESIGN_KEYS},
+        "designs": list(DesignTable.model_json_schema()["properties"]["kind"]["enum"]),
+        "groups": [
+            {"title": title, "fields": [_field(parameter, base, factors) for parameter in members]}
+            for title, members in groupby(known, key=lambda parameter: parameter.group)
+        ],
+    }
+
+
+def _table(study: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = study.get(name, {})
+    return found if isinstance(found, Mapping) else {}
+
+
+def _field(parameter: Parameter, base: Mapping[str, Any], factors: Mapping[str, Any]) -> dict[str, Any]:
+    factor = factors.get(parameter.name)
+    value = _factor_text(factor) if isinstance(factor, Mapping) else _word(base.get(parameter.name))
+    return {
+        "name": parameter.name,
+        "label": with_brackets(spoken(parameter.name), unit_text(parameter.unit)),
+        "meaning": f"{parameter.meaning} ({parameter.range_text}; {parameter.source})",
+        "default": _word(parameter.default),
+        "value": value,
+        "varied": isinstance(factor, Mapping),
+        "choices": list(parameter.choices),
+    }
+
+
+def _word(value: Any) -> str:
+    return "" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def _factor_text(factor: Mapping[str, Any]) -> str | None:
+    """A factor as its field shows it; None where a field cannot say it."""
+    if set(factor) == {"values"} and isinstance(factor["values"], list):
+        return ", ".join(_word(value) for value in factor["values"]) + ("," if len(factor["values"]) == 1 else "")
+    if {"low", "high"} <= set(factor) <= _RANGE_KEYS:
+        ends = [_word(factor[name]) for name in ("low", "high", "count") if name in factor]
+        return " : ".join(ends) + (" log" if factor.get("scale") == "log" else "")
+    return None
+
+
+def changed_text(text: str, key: str, value: str) -> Any:
+    """The text of a study file after one field was changed.
+
+    Parameters
+    ----------
+    text
+        Before.
+    key
+        ``study.name``, ``design.kind`` or the like, or ``parameter.NAME``.
+    value
+        What the field says now.
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML, or the field cannot be read.
+    """
+    parse_toml(text, "study.toml")
+    try:
+        document = tomlkit.parse(text)
+        table, _, name = key.partition(".")
+        if table == "parameter":
+            _set_parameter(document, name, value.strip()[:_LONGEST])
+        else:
+            _set(document, table, name, _scalar(value) if table == "design" else value)
+        return tomlkit.dumps(document)
+    except (TOMLKitError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"study.toml: change {key} in the text: its form is not one that a field can change"
+        ) from error
+
+
+def _set(document: Any, table: str, name: str, value: Any) -> None:
+    if value == "":
+        if table in document and name in document[table]:
+            del document[table][name]
+        return
+    if table not in document:
+        document[table] = tomlkit.table()
+    document[table][name] = value
+
+
+def _set_parameter(document: Any, name: str, field: str) -> None:
+    factor = _factor(name, field)
+    if factor is None:
+        if name in document.get("factors", {}):
+            del document["factors"][name]
+            if not document["factors"]:
+                del document["factors"]
+        _set(document, "base", name, _scalar(field))
+        return
+    if document.get("design", {}).get("kind") != "one-at-a-time":  # there it is the base point
+        _set(document, "base", name, "")
+    if "factors" not in document:
+        document["factors"] = tomlkit.table(is_super_table=True)
+    table = tomlkit.table()
+    table.update(factor)
+    document["factors"][name] = table
+
+
+def _factor(name: str, field: str) -> dict[str, Any] | None:
+    """What a field says of a factor; None where it is one value or empty."""
+    words, scale = (field[:-3].rstrip(), "log") if field.endswith("log") and ":" in field else (field, "linear")
+    if ":" in words:
+        try:
+            low, high, *count = (_scalar(part.strip()) for part in words.split(":"))
+        except ValueError:
+            low, high, count = "", "", []
+        if len(count) > 1 or not all(isinstance(part, int | float) for part in (low, high, *count)):
+            raise InputError(f"{name} = {field!r}: write low : high or low : high : count, with log for a log scale")
+        found = {"low": low, "high": high} | ({"count": count[0]} if count else {})
+        return found | ({"scale": "log"} if scale == "log" else {})
+    if "," in words:
+        return {"values": [_scalar(part.strip()) for part in words.split(",") if part.strip()]}
+    return None
+
+
+def _scalar(text: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

@@ -1,0 +1,63 @@
+"""What routes share: the service behind them, and the answers that any of them may give."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import Depends, Request
+from pydantic import BaseModel
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.forms import Errors
+from tripod_doe.service.service import Service
+
+
+def errors_at(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Statuses with a list of errors, for the description of a route."""
+    return {status: {"model": Errors} for status in statuses}
+
+
+def gives(*media_types: str) -> dict[int | str, dict[str, Any]]:
+    """The answer of a route that is a file, a text or JSON of one of these types."""
+    text = {"schema": {"type": "string"}}
+    return {200: {"content": {name: {"schema": {}} if name == "application/json" else text for name in media_types}}}
+
+
+REFUSALS = errors_at(400, 401, 413, 422, 500, 503)
+"""What any route may answer."""
+
+CHANGES = errors_at(403, 408, 409, 415)
+"""What routes that change something may answer as well."""
+
+
+async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
+    service: Service = request.app.state.service
+    return service
+
+
+async def _body(request: Request) -> bytes:
+    return await request.body()  # which `Guard` has received
+
+
+Body = Annotated[bytes, Depends(_body)]
+"""The body of a request; a worker reads it, see `bodies`."""
+
+
+def takes(form: type[BaseModel] | None) -> dict[str, Any]:
+    """The description of a body that has a form, or is any object."""
+    schema = {"type": "object"} if form is None else form.model_json_schema()
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
+
+
+AnyService = Annotated[Service, Depends(_service)]
+"""The service behind a route."""
+
+
+async def _writing_service(service: AnyService) -> Service:
+    if service.settings.read_only:
+        raise RefusedError(403, "this server was started with --read-only: it changes nothing")
+    return service
+
+
+WritingService = Annotated[Service, Depends(_writing_service)]
+"""The service behind a route that changes something; refused (403) where the server is read-only."""

@@ -1,0 +1,149 @@
+"""The processes of runs: started to outlive the server, found again, and stopped.
+
+A run holds an open file that is locked before it starts: the lock ends with its process, however that ends, so it
+tells without any doubt whether the run is alive, for this server and for the next one. Its number stands in that file.
+
+Why not the lock of the result directory (`DirectoryLock`): a run takes that one seconds after its start, a workflow one
+in each of its steps and none in its own directory, and it would find it held by the file that it inherits.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+from tripod_doe.errors import InputError
+from tripod_doe.service.workers.forking import start_program
+
+LOG = "run.log"
+"""File of a result directory with what the latest run of it said."""
+
+_ALIVE = ".alive"
+_NICE = 5  # answers come before points: a page must not wait for a study
+_TRIES, _PAUSE = 20, 0.05
+_LAST_BYTES = 65_536
+
+
+def start_run(directory: Path, words: Sequence[str]) -> None:
+    """Start our own command line on a result directory, in a session of its own.
+
+    Parameters
+    ----------
+    directory
+        The result directory; the lock and the log are made in it.
+    words
+        Arguments of ``tripod-doe``; they name the directory after ``--out``.
+
+    Raises
+    ------
+    InputError
+        If a run of this directory is alive, or it cannot be started.
+    """
+    try:
+        lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
+        os.fchmod(lock, 0o600)  # whoever can open it can hold it
+    except OSError as error:
+        raise InputError(f"{directory}: cannot write here: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.ftruncate(lock, 0)  # the number of an earlier run
+        os.close(os.open(directory / LOG, os.O_CREAT | os.O_WRONLY | os.O_TRUNC | os.O_NOFOLLOW, 0o600))
+    except BlockingIOError as error:
+        os.close(lock)
+        raise InputError(f"{directory}: a run is at work here") from error
+    except OSError as error:
+        os.close(lock)
+        raise InputError(f"{directory}: cannot start a run here: {error.strerror}") from error
+    start_program("tripod_doe.cli", words, directory / LOG, lock, _NICE)
+
+
+def is_alive(directory: Path) -> bool:
+    """Whether a run that this service or an earlier one started is alive."""
+    return _locked(directory / _ALIVE)
+
+
+def is_held(directory: Path) -> bool:
+    """Whether any process computes into a result directory, one that was started by hand included."""
+    return is_alive(directory) or _locked(directory / ".lock")
+
+
+def _locked(path: Path) -> bool:
+    try:
+        probe = os.open(path, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(probe, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(probe)
+    return False
+
+
+def stop_run(directory: Path) -> bool:
+    """Ask the run of a directory to end after what it is doing, as Ctrl-C does; gives whether one was found."""
+    return _signal(directory, signal.SIGINT)
+
+
+def kill_run(directory: Path) -> bool:
+    """End the run of a directory and all processes that it started; gives whether one was found."""
+    return _signal(directory, signal.SIGKILL)
+
+
+def _signal(directory: Path, number: signal.Signals) -> bool:
+    for _ in range(_TRIES):
+        if process := run_process(directory):
+            with suppress(ProcessLookupError, PermissionError):
+                if number is signal.SIGKILL:
+                    os.killpg(process, number)  # it leads a group of its own
+                else:
+                    os.kill(process, number)
+            return True
+        if not is_alive(directory):
+            return False
+        time.sleep(_PAUSE)  # one that has only just started has not written its number yet
+    return False
+
+
+def run_process(directory: Path) -> int | None:
+    """Number of the process that runs our command line on a directory; None where none is known.
+
+    It stands in the file that the process holds. Where that is open, it is no other process of the same number.
+    """
+    path = directory.absolute() / _ALIVE
+    try:
+        process = int(path.read_text() or 0)
+        if process and str(path.resolve()) in {file.path for file in psutil.Process(process).open_files()}:
+            return process
+    except (OSError, ValueError, psutil.Error):
+        pass
+    return None
+
+
+def run_log(directory: Path) -> str:
+    """What the latest run of a directory said, its end where that is long; its own place is left out."""
+    try:
+        with (directory / LOG).open("rb") as log:
+            log.seek(0, os.SEEK_END)
+            log.seek(max(0, log.tell() - _LAST_BYTES))
+            text = log.read().decode("utf-8", "replace")
+    except OSError:
+        return ""
+    for word, told in ((f"--out {directory}", "the folder of this run"), (" or choose another --out", "")):
+        text = text.replace(word, told)
+    return text.replace(f"{directory}{os.sep}", "").replace(str(directory), "")
+
+
+def last_words(directory: Path) -> str:
+    """The last complaint of the latest run of a directory, or else its last line."""
+    lines = [line.strip() for line in run_log(directory).splitlines() if line.strip()]
+    own = [line.removeprefix("tripod-doe: ") for line in lines if line.startswith("tripod-doe: ")]
+    return (own or lines or [""])[-1]

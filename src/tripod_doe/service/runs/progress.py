@@ -1,0 +1,141 @@
+"""Progress of a run: points by outcome and CPU seconds, from its journal or those of its steps; steps of a workflow."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import CubeError
+from tripod_doe.names import path_within
+from tripod_doe.service.runs.table import PointCounts, Run
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.journal import Journal, Mark, journal_path
+from tripod_doe.workflow.steps_file import STEPS
+
+_PACE = 0.5  # seconds between two counts: each goes to all who watch
+
+
+class RunProgress:
+    """The points of a run, counted as they are finished, and the pace at which they are.
+
+    Parameters
+    ----------
+    run
+        The run.
+    directory
+        Its result directory.
+    """
+
+    def __init__(self, run: Run, directory: Path) -> None:
+        self._steps = directory / STEPS
+        self._kind, self._plan = run.kind, run.plan
+        self._journals = _journals(run, directory)
+        self._first: tuple[float, int] | None = None
+        self._read_at = -math.inf
+
+    def is_due(self) -> bool:
+        """Whether the points were not counted of late."""
+        return time.monotonic() > self._read_at + _PACE
+
+    def read(self) -> tuple[PointCounts, tuple[Mapping[str, Any], ...]]:
+        """Points, and the steps of a workflow, as they are now."""
+        self._read_at = time.monotonic()
+        counts = _sum([journal.read() for journal in self._journals])
+        if self._first is None:
+            self._first = time.monotonic(), counts.total - counts.missing
+        return counts, self._read_steps() if self._kind == "workflow" else ()
+
+    def eta_seconds(self, counts: PointCounts) -> float | None:
+        """Seconds until the last point, by the pace since the first look; None as long as there is none."""
+        if self._first is None:
+            return None
+        started, before = self._first
+        done = counts.total - counts.missing - before
+        return (time.monotonic() - started) * counts.missing / done if done > 0 else None
+
+    def _read_steps(self) -> tuple[Mapping[str, Any], ...]:
+        """What the chain said of its steps, the others as waiting, in the order in which they run."""
+        try:
+            told = {step["name"]: step for step in json.loads(self._steps.read_text(encoding="utf-8"))}
+        except (OSError, ValueError):
+            told = {}
+        waiting = {"state": "waiting", "seconds": None, "detail": ""}
+        return tuple(
+            {"name": name, "kind": step["kind"], "inputs": step["inputs"]} | waiting | told.get(name, {})
+            for name, step in self._plan["steps"].items()
+        )
+
+
+def _journals(run: Run, directory: Path) -> list[Progress]:
+    if run.kind != "workflow":
+        return [Progress(directory, run.plan["unique"], run.plan["expected_outcomes"])]
+    return [
+        Progress(path_within(directory, "steps", name), step["unique"], step["expected_outcomes"])
+        for name, step in run.plan["steps"].items()
+        if "unique" in step
+    ]
+
+
+def _sum(counts: Sequence[PointCounts]) -> PointCounts:
+    outcomes: Counter[str] = Counter()
+    for count in counts:
+        outcomes.update(count.outcomes or {})
+    return PointCounts(
+        sum(count.total for count in counts),
+        sum(count.finished for count in counts),
+        sum(count.failed for count in counts),
+        dict(outcomes),
+        sum(count.cpu_seconds for count in counts),
+    )
+
+
+class Progress:
+    """The points of one result directory, read from its journal as far as they are new.
+
+    Parameters
+    ----------
+    directory
+        The result directory of a study.
+    total
+        Points to compute.
+    expected
+        Outcomes besides finished that do not count as failures.
+    """
+
+    def __init__(self, directory: Path, total: int, expected: Collection[str] = ()) -> None:
+        self._directory, self._total = directory, total
+        self._good = {"finished", *expected}
+        self._mark = Mark()
+        self._ends: dict[bytes, int] = {}
+        self._counts: Counter[int] = Counter()
+        self._cpu_seconds = 0.0
+
+    def read(self) -> PointCounts:
+        """Count what is there now; a journal that is not there yet, busy or damaged leaves what was counted before."""
+        if journal_path(self._directory).is_file():
+            try:
+                with Journal(self._directory, read_only=True) as journal:
+                    self._add(journal)
+            except CubeError:
+                pass
+        outcomes = {Outcome(number).label: count for number, count in self._counts.items() if count}
+        good = sum(count for label, count in outcomes.items() if label in self._good)
+        return PointCounts(self._total, good, sum(outcomes.values()) - good, outcomes, self._cpu_seconds)
+
+    def _add(self, journal: Journal) -> None:
+        again, news, self._mark = journal.news(self._mark)
+        if again:
+            self._ends, self._counts, self._cpu_seconds = {}, Counter(), 0.0
+        for ends in news:
+            for key, outcome in zip(ends.keys, ends.outcomes.tolist(), strict=True):
+                fingerprint = key.tobytes()
+                if (earlier := self._ends.get(fingerprint)) is not None:
+                    self._counts[earlier] -= 1
+                self._ends[fingerprint] = outcome
+                self._counts[outcome] += 1
+            self._cpu_seconds += ends.cpu_seconds

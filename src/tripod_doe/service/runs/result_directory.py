@@ -1,0 +1,81 @@
+"""Result directories: which of a folder hold a study, and how a run ended, read from its files alone.
+
+So the next server sees the same, whoever started the run.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.service.runs.processes import last_words
+from tripod_doe.service.runs.table import PointCounts, Run, State
+from tripod_doe.study.journal import journal_path
+from tripod_doe.study.results.result_cube import is_shown
+
+_LEAST = 1_000_000  # bytes without which a run cannot end in order
+_FULL = "the disk is full; resume goes on at the next missing point"
+_SILENT = "its process ended without a message; resume goes on at the next missing point"
+
+
+def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]], directory: Path) -> tuple[State, str]:
+    """State and message of a run whose process has ended.
+
+    Parameters
+    ----------
+    run
+        As it was known last.
+    counts, steps
+        What is there of it now.
+    directory
+        Its result directory.
+    """
+    if run.kind == "workflow":
+        left = [step["name"] for step in steps if step["state"] in ("waiting", "failed", "blocked")]
+        whole = not left and has_report(directory)
+        failed = [f"{step['name']}: {step['detail']}" for step in steps if step["state"] == "failed"]
+    else:
+        whole = not counts.missing and is_shown(directory) and has_report(directory)
+        failed = []
+    if whole:
+        return State.FINISHED, ""
+    if run.state is State.STOPPING:
+        return State.STOPPED, ""
+    if run.place:
+        return State.STOPPED, "points are missing: run the study again from the command line"
+    return State.FAILED, "; ".join(failed) or last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
+
+
+def _is_full(directory: Path) -> bool:
+    """Whether the disk is full: then a run cannot even say so."""
+    return shutil.disk_usage(directory if directory.exists() else directory.parent).free < _LEAST
+
+
+def has_report(directory: Path) -> bool:
+    """Whether the page is there, which is written last: after the cube of a study, after the last step of a chain."""
+    return _report(directory).is_file()
+
+
+def remove_report(directory: Path) -> None:
+    """Take the page away before a run goes on, so that it tells again when all is done; no clock is asked for that."""
+    with suppress(OSError):  # a folder that cannot be written is told by the run
+        _report(directory).unlink()
+
+
+def _report(directory: Path) -> Path:
+    return directory / "report" / "index.html"
+
+
+def result_directories(folder: Path, known: Collection[str]) -> list[Path]:
+    """Result directories of studies in a folder, without those of known names."""
+    return [
+        path
+        for path in sorted(folder.iterdir())
+        if path.name not in known
+        and not path.is_symlink()
+        and (path / "study.toml").is_file()
+        and journal_path(path).is_file()
+    ]

@@ -1,0 +1,439 @@
+"""Looks after runs: starts what waits in the queue, counts what is finished, notices what has ended, stops and deletes.
+
+All that it knows of a run after a restart is in the table and in the run's directory: a lock that is free with points
+missing means that the run is dead, so nothing can stay "running".
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.uploads import main_file
+from tripod_doe.service.runs import processes
+from tripod_doe.service.runs.events import Events
+from tripod_doe.service.runs.progress import RunProgress
+from tripod_doe.service.runs.result_directory import ending_of, remove_report
+from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now, stamp
+from tripod_doe.service.settings import Settings
+from tripod_doe.study.journal import journal_path
+
+UPLOAD = "upload"
+"""Folder of a result directory with what the client submitted."""
+
+_PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
+_PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to
+_DELETED = ".deleted-"
+
+log = logging.getLogger(__name__)
+
+
+@contextmanager
+def _logged(what: str) -> Iterator[None]:
+    """Log what goes wrong with something, and go on."""
+    try:
+        yield
+    except Exception:
+        log.exception("%s", what)
+
+
+class Supervisor:
+    """The runs of a folder.
+
+    Parameters
+    ----------
+    settings
+        Where the folder is, and how runs are started.
+
+    Raises
+    ------
+    InputError
+        If the table of runs cannot be opened.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.events = Events()
+        self._table = RunTable(settings.folder, settings.read_only)
+        self._lock = threading.RLock()
+        self._runs: dict[str, Run] = {}
+        self._progress: dict[str, RunProgress] = {}
+        self._interrupted: set[str] = set()
+        self._stop_by: dict[str, float] = {}
+        self._endings: dict[str, tuple[State, str]] = {}  # as they were found; a full disk may have to be waited for
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
+
+    def start(self) -> None:
+        """Find the runs of earlier servers, and look after all from now on."""
+        for run in self._table.all():
+            if not run.place or self.settings.folder.joinpath(run.place).is_dir():
+                self._runs[run.id] = run
+                self.events.publish(run)
+            elif not self.settings.read_only:
+                self._table.remove(run.id)
+        if not self.settings.read_only:
+            for left in self.settings.folder.glob(f"{_DELETED}*"):
+                shutil.rmtree(left, ignore_errors=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Look after nothing any more; runs at work go on."""
+        self.events.close()
+        self._ended.set()
+        self._thread.join()
+        self._table.close()
+
+    def directory(self, run_id: str) -> Path:
+        """The result directory of a run."""
+        run = self._runs.get(run_id)
+        return self.settings.folder.absolute() / (run.place if run and run.place else run_id)
+
+    def known_places(self) -> set[str]:
+        """Names of the directories of all runs."""
+        with self._lock:
+            return {run.place or run.id for run in self._runs.values()}
+
+    def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
+        """Show a directory of the folder that the command line filled, or is filling."""
+        changed = datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC)
+        run = Run(
+            secrets.token_hex(8),
+            "study",
+            plan["name"],
+            plan["question"],
+            State.RUNNING,
+            plan=plan,
+            counts=PointCounts(plan["unique"]),
+            created=stamp(changed),
+            updated=stamp(changed),
+            place=directory.name,
+        )
+        with self._lock:
+            self._put(run)
+        self._look_at(run.id)
+
+    def all(self) -> list[Run]:
+        """All runs, the newest first."""
+        with self._lock:
+            return list(reversed(self._runs.values()))
+
+    def find(self, run_id: str) -> Run:
+        """A run by its id.
+
+        Raises
+        ------
+        RefusedError
+            404 if there is none.
+        """
+        with self._lock:
+            run = self._runs.get(run_id)
+        if run is None:
+            raise RefusedError(404, f"{run_id[:100]}: no run of this id")
+        return run
+
+    def find_by_key(self, key: str, digest: str) -> Run | None:
+        """The run that was submitted with an Idempotency-Key; None where there is none.
+
+        Raises
+        ------
+        RefusedError
+            422 if something else was submitted with it.
+        """
+        with self._lock:
+            run = next((run for run in self._runs.values() if run.key == key), None)
+        if run is not None and run.digest != digest:
+            raise RefusedError(422, f"Idempotency-Key: {key[:100]}: another study was submitted with this key")
+        return run
+
+    def submit(self, upload: Path, plan: Mapping[str, Any], key: str | None = None, digest: str = "") -> Run:
+        """Put a checked upload into the queue.
+
+        Parameters
+        ----------
+        upload
+            Folder with its files, on the file system of the folder of runs; it becomes that of the run.
+        plan
+            What `plans.plan_upload` said.
+        key, digest
+            The client's Idempotency-Key, and the hash of what it submitted.
+
+        Raises
+        ------
+        RefusedError
+            413 if the queue is full.
+        """
+        with self._lock:
+            if key and (earlier := self.find_by_key(key, digest)):
+                return earlier
+            self._refuse_full_queue()
+            run_id, time_now = secrets.token_hex(8), now()
+            directory = self.directory(run_id)
+            directory.mkdir(mode=0o700)
+            upload.rename(directory / UPLOAD)
+            run = Run(
+                run_id,
+                plan["kind"],
+                plan["name"],
+                plan["question"],
+                State.QUEUED,
+                plan=plan,
+                counts=PointCounts(plan["unique"]),
+                created=time_now,
+                updated=time_now,
+                key=key or None,
+                digest=digest,
+            )
+            self._put(run)
+        return run
+
+    def _refuse_full_queue(self) -> None:
+        most = self.settings.limits.queued
+        if sum(run.state is State.QUEUED for run in self._runs.values()) >= most:
+            raise RefusedError(413, f"{most:,} runs are waiting, which is the limit: try again later")
+
+    def stop(self, run_id: str) -> Run:
+        """Stop a run: from the queue at once, otherwise after the points at work.
+
+        Raises
+        ------
+        RefusedError
+            409 if it neither waits nor runs.
+        """
+        with self._lock:
+            run = self._own(run_id)
+            if run.state is State.QUEUED:
+                return self._put(run.changed(state=State.STOPPED, message="stopped before it started"))
+            if not run.state.alive:
+                raise RefusedError(409, f"state: {run.state}: only a run that waits or is at work can be stopped")
+            if run.state is State.RUNNING:
+                run = self._put(run.changed(state=State.STOPPING))
+                self._stop_by[run_id] = time.monotonic() + _PATIENCE
+                self._interrupt(run_id)
+            return run
+
+    def resume(self, run_id: str, retry_failed: bool = False) -> Run:
+        """Put a run at rest into the queue again, for the points that are missing or, if asked for, failed.
+
+        Raises
+        ------
+        RefusedError
+            409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
+        """
+        with self._lock:
+            run = self._own(run_id)
+            if not run.state.at_rest:
+                raise RefusedError(409, f"state: {run.state}: only a run at rest can be resumed")
+            if retry_failed and not run.counts.failed:
+                raise RefusedError(409, "no point of this run failed")
+            if run.state is State.FINISHED and not retry_failed:
+                raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
+            if processes.is_held(self.directory(run_id)):
+                raise RefusedError(409, "another process computes into the directory of this run")
+            self._refuse_full_queue()
+            return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
+
+    def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any]) -> Run:
+        """Put a run at rest into the queue with a checked upload in place of its own.
+
+        Raises
+        ------
+        RefusedError
+            409 if it waits or runs, 413 if the queue is full.
+        """
+        with self._lock:
+            run = self._own(run_id)
+            if not run.state.at_rest or processes.is_held(self.directory(run_id)):
+                raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
+            self._refuse_full_queue()
+            own = self.directory(run_id) / UPLOAD
+            own.rename(own.with_name(f".{UPLOAD}.old"))
+            upload.rename(own)
+            shutil.rmtree(own.with_name(f".{UPLOAD}.old"), ignore_errors=True)
+            counts = replace(run.counts, total=plan["unique"])
+            return self._put(
+                run.changed(
+                    state=State.QUEUED,
+                    message="",
+                    plan=plan,
+                    counts=counts,
+                    name=plan["name"],
+                    question=plan["question"],
+                )
+            )
+
+    def delete(self, run_id: str) -> None:
+        """Forget a run and remove its directory.
+
+        Raises
+        ------
+        RefusedError
+            409 if a process is at work on it.
+        """
+        with self._lock:
+            run = self._own(run_id)
+            directory = self.directory(run_id)
+            if run.state.alive or processes.is_held(directory):
+                raise RefusedError(409, f"state: {run.state}: stop this run before you delete it")
+            doomed = directory.with_name(_DELETED + run_id)
+            if directory.exists():
+                directory.rename(doomed)  # a kill from here on leaves nothing that could be taken for a run
+            self._table.remove(run_id)
+            del self._runs[run_id]
+            self._progress.pop(run_id, None)
+            self.events.forget(run_id)
+        shutil.rmtree(doomed, ignore_errors=True)
+
+    def _own(self, run_id: str) -> Run:
+        """A run that the service may change."""
+        run = self.find(run_id)
+        if run.place:
+            raise RefusedError(409, f"the command line filled the directory {run.place}: go on there")
+        return run
+
+    def _put(self, run: Run) -> Run:
+        """Store a run whose state changed, and tell those who watch."""
+        if not self.settings.read_only:
+            self._table.put(run)
+        self._show(run)
+        return run
+
+    def _show(self, run: Run) -> None:
+        self._runs[run.id] = run
+        self.events.publish(run)
+
+    def _look_after(self) -> None:
+        while not self._ended.wait(_PERIOD):
+            with self._lock:
+                active = [run for run in self._runs.values() if run.state.alive]
+            for run in active:
+                self._for_one(run, self._look_at)
+            if self.settings.read_only:
+                with _logged("the table of runs"):
+                    self._read_again()
+            else:
+                self._start_waiting()
+
+    def _for_one(self, run: Run, step: Callable[[str], None]) -> None:
+        """Do something for a run; whatever goes wrong is the failure of this run, and the others go on."""
+        try:
+            step(run.id)
+        except StorageError as error:  # a full disk: the state is stored as soon as it can be
+            log.error("%s: %s", run.id, error)
+        except Exception as error:
+            log.exception("run %s", run.id)
+            with _logged(f"the failure of run {run.id}"):
+                self._fail(run.id, f"the service cannot look after it ({type(error).__name__}: {error})")
+
+    def _fail(self, run_id: str, message: str) -> None:
+        """End the process of a run if there is one, and store that it failed."""
+        with self._lock:
+            run = self._runs.get(run_id)
+            if run is None or run.state.at_rest:
+                return
+            if not run.place and not self.settings.read_only:
+                processes.kill_run(self.directory(run_id))
+            self._forget_work(run_id)
+            self._put(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))
+
+    def _forget_work(self, run_id: str) -> None:
+        """Forget what is known of the process of a run that has ended."""
+        self._stop_by.pop(run_id, None)
+        self._interrupted.discard(run_id)
+        self._progress.pop(run_id, None)
+        self._endings.pop(run_id, None)
+
+    def _read_again(self) -> None:
+        """Take over what the server that runs studies in this folder has written."""
+        if not self._table.is_changed():
+            return
+        stored = {run.id: run for run in self._table.all()}
+        with self._lock:
+            for gone in self._runs.keys() - stored.keys():
+                del self._runs[gone]
+                self.events.forget(gone)
+            for run in stored.values():
+                if run != self._runs.get(run.id):
+                    self._show(run)
+
+    def _look_at(self, run_id: str) -> None:
+        """Count the points of a run at work, and notice its end."""
+        directory = self.directory(run_id)
+        with self._lock:
+            run = self._runs.get(run_id)
+        if run is None or not run.state.alive:
+            return
+        alive = processes.is_held(directory)
+        progress = self._progress.setdefault(run_id, RunProgress(run, directory))
+        if alive and not progress.is_due():
+            with self._lock:
+                self._hasten(run_id)
+            return
+        counts, steps = progress.read()
+        with self._lock:
+            run = self._runs[run_id]
+            if not run.state.alive:
+                return
+            if alive:
+                if (counts, steps) != (run.counts, run.steps):
+                    self._show(run.changed(counts=counts, steps=steps, eta_seconds=progress.eta_seconds(counts)))
+                self._hasten(run_id)
+                return
+            state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
+            self._put(
+                run.changed(
+                    state=state, message=message, counts=counts, steps=steps, eta_seconds=None, retry_failed=False
+                )
+            )
+            self._forget_work(run_id)
+
+    def _interrupt(self, run_id: str) -> None:
+        """Ask a run to stop, once: a second time would end it at once."""
+        if run_id not in self._interrupted and processes.stop_run(self.directory(run_id)):
+            self._interrupted.add(run_id)
+
+    def _hasten(self, run_id: str) -> None:
+        """Ask a run to stop that had only just started then, and end one that was asked to and did not."""
+        if self._runs[run_id].state is State.STOPPING:
+            self._interrupt(run_id)
+            due = self._stop_by.setdefault(run_id, time.monotonic() + _PATIENCE)
+            if time.monotonic() > due:
+                self._stop_by[run_id] = time.monotonic() + _PATIENCE
+                processes.kill_run(self.directory(run_id))
+
+    def _start_waiting(self) -> None:
+        """Start the runs that have waited longest, as many as may be at work."""
+        with self._lock:
+            for run in [run for run in self._runs.values() if run.state is State.QUEUED]:
+                if sum(other.state.alive for other in self._runs.values()) >= self.settings.limits.running:
+                    break
+                self._for_one(run, self._start)
+
+    def _start(self, run_id: str) -> None:
+        run, directory = self._runs[run_id], self.directory(run_id)
+        self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
+        try:
+            remove_report(directory)
+            processes.start_run(directory, run_words(run, directory, self.settings.workers))
+        except InputError as error:
+            self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))
+
+
+def run_words(run: Run, directory: Path, workers: int | None) -> list[str]:
+    """The command line of a run."""
+    command = "workflow" if run.kind == "workflow" else "run"
+    words = [command, str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory), "--untrusted"]
+    if workers is not None:
+        words += ["--workers", str(workers)]
+    return [*words, "--retry-failed"] if run.retry_failed else words

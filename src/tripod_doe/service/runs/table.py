@@ -1,0 +1,260 @@
+"""Runs: what is known of each, in one SQLite table that outlives the server, and as clients see it."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, StorageError, option
+
+TABLE = "service.sqlite"
+"""File of the folder that holds the table."""
+
+
+class State(StrEnum):
+    """What a run is doing."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    FINISHED = "finished"
+    FAILED = "failed"
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no process is meant to be at work, and none is waited for."""
+        return self in (State.STOPPED, State.FINISHED, State.FAILED)
+
+    @property
+    def alive(self) -> bool:
+        """Whether a process is at work."""
+        return self in (State.RUNNING, State.STOPPING)
+
+
+@dataclass(frozen=True)
+class PointCounts:
+    """Points of a run."""
+
+    total: int  # points to compute: repeated ones count once, excluded ones not at all
+    finished: int = 0  # points that ended well: finished, or with an outcome that the study expects
+    failed: int = 0  # all others that have ended
+    outcomes: Mapping[str, int] | None = None  # points by the label of their outcome
+    cpu_seconds: float = 0.0  # time of all of them, those that ran again counted each time
+
+    @property
+    def missing(self) -> int:
+        """Points that have not ended."""
+        return max(0, self.total - self.finished - self.failed)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a study or of a workflow."""
+
+    id: str  # random; also the name of its result directory in the folder
+    kind: str  # "study" or "workflow"
+    # name, question: as its file says
+    name: str
+    question: str
+    state: State  # what it is doing
+    message: str = ""  # why it failed or stopped; empty otherwise
+    # its price, as `plans.plan_upload` gave it when it was submitted
+    plan: Mapping[str, Any] = field(default_factory=dict)
+    counts: PointCounts = field(default_factory=lambda: PointCounts(0))  # points that have ended
+    steps: tuple[Mapping[str, Any], ...] = ()  # of a workflow: what became of each step, in order
+    # time until the last point by the pace so far; None where it does not run or has no pace yet
+    eta_seconds: float | None = None
+    # created, updated: times in UTC
+    created: str = ""
+    updated: str = ""
+    retry_failed: bool = False  # whether the run in the queue runs failed points again
+    # name of its directory where that is not the id: the command line filled it, and the service leaves it alone
+    place: str = ""
+    # key, digest: the client's Idempotency-Key, and the hash of what it submitted
+    key: str | None = None
+    digest: str = ""
+
+    def record(self) -> dict[str, Any]:
+        """The run as clients see it."""
+        told: dict[str, Any] = {
+            "id": self.id,
+            "name": self.name,
+            "found": bool(self.place),
+            "kind": self.kind,
+            "question": self.question,
+            "state": self.state.value,
+            "message": self.message,
+            "points": {
+                "total": self.counts.total,
+                "finished": self.counts.finished,
+                "failed": self.counts.failed,
+                "missing": self.counts.missing,
+            },
+            "outcomes": dict(self.counts.outcomes or {}),
+            "cpu_seconds": round(self.counts.cpu_seconds, 3),
+            "eta_seconds": None if self.eta_seconds is None else round(self.eta_seconds, 1),
+            "created": self.created,
+            "updated": self.updated,
+        }
+        if self.kind == "workflow":
+            told["steps"] = [dict(step) for step in self.steps]
+        return told
+
+    def changed(self, **values: Any) -> Run:
+        """The run with other values, updated now."""
+        return replace(self, updated=now(), **values)
+
+
+def now() -> str:
+    """The time in UTC, to the millisecond."""
+    return stamp(datetime.now(UTC))
+
+
+def stamp(time: datetime) -> str:
+    """A time in UTC as runs tell it."""
+    return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS run (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,  -- the order in which runs were submitted
+    id TEXT NOT NULL UNIQUE,
+    key TEXT UNIQUE,                           -- the client's Idempotency-Key
+    record TEXT NOT NULL                       -- everything else, as JSON
+);
+"""
+
+
+class RunTable:
+    """The table of runs of a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the table is; it must exist.
+    read_only
+        Open what is there, and change nothing.
+
+    Raises
+    ------
+    InputError
+        If it cannot be opened.
+    """
+
+    def __init__(self, folder: Path, read_only: bool = False) -> None:
+        self.path = folder / TABLE
+        self._lock = threading.Lock()
+        self._version = -1
+        try:
+            self._connection = _opened_for_reading(self.path) if read_only else _opened(self.path)
+        except sqlite3.Error as error:
+            raise InputError(
+                f"{self.path}: cannot use this table of runs ({error}); choose another "
+                f"{option('folder')}, or move this file away"
+            ) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            self._connection.close()
+
+    def all(self) -> list[Run]:
+        """All runs, in the order in which they were submitted; one whose row is damaged has failed, and says so."""
+        with self._lock:
+            rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
+        return [_from_row(*row) for row in rows]
+
+    def is_changed(self) -> bool:
+        """Whether another process has changed the table since this was asked last."""
+        with self._lock:
+            version = int(self._connection.execute("PRAGMA data_version").fetchone()[0])
+        changed, self._version = version != self._version, version
+        return changed
+
+    def put(self, run: Run) -> None:
+        """Store a run, new or changed; when this returns, no kill can lose it.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or fails.
+        """
+        self._write(
+            "INSERT INTO run (id, key, record) VALUES (?, ?, ?) "
+            "ON CONFLICT (id) DO UPDATE SET record = excluded.record",
+            (run.id, run.key, _to_text(run)),
+        )
+
+    def remove(self, id: str) -> None:
+        """Forget a run.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or fails.
+        """
+        self._write("DELETE FROM run WHERE id = ?", (id,))
+
+    def _write(self, statement: str, values: tuple[Any, ...]) -> None:
+        try:
+            with self._lock, self._connection:
+                self._connection.execute(statement, values)
+        except sqlite3.Error as error:
+            raise StorageError(f"{self.path}: cannot write ({error}); nothing that was finished is lost") from error
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, check_same_thread=False)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.executescript(_SCHEMA)
+    return connection
+
+
+def _opened_for_reading(path: Path) -> sqlite3.Connection:
+    """What is there, or an empty table in memory; nothing is written, also where the folder could be."""
+    if not path.exists():
+        connection = sqlite3.connect(":memory:", check_same_thread=False)
+        connection.executescript(_SCHEMA)
+        return connection
+    address = path.absolute().as_uri()
+    try:
+        connection = sqlite3.connect(f"{address}?mode=ro", uri=True, check_same_thread=False)
+        connection.execute("SELECT count(*) FROM run").fetchone()
+    except sqlite3.OperationalError:  # a folder in which SQLite cannot make its shared memory: nobody writes there
+        connection = sqlite3.connect(f"{address}?immutable=1", uri=True, check_same_thread=False)
+        connection.execute("SELECT count(*) FROM run").fetchone()
+    return connection
+
+
+def _to_text(run: Run) -> str:
+    content = {item.name: getattr(run, item.name) for item in fields(run)}
+    content["counts"] = {item.name: getattr(run.counts, item.name) for item in fields(run.counts)}
+    return json.dumps(content)
+
+
+def _from_row(id: str, key: str | None, text: str) -> Run:
+    try:
+        run = _from_text(text)
+        json.dumps(run.record(), allow_nan=False)  # as it is shown
+    except Exception as error:  # whatever stands there: the other runs are to be shown
+        told = (
+            f"its row in {TABLE} is damaged ({type(error).__name__}: {error}); its results are kept until it is deleted"
+        )
+        return Run(str(id), "study", str(id), "", State.FAILED, told, key=key)
+    return run
+
+
+def _from_text(text: str) -> Run:
+    content = json.loads(text)
+    content["counts"] = PointCounts(**content["counts"])
+    content["steps"] = tuple(content["steps"])
+    return Run(**(content | {"state": State(content["state"])}))

@@ -1,0 +1,255 @@
+"""Who may ask what: host, token, origin, content type and size of every request are checked before anything reads it.
+
+A browser on this machine also shows pages of strangers. They can send requests here, so every route checks the name by
+which it is called (a name that is bound anew would make their page ours), a token that they do not know, and for
+changes the page from which the request comes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import ipaddress
+import re
+import socket
+from collections.abc import Callable
+from urllib.parse import parse_qsl, urlencode
+
+from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS
+from tripod_doe.service.security.report_keys import is_report_address
+from tripod_doe.service.security.sessions import LIFETIME, Sessions
+from tripod_doe.service.settings import Settings
+
+API = "/api/v1"
+"""Where the routes of the interface start."""
+
+_OPEN = f"{API}/health"
+_SAFE = ("GET", "HEAD", "OPTIONS")
+_ANYWHERE = ("0.0.0.0", "::")
+_HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
+
+_POLICY = "default-src 'none'; frame-ancestors 'none'"
+_HEADERS = (
+    (b"content-security-policy", _POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cache-control", b"no-store"),
+)
+"""Of every answer that does not bring its own."""
+
+
+def allowed_hosts(host: str) -> frozenset[str]:
+    """Names by which a server that listens on a host may be called; where it listens everywhere, also any address."""
+    names = {"127.0.0.1", "localhost", "::1", host.lower()}
+    if host in _ANYWHERE:
+        names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+    return frozenset(names - set(_ANYWHERE))
+
+
+class Guard:
+    """Middleware that checks every request, and gives every answer the headers that keep browsers strict.
+
+    Parameters
+    ----------
+    app
+        What answers.
+    settings
+        Of the server.
+    sessions
+        Browsers that are signed in.
+    refusal_answer
+        (request, refusal, settings, root) -> answer, a page where a person asked for one.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        settings: Settings,
+        sessions: Sessions,
+        refusal_answer: Callable[[HTTPConnection, RefusedError, Settings, str], Response],
+    ) -> None:
+        self._app, self._settings, self._sessions = app, settings, sessions
+        self._refusal_answer = refusal_answer
+        self._hosts = allowed_hosts(settings.host)
+        self._any_address = settings.host in _ANYWHERE
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":  # the lifespan; there are no websockets
+            await self._app(scope, receive, send)
+            return
+        send = _with_headers(send)
+        headers = Headers(scope=scope)
+        try:
+            self._check_host(headers)
+            if not scope["path"].isprintable():  # no name of anything holds one
+                raise RefusedError(404, "the address holds a control character")
+            inside = self._enter(scope)
+            if response := self._welcome(scope):
+                await response(scope, receive, send)
+                return
+            if not self._is_open(scope):
+                self._check_credentials(scope["method"], headers, inside)
+            if scope["method"] not in _SAFE:
+                self._check_change(scope, headers)
+                receive = _again(await self._body(scope, headers, receive))
+        except RefusedError as refusal:
+            if refusal.status == 401:  # a person may read it
+                answer = self._refusal_answer(HTTPConnection(scope), refusal, self._settings, "")
+            else:
+                answer = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+            await answer(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+    def _check_host(self, headers: Headers) -> None:
+        given = headers.getlist("host")
+        if len(given) == 1:
+            match = _HOST.fullmatch(given[0].lower())
+            name = match["name"].strip("[]") if match else ""
+            if name in self._hosts or (self._any_address and _is_address(name)):
+                return
+        raise RefusedError(400, "Host: this server is not called by this name; use the address that it printed")
+
+    def _enter(self, scope: Scope) -> bool:
+        """Take the first part from the address of a page; gives whether the address has it."""
+        inside = _equal("/" + scope["path"][1:].partition("/")[0], self._settings.root)
+        scope["root_path"] = self._settings.root if inside else ""
+        return inside
+
+    def _welcome(self, scope: Scope) -> Response | None:
+        """The way in: an address of a page with the right token begins a session, and goes on without the token."""
+        place = _place(scope)
+        if scope["method"] != "GET" or place.startswith(API):
+            return None
+        words = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True, separator="&")
+        if not place:
+            return RedirectResponse(f"{self._settings.root}/", 303)
+        given = [value for name, value in words if name == "token"]
+        if not given or not self._is_token(given[0]):
+            return None
+        rest = urlencode([(name, value) for name, value in words if name != "token"])
+        root = self._settings.root
+        path = f"{root}/{place.lstrip('/')}"
+        response = RedirectResponse(f"{path}?{rest}" if rest else path, 303)
+        response.set_cookie(
+            self._settings.cookie, self._sessions.open(), LIFETIME, httponly=True, samesite="strict", path=root
+        )
+        return response
+
+    def _is_open(self, scope: Scope) -> bool:
+        """Whether an address needs no token: the sign of life, scripts and styles, and pages by their key."""
+        place = _place(scope)
+        if place == _OPEN:
+            return True
+        return scope["method"] in _SAFE and (place.startswith("/assets/") or is_report_address(place, self._settings))
+
+    def _is_token(self, given: str) -> bool:
+        return _equal(given, self._settings.token)
+
+    def _has_session(self, headers: Headers) -> bool:
+        pairs = (pair.partition("=") for pair in headers.get("cookie", "").split(";"))
+        return any(name.strip() == self._settings.cookie and self._sessions.is_open(value) for name, _, value in pairs)
+
+    def _check_credentials(self, method: str, headers: Headers, inside: bool) -> None:
+        """Ask for the token, or for a session by its cookie and the first part of the address together."""
+        kind, _, given = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer" and self._is_token(given.strip()):
+            return
+        if not kind and inside and self._has_session(headers):
+            if method in _SAFE or "origin" in headers or "sec-fetch-site" in headers:
+                return
+            raise RefusedError(403, "Origin: a change by cookie must say from which page it comes")
+        raise RefusedError(
+            401,
+            "a token is needed: open the address that the server printed at its start, or send "
+            "'Authorization: Bearer TOKEN'",
+            headers={"www-authenticate": "Bearer"},
+        )
+
+    def _check_change(self, scope: Scope, headers: Headers) -> None:
+        origin, site = headers.get("origin"), headers.get("sec-fetch-site")
+        if origin is not None and origin.lower() != f"{scope['scheme']}://{headers['host']}".lower():
+            raise RefusedError(403, "Origin: changes are taken from this server's own pages only")
+        if site is not None and site != "same-origin":
+            raise RefusedError(403, "Sec-Fetch-Site: changes are taken from this server's own pages only")
+
+    async def _body(self, scope: Scope, headers: Headers, receive: Receive) -> bytes:
+        """The whole body, of the right type and within its limits."""
+        kind = headers.get("content-type")
+        if kind is not None and kind.partition(";")[0].strip().lower() != "application/json":
+            raise RefusedError(415, f"Content-Type: {kind[:100]}: application/json is needed")
+        limits = self._settings.limits
+        most = limits.measurement_bytes if scope["path"].endswith("/compare") else limits.body_bytes
+        length = headers.get("content-length", "")
+        too_large = RefusedError(413, f"the body is larger than {most:,} bytes, which is the limit here")
+        if length.isdecimal() and int(length[:20]) > most:
+            raise too_large
+        body, started = bytearray(), asyncio.get_running_loop().time()
+        while True:
+            try:
+                async with asyncio.timeout_at(started + BODY_SECONDS + len(body) / BODY_RATE):
+                    message = await receive()
+            except TimeoutError as error:
+                raise RefusedError(408, f"the body arrives too slowly: {len(body):,} bytes so far") from error
+            if message["type"] != "http.request":
+                raise RefusedError(400, "the client went away")
+            body += message.get("body", b"")
+            if len(body) > most:
+                raise too_large
+            if not message.get("more_body"):
+                break
+        if body and kind is None:
+            raise RefusedError(415, "Content-Type: application/json is needed")
+        return bytes(body)
+
+
+def _place(scope: Scope) -> str:
+    """The address of a request without the first part of pages."""
+    return str(scope["path"]).removeprefix(scope["root_path"])
+
+
+def _equal(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), secret.encode())
+
+
+def _is_address(name: str) -> bool:
+    """Whether a host is a plain address, which nobody can bind anew."""
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _again(body: bytes) -> Receive:
+    """A channel that gives a body that was read, then the end of the connection."""
+    sent = False
+    gone = asyncio.Event()
+
+    async def receive() -> Message:
+        nonlocal sent
+        if sent:
+            await gone.wait()
+        sent = True
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    return receive
+
+
+def _with_headers(send: Send) -> Send:
+    async def send_with_headers(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            given = {name.lower() for name, _ in message["headers"]}
+            message["headers"] = [*message["headers"], *(header for header in _HEADERS if header[0] not in given)]
+        await send(message)
+
+    return send_with_headers

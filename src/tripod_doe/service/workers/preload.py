@@ -1,0 +1,25 @@
+"""Imports of nearly all workers and runs, done once in the process from which they are forked.
+
+It must not start a thread: a process with threads must not fork.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is loaded; see `cli.main`
+
+import dask.array  # noqa: F401 - which xarray imports with the first cube
+import netCDF4  # noqa: F401
+from numba.core.registry import cpu_target
+
+import tripod_doe.joint.simulator
+import tripod_doe.service.explorer.questions
+import tripod_doe.service.workers.questions
+import tripod_doe.workflow.chain
+import tripod_doe.workflow.run  # noqa: F401
+
+cpu_target.target_context.refresh()  # what numba does before it loads the first kernel
+gc.collect()
+gc.freeze()  # what is shared is neither looked through nor copied

@@ -1,0 +1,257 @@
+"""Questions that workers answer: functions that call what the command line calls, so the numbers are the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tripod_doe.errors import InputError, TooLargeError, option
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
+from tripod_doe.service.requests.bodies import read_form, read_json
+from tripod_doe.service.requests.forms import Comparison, FieldChange, PlanRequest, PointRequest, StudyText, Submission
+from tripod_doe.service.requests.uploads import STUDY, refuse_many_files, upload_texts, write_upload
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+
+def plan(body: bytes, limits: Limits) -> Any:
+    """Price of a study or workflow that was sent; see `plans`."""
+    from tripod_doe.service.requests.plans import plan_upload
+
+    request = read_form(body, PlanRequest, limits.nesting)
+    main, texts = upload_texts(request.model_dump())
+    with _pointing_into(texts), tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
+        refuse_many_files(texts, limits)
+        folder = Path(name) / "upload"
+        write_upload(folder, texts)
+        with _plain_names(folder):
+            return plan_upload(folder, main, limits, request.timing)
+
+
+def wants_timing(body: bytes, limits: Limits) -> bool:
+    """Whether a plan is to time points, which needs more time."""
+    return read_form(body, PlanRequest, limits.nesting).timing
+
+
+def check(body: bytes, folder: str, limits: Limits) -> Any:
+    """Write what was sent into a folder, check it and count its points; gives these and a hash of the request."""
+    request = read_form(body, Submission, limits.nesting).model_dump()
+    main, texts = upload_texts(request)
+    with _pointing_into(texts):
+        counted = _checked(main, texts, Path(folder), limits)
+    return counted, hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()
+
+
+def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
+    """Check the larger version of a study whose results are in a directory; anything but growth is refused."""
+    main, texts = upload_texts(read_form(body, Submission, limits.nesting).model_dump())
+    if main != STUDY:
+        raise RefusedError(409, "only the run of a study can be extended, by a study")
+    with _pointing_into(texts):
+        counted = _checked(main, texts, Path(folder), limits)
+        try:
+            with _plain_names(Path(folder)):
+                _refuse_changes(Path(folder), Path(path))
+        except InputError as error:
+            changed = f"the study differs from that of the results in {path}; choose another {option('out')}, or undo"
+            here = "the study may only grow; submit it as a run of its own, or undo"
+            raise InputError(str(error).replace(changed, here).replace(path, "this run")) from error
+    return counted
+
+
+def _checked(main: str, texts: Mapping[str, str], folder: Path, limits: Limits) -> dict[str, Any]:
+    from tripod_doe.service.requests.plans import plan_upload
+
+    refuse_many_files(texts, limits)
+    write_upload(folder, texts)
+    with _plain_names(folder):
+        return plan_upload(folder, main, limits, timing=False)
+
+
+def plan_directory(path: str, limits: Limits) -> Any:
+    """Counts of the study of a directory that the command line filled."""
+    from tripod_doe.service.requests.plans import plan_stored
+
+    return plan_stored(Path(path), limits)
+
+
+def simulate(body: bytes, limits: Limits) -> Any:
+    """One point, as ``simulate --format json`` gives it."""
+    from tripod_doe.study.simulate import simulate_point
+
+    parameters = read_json(body, limits.nesting)
+    if not isinstance(parameters, dict):
+        raise RefusedError(422, "the body must be an object: {parameter: value}")
+    scene = parameters.pop("scene", "joint")
+    if not isinstance(scene, str):
+        raise RefusedError(422, *problems_of(f"scene = {scene!r}: a name is needed", {}))
+    return simulate_point(scene, **parameters).record()
+
+
+def query(
+    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, cells: int
+) -> bytes:
+    """Cells of a cube as ``query`` gives them: JSON or CSV text, or a netCDF file."""
+    from tripod_doe.study.query.arrays import opened_arrays
+    from tripod_doe.study.query.query import cell_count, narrowed, records, records_text
+    from tripod_doe.study.query.query import query as cells_of
+
+    with opened_arrays(path) as cube:
+        count = cell_count(cube, variable, select, nearest)
+        if count > cells:
+            raise TooLargeError(f"select: {count:,} cells; at most {cells:,} are sent in one answer: select fewer")
+        if form != "netcdf":
+            columns = records(cube, variable, select, nearest, where)
+            if form == "csv":
+                columns = {name: _without_formulas(column) for name, column in columns.items()}
+            return records_text(columns, form).encode()
+    return _netcdf_bytes(narrowed(cells_of(path, variable, select, nearest, where)))
+
+
+def _without_formulas(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """A column whose texts no spreadsheet takes for formulas: an apostrophe in front makes them texts there, too."""
+    if column.dtype.kind not in "OUT":
+        return column
+    return np.array([_without_formula(value) for value in column.tolist()], dtype=object)
+
+
+def _without_formula(value: Any) -> Any:
+    if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value
+
+
+def cube(path: str, folder: str) -> None:
+    """Write the cube of a run so far into a folder, with its costs."""
+    from tripod_doe.study.results.result_cube import write_cube_so_far
+
+    write_cube_so_far(Path(path), Path(folder))
+
+
+def describe(path: str) -> Any:
+    """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
+    from tripod_doe.service.explorer.descriptions import describe_cube
+    from tripod_doe.study.results.result_cube import opened_cube
+
+    with opened_cube(path) as cube:
+        return describe_cube(cube)
+
+
+def analyses(paths: dict[str, str]) -> Any:
+    """Results of analyses by name: kind, sentences, table and variables."""
+    from tripod_doe.service.explorer.descriptions import describe_analysis
+    from tripod_doe.study.cube.lazy_dataset import read_dataset
+
+    return [describe_analysis(name, read_dataset(Path(path))) for name, path in paths.items()]
+
+
+def compare(path: str, body: bytes, limits: Limits) -> Any:
+    """A measurement beside a point of a cube, as ``compare --format json`` gives it."""
+    from tripod_doe.service.explorer.measurements import compare_upload
+
+    return compare_upload(path, **read_form(body, Comparison, limits.nesting).model_dump())
+
+
+def choice(folder: str, path: str) -> Any:
+    """Lines on the choice of model of a study with model = "auto", or on the split of a multifidelity study."""
+    from tripod_doe.analyses.model_choice.study_choice import describe_choice
+    from tripod_doe.analyses.multifidelity.study_split import describe_split
+    from tripod_doe.study.definition.study import load_study
+
+    place = Path(folder) / STUDY
+    study = load_study(place, StudyFolder.of(place, untrusted=True))
+    return describe_choice(study, Path(path)).splitlines() if study.accuracy else describe_split(study, Path(path))
+
+
+def study_form(body: bytes, limits: Limits) -> Any:
+    """A study file that was sent as the fields of a form."""
+    from tripod_doe.service.requests.study_form import study_form
+
+    text = read_form(body, StudyText, limits.nesting).study
+    with _pointing_into({STUDY: text}):
+        return study_form(text)
+
+
+def changed_text(body: bytes, limits: Limits) -> Any:
+    """The text of a study file after one field of its form was changed."""
+    from tripod_doe.service.requests.study_form import changed_text
+
+    change = read_form(body, FieldChange, limits.nesting)
+    with _pointing_into({STUDY: change.study}):
+        return changed_text(change.study, change.key, change.value)
+
+
+def price_of_point(body: bytes, limits: Limits) -> Any:
+    """What one point will cost, before it is simulated."""
+    from tripod_doe.service.explorer.what_if import price_of_point
+
+    point = read_form(body, PointRequest, limits.nesting)
+    return price_of_point(point.scene, point.parameters)
+
+
+def simulated(body: bytes, limits: Limits) -> Any:
+    """One point simulated, with figures of all its outputs."""
+    from tripod_doe.service.explorer.what_if import simulated
+
+    point = read_form(body, PointRequest, limits.nesting)
+    return simulated(point.scene, point.parameters)
+
+
+def lay_over(path: str, body: bytes, limits: Limits) -> Any:
+    """A measurement over a point of a cube, in words and figures."""
+    from tripod_doe.service.explorer.measurements import lay_over
+
+    return lay_over(path, **read_form(body, Comparison, limits.nesting).model_dump())
+
+
+def _refuse_changes(folder: Path, path: Path) -> None:
+    from tripod_doe.analyses.multifidelity.study_split import needs_split, with_samples_so_far
+    from tripod_doe.study.definition.study import parse_study
+    from tripod_doe.study.designs import make_points
+    from tripod_doe.study.results.directory import ResultDirectory
+    from tripod_doe.study.study_points import StudyPoints
+
+    study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, StudyFolder(folder, trusted=False))
+    if needs_split(study):
+        study = with_samples_so_far(study, path)
+    asked = StudyPoints(study, make_points(study))
+    with ResultDirectory(path) as directory:
+        directory.refuse_changes(asked)
+
+
+def _netcdf_bytes(dataset: Any) -> bytes:
+    from tripod_doe.study.cube.netcdf import write_dataset
+
+    with tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
+        path = Path(name) / "answer.nc"
+        write_dataset(dataset, path)
+        return path.read_bytes()
+
+
+@contextmanager
+def _pointing_into(texts: Mapping[str, str]) -> Iterator[None]:
+    """Give complaints the lines and columns of the texts that they are about."""
+    try:
+        yield
+    except InputError as error:
+        raise refusal_of(error, texts) from error
+
+
+@contextmanager
+def _plain_names(folder: Path) -> Iterator[None]:
+    """Let complaints call the files of a folder by their plain names."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(str(error).replace(f"{folder}/", "")) from error

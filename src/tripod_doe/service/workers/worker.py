@@ -1,0 +1,76 @@
+"""The process of a worker: questions come in, answers or refusals go out, one at a time.
+
+A question is a function of the service, by its place (``workers.questions:plan``). Bodies of requests are read here
+and nowhere else, so that no text can hold up the server.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import resource
+import signal
+import sys
+import time
+import traceback
+from importlib import import_module
+from multiprocessing.connection import Connection
+from typing import Any
+
+from tripod_doe.errors import InputError, StorageError, TripodDoeError
+from tripod_doe.service.problems import Problem, RefusedError, refusal_of
+from tripod_doe.service.workers.forking import lead_group
+
+_LONGEST_TRACEBACK = 8_000
+_OF_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+
+Reply = tuple[str, Any]
+"""``"answer"`` with it, ``"refused"`` with status and problems, ``"full"`` with what cannot be written, or ``"failed"``
+with what the log should hold."""
+
+
+def serve(connection: Connection[Any, Any], memory_bytes: int) -> None:
+    """Answer until the connection ends."""
+    lead_group()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all processes of a terminal
+    os.dup2(sys.stderr.fileno(), 1)  # what functions print
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    while True:
+        try:
+            place, seconds, arguments, as_json = connection.recv()
+        except EOFError:
+            return
+        end = math.ceil(time.process_time() + seconds)
+        resource.setrlimit(resource.RLIMIT_CPU, (end, resource.RLIM_INFINITY))  # the system ends what takes longer
+        connection.send(_reply(place, arguments, as_json))
+
+
+def _reply(place: str, arguments: dict[str, Any], as_json: bool) -> Reply:
+    try:
+        module, _, name = place.partition(":")
+        answer = getattr(import_module(f"tripod_doe.service.{module}"), name)(**arguments)
+        return "answer", json.dumps(answer, allow_nan=False).encode() if as_json else answer
+    except RefusedError as error:
+        return _refused(error)
+    except InputError as error:
+        return _refused(refusal_of(error, {}))
+    except (MemoryError, RecursionError) as error:
+        what = "memory" if isinstance(error, MemoryError) else "depth"
+        return "refused", (413, [Problem(message=f"the answer needs more {what} than is allowed here")])
+    except StorageError as error:
+        return "full", str(error)
+    except TripodDoeError as error:
+        return "failed", f"{place}: {error}"
+    except OSError as error:
+        if error.errno in _OF_DISK:
+            return "full", f"{error.filename or 'temporary files'}: cannot write here: {error.strerror}"
+        return "failed", f"{place}: {traceback.format_exc()[-_LONGEST_TRACEBACK:]}"
+    except Exception:
+        return "failed", f"{place}: {traceback.format_exc()[-_LONGEST_TRACEBACK:]}"
+
+
+def _refused(error: RefusedError) -> Reply:
+    return "refused", (error.status, error.problems)

@@ -1,0 +1,176 @@
+"""Worker processes that answer questions: plans, simulated points, queries and comparisons.
+
+A kernel, a large cube or a hostile text then neither stops the server nor takes its memory: an answer that takes too
+long ends with its process, and the next question gets another one. `concurrent.futures.ProcessPoolExecutor` cannot do
+that: when one of its processes is killed, all that the others have at work fails, too.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import threading
+from contextlib import suppress
+from typing import Any
+
+from tripod_doe.errors import StorageError
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.workers.forking import context, start_process
+from tripod_doe.service.workers.worker import serve
+
+_MOMENT = 1.0  # seconds until the end of a process is known that has closed its connection
+_PATIENCE = 4  # times its limit of CPU time that an answer may take by the clock
+
+
+class AllBusyError(Exception):
+    """All workers are at work, and stayed so."""
+
+
+class WorkerFailedError(Exception):
+    """A worker failed for a reason that is not the client's."""
+
+
+class WorkerPool:
+    """Workers, started when they are first needed.
+
+    Parameters
+    ----------
+    count
+        Number of processes.
+    limits
+        What they take.
+    patience
+        Seconds for which a question waits for a worker that is free.
+    """
+
+    def __init__(self, count: int, limits: Limits, patience: float = 30.0) -> None:
+        self._patience = patience
+        self._workers = [_Worker(limits.memory_bytes) for _ in range(count)]
+        self._free: queue.LifoQueue[_Worker] = queue.LifoQueue()
+        for worker in self._workers:
+            self._free.put(worker)
+
+    def ask(self, question: str, seconds: float, as_json: bool = False, **arguments: Any) -> Any:
+        """Ask a question, and wait for the answer.
+
+        Parameters
+        ----------
+        question
+            Place of a function, as ``workers.questions:plan``.
+        seconds
+            CPU time for the answer.
+        as_json
+            Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
+        **arguments
+            Of the function.
+
+        Raises
+        ------
+        RefusedError
+            What the function refused; 413 where the answer takes too long.
+        StorageError
+            If the disk is full.
+        AllBusyError
+            If no worker becomes free in time.
+        WorkerFailedError
+            If the worker failed.
+        """
+        try:
+            worker = self._free.get(timeout=self._patience)
+        except queue.Empty as error:
+            raise AllBusyError from error
+        try:
+            return worker.ask(question, seconds, arguments, as_json)
+        finally:
+            self._free.put(worker)
+
+    def warm(self) -> None:
+        """Start one worker, so that the first question need not wait for it."""
+        self._workers[-1].start()
+
+    def close(self) -> None:
+        """End all workers."""
+        for worker in self._workers:
+            worker.close()
+
+
+class _Worker:
+    """One process, which answers one question at a time; another takes its place when it has ended."""
+
+    def __init__(self, memory_bytes: int) -> None:
+        self._memory_bytes = memory_bytes
+        self._changing = threading.Lock()
+        self._process: Any = None
+        self._connection: Any = None  # both are None, or neither is
+        self._closed = False
+
+    def start(self) -> Any:
+        """Start the process if there is none; gives the connection to it."""
+        with self._changing:
+            if self._closed:
+                raise WorkerFailedError("the server is about to end")
+            if self._process is not None and not self._process.is_alive():
+                self._forget()
+            if self._process is None:
+                self._connection, theirs = context.Pipe()
+                with theirs:
+                    self._process = start_process(serve, theirs, self._memory_bytes)
+            return self._connection
+
+    def close(self) -> None:
+        """End the process for good; one that is being started, which may take seconds, ends without the server."""
+        self._closed = True
+        if self._changing.acquire(timeout=_MOMENT / 10):
+            try:
+                self._end()
+            finally:
+                self._changing.release()
+
+    def ask(self, question: str, seconds: float, arguments: dict[str, Any], as_json: bool) -> Any:
+        """Ask; see `WorkerPool.ask`."""
+        connection = self.start()
+        kind: str
+        answer: Any = None
+        try:
+            connection.send((question, seconds, arguments, as_json))
+            if connection.poll(_PATIENCE * seconds):
+                kind, answer = connection.recv()
+            else:
+                kind = "late"
+        except (OSError, EOFError):
+            kind = "ended"
+        if kind == "answer":
+            return answer
+        if kind == "refused":
+            raise RefusedError(answer[0], *answer[1])
+        if kind == "full":
+            raise StorageError(answer)
+        if kind == "failed":
+            raise WorkerFailedError(answer)
+        with self._changing:
+            late = self._end(_MOMENT if kind == "ended" else 0.0) == -signal.SIGXCPU or kind == "late"
+        name = question.partition(":")[2].replace("_", " ")
+        if late:
+            raise RefusedError(413, f"{name}: no answer within {seconds:g} s of CPU time, which is the limit here")
+        raise WorkerFailedError(f"{name}: the worker has ended")
+
+    def _end(self, seconds: float = 0.0) -> int | None:
+        """End the process and what it started, if it does not end by itself; gives the exit code."""
+        process = self._process
+        if process is None:
+            return None
+        process.join(seconds)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.kill()  # one that does not lead its group yet
+        process.join()
+        code: int | None = process.exitcode
+        self._forget()
+        return code
+
+    def _forget(self) -> None:
+        self._connection.close()
+        self._process.close()
+        self._process = self._connection = None

@@ -1,0 +1,436 @@
+"""The states of runs, with processes that do nothing but hold the lock of their directory, or end."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
+from dataclasses import replace
+from datetime import datetime
+
+import pytest
+
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs import processes
+from tripod_doe.service.runs.result_directory import ending_of, remove_report
+from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
+from tripod_doe.service.runs.table import TABLE, PointCounts, Run, RunTable, State
+from tripod_doe.service.settings import Settings
+from tripod_doe.workflow.steps_file import STEPS
+
+PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
+SLEEP = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL); time.sleep(60)"
+STUBBORN = (
+    "import signal, time; signal.signal(signal.SIGINT, lambda *_: print('asked', flush=True));"
+    " print('ready', flush=True); time.sleep(60)"
+)
+ENDS = "print('tripod-doe: {}', flush=True)"
+
+
+@pytest.fixture
+def settings(tmp_path):
+    return Settings(tmp_path / "runs", limits=Limits(running=1, queued=3))
+
+
+@pytest.fixture
+def start(settings, monkeypatch):
+    """Start a supervisor whose runs do what a line of Python says."""
+    started, children = [], []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a child would ignore what this process ignores
+
+    def start(program, given=settings):
+        def start_run(directory, words):
+            words = [sys.executable, "-c", program, "tripod_doe.cli", *words]
+            lock = os.open(directory / ".alive", os.O_CREAT | os.O_RDWR)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            try:
+                with (directory / processes.LOG).open("wb") as log:
+                    child = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True, pass_fds=(lock,))
+                os.ftruncate(lock, 0)
+                os.write(lock, f"{child.pid}\n".encode())
+            finally:
+                os.close(lock)
+            children.append(child)
+
+        monkeypatch.setattr(processes, "start_run", start_run)
+        given.folder.mkdir(exist_ok=True)
+        started.append(Supervisor(given))
+        started[-1].start()
+        return started[-1]
+
+    yield start
+    for supervisor in started:
+        supervisor.close()
+    for child in children:
+        child.kill()
+        child.wait()
+    signal.signal(signal.SIGINT, before)
+
+
+def submit(supervisor, tmp_path, **options):
+    upload = tmp_path / f"new{time.monotonic_ns()}"
+    upload.mkdir()
+    return supervisor.submit(upload, PLAN, **options).id
+
+
+def wait(supervisor, run_id, state, seconds=20):
+    until = time.monotonic() + seconds
+    while not (found := [run for run in supervisor.all() if run.id == run_id and run.state is state]):
+        assert time.monotonic() < until, supervisor.all()
+        time.sleep(0.02)
+    return found[0]
+
+
+def wait_for_word(log, word, seconds=20):
+    until = time.monotonic() + seconds
+    while word not in log.read_text():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_runs_wait_their_turn_and_a_stop_lets_the_next_one_go(start, tmp_path):
+    supervisor = start(SLEEP)
+    first, second = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, first, State.RUNNING)
+    assert supervisor.find(second).state is State.QUEUED
+    assert supervisor.stop(first).state is State.STOPPING
+    assert wait(supervisor, first, State.STOPPED).message == ""
+    wait(supervisor, second, State.RUNNING, seconds=5)
+    assert [run.id for run in supervisor.all()] == [second, first]
+
+
+def test_a_run_that_dies_is_failed_with_its_last_words(start, tmp_path):
+    supervisor = start(ENDS.format("the disk is full"))
+    assert wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message == "the disk is full"
+
+
+def test_a_run_killed_without_a_message_is_failed_and_says_so(start, tmp_path):
+    supervisor = start("import os; os.kill(os.getpid(), 9)")
+    assert "without a message" in wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message
+
+
+def test_a_run_that_does_not_stop_is_killed(start, tmp_path):
+    """It is asked once, goes on, and is killed when its time is over: that is now."""
+    supervisor = start(STUBBORN)
+    run_id = submit(supervisor, tmp_path)
+    log = supervisor.directory(run_id) / processes.LOG
+    wait(supervisor, run_id, State.RUNNING)
+    wait_for_word(log, "ready")
+    supervisor.stop(run_id)
+    wait_for_word(log, "asked")
+    supervisor._stop_by[run_id] = time.monotonic()
+    wait(supervisor, run_id, State.STOPPED)
+    assert log.read_text().split() == ["ready", "asked"]
+
+
+def test_a_run_that_is_stopped_before_it_has_started_ends_as_soon_as_it_has(start, tmp_path, monkeypatch):
+    """Its number is not there yet; it is asked to stop once, for the second time would end it at once."""
+    monkeypatch.setattr("tripod_doe.service.runs.supervisor._PATIENCE", 1000)
+    supervisor = start(SLEEP)
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+    number = supervisor.directory(run_id) / ".alive"
+    while not (told := number.read_text()):
+        time.sleep(0.02)
+    number.write_text("")
+    assert supervisor.stop(run_id).state is State.STOPPING
+    number.write_text(told)
+    wait(supervisor, run_id, State.STOPPED)
+
+
+def test_the_next_server_finds_runs_at_work_and_moves_the_queue(start, settings, tmp_path):
+    """The first server ends as by a kill: nothing tells its runs, nothing is written."""
+    first = start(SLEEP)
+    at_work, waiting = submit(first, tmp_path), submit(first, tmp_path)
+    wait(first, at_work, State.RUNNING)
+    first._ended.set()
+    first._thread.join()
+    second = start(SLEEP)
+    assert second.find(at_work).state is State.RUNNING
+    assert second.find(waiting).state is State.QUEUED
+    processes.kill_run(second.directory(at_work))
+    wait(second, at_work, State.FAILED)
+    wait(second, waiting, State.RUNNING, seconds=5)
+
+
+def test_a_run_that_died_while_no_server_looked_is_not_running(start, settings, tmp_path):
+    settings.folder.mkdir()
+    table = RunTable(settings.folder)
+    lost = start(SLEEP)
+    run = replace(lost.find(submit(lost, tmp_path)), id="0" * 16, key=None, state=State.RUNNING)
+    table.put(run)
+    table.put(replace(run, id="1" * 16, state=State.STOPPING))
+    table.close()
+    supervisor = start(SLEEP)
+    wait(supervisor, "0" * 16, State.FAILED)
+    wait(supervisor, "1" * 16, State.STOPPED)
+
+
+def test_a_directory_that_somebody_else_fills_is_left_alone(start, tmp_path):
+    """`tripod-doe run --out` by hand holds the directory's own lock."""
+    supervisor = start(ENDS.format("over"))
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.FAILED)
+    with (supervisor.directory(run_id) / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for change in (supervisor.resume, supervisor.delete):
+            with pytest.raises(RefusedError) as refused:
+                change(run_id)
+            assert refused.value.status == 409
+    supervisor.delete(run_id)
+
+
+def test_a_deleted_run_leaves_nothing(start, settings, tmp_path):
+    supervisor = start(ENDS.format("over"))
+    run_id = submit(supervisor, tmp_path, key="k", digest="d")
+    wait(supervisor, run_id, State.FAILED)
+    supervisor.delete(run_id)
+    assert sorted(path.name for path in settings.folder.iterdir() if "sqlite" not in path.name) == []
+    assert supervisor.find_by_key("k", "other") is None
+    with pytest.raises(RefusedError) as refused:
+        supervisor.find(run_id)
+    assert refused.value.status == 404
+
+
+def test_a_full_queue_is_told(start, tmp_path):
+    supervisor = start(SLEEP)
+    wait(supervisor, submit(supervisor, tmp_path), State.RUNNING)
+    for _ in range(3):
+        submit(supervisor, tmp_path)
+    with pytest.raises(RefusedError) as refused:
+        submit(supervisor, tmp_path)
+    assert refused.value.status == 413
+    assert "3 runs" in str(refused.value)
+
+
+def test_an_empty_key_is_none(start, tmp_path):
+    supervisor = start(SLEEP)
+    assert submit(supervisor, tmp_path, key="") != submit(supervisor, tmp_path, key="")
+
+
+def test_the_upload_becomes_part_of_the_run(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    upload = tmp_path / "new"
+    upload.mkdir()
+    (upload / "study.toml").write_text("a study")
+    run = supervisor.submit(upload, PLAN)
+    assert (settings.folder / run.id / UPLOAD / "study.toml").read_text() == "a study"
+    assert len(run.id) == 16
+
+
+def test_a_server_that_only_reads_follows_the_one_that_runs(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    run_id = submit(supervisor, tmp_path)
+    reader = start(SLEEP, replace(settings, read_only=True))
+    wait(supervisor, run_id, State.RUNNING)
+    wait(reader, run_id, State.RUNNING)
+    other = submit(supervisor, tmp_path)
+    wait(reader, other, State.QUEUED)
+    supervisor.stop(other)
+    wait(reader, other, State.STOPPED)
+    supervisor.delete(other)
+    until = time.monotonic() + 10
+    while any(run.id == other for run in reader.all()):
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_a_clock_that_jumps_moves_times_and_nothing_else(start, settings, tmp_path, monkeypatch):
+    """Twenty years back, then forty on: order, states and the queue stay."""
+    supervisor = start(SLEEP)
+    first = submit(supervisor, tmp_path)
+    wait(supervisor, first, State.RUNNING)
+    for year in (2006, 2046):
+        jumped = type(
+            "Jumped", (datetime,), {"now": classmethod(lambda cls, zone, year=year: datetime(year, 1, 1, tzinfo=zone))}
+        )
+        monkeypatch.setattr("tripod_doe.service.runs.table.datetime", jumped)
+        last = submit(supervisor, tmp_path)
+        assert supervisor.find(last).created.startswith(str(year))
+        assert supervisor.all()[0].id == last
+        assert supervisor.find(first).state is State.RUNNING
+    second = supervisor.all()[1].id
+    processes.kill_run(supervisor.directory(first))
+    wait(supervisor, first, State.FAILED)
+    wait(supervisor, second, State.RUNNING)
+    assert supervisor.stop(second).state is State.STOPPING
+    wait(supervisor, second, State.STOPPED)
+    wait(supervisor, last, State.RUNNING)
+
+
+def test_a_report_that_seems_older_than_its_cube_is_the_last_word(tmp_path):
+    """The clock jumped back between the two: a run that goes on has no report until it is done."""
+    for name in ("cube.nc", "report/index.html"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    os.utime(tmp_path / "report" / "index.html", (0, 0))
+    run = Run("a" * 16, "study", "n", "", State.RUNNING, counts=PointCounts(1, 1))
+    assert ending_of(run, run.counts, (), tmp_path) == (State.FINISHED, "")
+    remove_report(tmp_path)
+    assert ending_of(run, run.counts, (), tmp_path)[0] is State.FAILED
+
+
+def test_a_table_that_is_none_is_told(tmp_path):
+    (tmp_path / "service.sqlite").write_bytes(b"no table" * 1000)
+    with pytest.raises(InputError, match="cannot use this table of runs"):
+        RunTable(tmp_path)
+
+
+def test_a_full_disk_is_told_and_ends_nothing(start, tmp_path, monkeypatch):
+    supervisor = start(SLEEP)
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+
+    def full(*_):
+        raise StorageError("database or disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(supervisor._table, "_write", full)
+        with pytest.raises(StorageError):
+            submit(supervisor, tmp_path)
+        processes.kill_run(supervisor.directory(run_id))
+        time.sleep(0.6)
+        assert supervisor.find(run_id).state is State.RUNNING  # nothing is told that could not be stored
+    wait(supervisor, run_id, State.FAILED)
+
+
+def spoil(supervisor, run_id, **values):
+    """Store a run at work with values that no run has, and give it as it is when the service has noticed."""
+    with supervisor._lock:
+        supervisor._put(supervisor.find(run_id).changed(**values))
+    until = time.monotonic() + 20
+    while (run := supervisor.find(run_id)).state is State.RUNNING:
+        supervisor._progress.pop(run_id, None)
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    return run
+
+
+def test_a_run_that_cannot_be_looked_after_fails_alone(start, settings, tmp_path):
+    """Regression: its KeyError ended every look, so that no run was started any more, also by the next server."""
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    failed = spoil(supervisor, bad, plan={"kind": "workflow"})
+    assert failed.state is State.FAILED
+    assert "cannot look after it (KeyError: 'unique')" in failed.message
+    wait(supervisor, good, State.RUNNING)
+    supervisor.delete(bad)
+
+
+def test_the_next_server_goes_on_beside_a_run_that_cannot_be_looked_after(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    supervisor.close()
+    spoil_table(settings, bad, lambda record: record | {"plan": {}})
+    later = start(SLEEP)
+    wait(later, bad, State.FAILED)
+    wait(later, good, State.RUNNING)
+    later.delete(bad)
+
+
+def spoil_table(settings, run_id, change):
+    with closing(sqlite3.connect(settings.folder / TABLE)) as table, table:
+        (text,) = table.execute("SELECT record FROM run WHERE id = ?", (run_id,)).fetchone()
+        changed = change(json.loads(text))
+        text = changed if isinstance(changed, str) else json.dumps(changed)
+        table.execute("UPDATE run SET record = ? WHERE id = ?", (text, run_id))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda record: "no JSON",
+        lambda record: "[]",
+        lambda record: record | {"state": "unheard of"},
+        lambda record: record | {"counts": {"total": "many", "cpu_seconds": None}},
+        lambda record: record | {"eta_seconds": float("nan")},
+        lambda record: record | {"unknown": 1},
+    ],
+)
+def test_a_damaged_row_is_a_run_that_failed(start, settings, tmp_path, change):
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    supervisor.stop(bad)
+    wait(supervisor, bad, State.STOPPED)
+    wait(supervisor, good, State.RUNNING)
+    supervisor.close()
+    spoil_table(settings, bad, change)
+    later = start(SLEEP)
+    assert {run.id for run in later.all()} == {bad, good}
+    assert "its row in service.sqlite is damaged" in wait(later, bad, State.FAILED).message
+    wait(later, good, State.RUNNING)
+    later.delete(bad)
+    assert [run.id for run in later.all()] == [good]
+
+
+def _as_folder(path):
+    path.unlink(missing_ok=True)
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda directory: shutil.rmtree(directory),
+        lambda directory: shutil.rmtree(directory / UPLOAD),
+        lambda directory: _as_folder(directory / ".alive"),
+        lambda directory: _as_folder(directory / processes.LOG),
+        lambda directory: _as_folder(directory / "journal.sqlite"),
+        lambda directory: (directory / "journal.sqlite").write_bytes(b"SQLite format 3\0" + bytes(4000)),
+        lambda directory: (directory / "report").write_text("no folder"),
+    ],
+)
+def test_a_damaged_directory_is_the_failure_of_its_run_alone(settings, start, tmp_path, damage):
+    """Damaged while the run waits: what it starts with is missing, or is something else."""
+    supervisor = start(SLEEP)
+    first, bad, good = [submit(supervisor, tmp_path) for _ in range(3)]
+    wait(supervisor, first, State.RUNNING)
+    damage(supervisor.directory(bad))
+    supervisor.stop(first)
+    until = time.monotonic() + 20
+    while supervisor.find(bad).state is State.QUEUED:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    if supervisor.find(bad).state is not State.FAILED:
+        supervisor.stop(bad)
+    wait(supervisor, good, State.RUNNING)
+    supervisor.delete(bad)
+
+
+def test_steps_that_say_nonsense_are_the_failure_of_their_workflow_alone(start, tmp_path):
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    (supervisor.directory(bad) / STEPS).write_text("[1, 2]")
+    assert spoil(supervisor, bad, kind="workflow", plan={"steps": {}}).state is State.FAILED
+    wait(supervisor, good, State.RUNNING)
+
+
+def test_the_limit_of_the_queue_holds_for_runs_that_go_on(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    stopped = submit(supervisor, tmp_path)
+    wait(supervisor, stopped, State.RUNNING)
+    supervisor.stop(stopped)
+    wait(supervisor, stopped, State.STOPPED)
+    for _ in range(4):
+        submit(supervisor, tmp_path)
+        time.sleep(0.6)
+    upload = tmp_path / "longer"
+    upload.mkdir()
+    with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
+        supervisor.resume(stopped)
+    with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
+        supervisor.extend(stopped, upload, PLAN)
+    assert supervisor.find(stopped).state is State.STOPPED

@@ -1,0 +1,244 @@
+"""Who may ask what: each row of the safety rules as a request that is refused, beside one that is not."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from service_client import ADDRESS, API, TOKEN
+
+from tripod_doe.service.security.guard import allowed_hosts
+from tripod_doe.service.security.sessions import LIFETIME, Sessions
+
+BEARER = {"authorization": f"Bearer {TOKEN}"}
+OWN_PAGE = {"origin": ADDRESS, "sec-fetch-site": "same-origin"}
+PATHS = ["/", f"{API}/health", f"{API}/runs", f"{API}/runs/x/report/", f"{API}/openapi.json", "/nowhere"]
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "evil.example:8811",
+        "127.0.0.1.evil.example",
+        "",
+        "localhost@evil",
+        "[::1",
+        "evil.com@127.0.0.1",
+        "127.0.0.1#evil.com",
+        "127.0.0.1/evil.com",
+        "127.0.0.1:8811:1",
+        "127.0.0.1, evil.com",
+    ],
+)
+def test_a_name_bound_anew_is_refused_on_every_route(client, path, host):
+    answer = client.get(path, headers=BEARER | {"host": host})
+    assert answer.status_code == 400
+    assert "Host" in answer.json()["errors"][0]["message"]
+
+
+@pytest.mark.parametrize("host", ["localhost:8811", "127.0.0.1:9000", "[::1]:8811", "LOCALHOST"])
+def test_the_names_of_this_machine_are_taken(client, host):
+    assert client.get(f"{API}/health", headers={"host": host}).status_code == 200
+
+
+def test_a_server_for_other_machines_is_called_by_addresses_and_its_own_name():
+    assert allowed_hosts("127.0.0.1") == {"127.0.0.1", "localhost", "::1"}
+    assert "0.0.0.0" not in allowed_hosts("0.0.0.0")
+    assert "workstation.example" in allowed_hosts("workstation.example")
+
+
+@pytest.mark.parametrize("path", [path for path in PATHS if path != f"{API}/health"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"authorization": "Bearer wrong"},
+        {"authorization": f"Basic {TOKEN}"},
+        {"cookie": "{name}=wrong"},
+        {"cookie": "{name}={token}"},
+        {"cookie": "tripod_doe_8811={token}"},
+        {"cookie": "{cookie}"},
+        {"cookie": "{cookie}", "origin": ADDRESS, "sec-fetch-site": "same-origin", "referer": f"{ADDRESS}/"},
+        {"authorization": "Bearer wrong", "cookie": "{cookie}"},
+    ],
+)
+def test_everything_but_health_needs_the_token(client, settings, cookie, path, headers):
+    words = {"token": TOKEN, "name": settings.cookie, "cookie": cookie}
+    answer = client.get(path, headers={name: text.format(**words) for name, text in headers.items()})
+    assert answer.status_code == 401
+    assert TOKEN not in answer.text
+    assert client.get(f"{API}/health").status_code == 200
+
+
+@pytest.fixture(scope="session")
+def cookie(client, settings):
+    """The cookie of a browser that has opened the printed address."""
+    value = client.get(f"/?token={TOKEN}").headers["set-cookie"].partition(";")[0]
+    client.cookies.clear()
+    assert value.startswith(f"{settings.cookie}=")
+    return value
+
+
+def test_the_token_in_the_address_begins_a_session_and_leaves_the_address(client, settings):
+    answer = client.get(f"/runs?token={TOKEN}&view=3")
+    assert answer.status_code == 303
+    assert answer.headers["location"] == f"{settings.root}/runs?view=3"
+    cookie = answer.headers["set-cookie"]
+    assert TOKEN not in cookie
+    assert re.search(f"; path={settings.root}(;|$)", cookie, re.IGNORECASE)
+    assert "HttpOnly" in cookie
+    assert "SameSite=strict" in cookie
+    assert "Max-Age=43200" in cookie
+    client.cookies.clear()
+    assert client.get("/?token=wrong").status_code == 401
+    assert "set-cookie" not in client.get("/?token=wrong").headers
+    assert client.get(f"{API}/runs?token={TOKEN}").status_code == 401  # an address of the interface may be logged
+    assert client.get(f"{ADDRESS}//evil.example/?token={TOKEN}").headers["location"] == f"{settings.root}/evil.example/"
+    client.cookies.clear()
+
+
+def test_a_cookie_reads_and_changes_from_its_own_page_only(client, settings, cookie):
+    own = {"cookie": cookie}
+    assert client.get(f"{settings.root}{API}/runs", headers=own).status_code == 200
+    stop = f"{settings.root}{API}/runs/none/stop"
+    assert client.post(stop, headers=own | OWN_PAGE).status_code == 404
+    assert client.post(stop, headers=own).status_code == 403
+
+
+def test_neither_the_address_nor_the_cookie_is_enough(client, settings, cookie):
+    inside = f"{settings.root}{API}/runs"
+    assert client.get(inside, headers=OWN_PAGE).status_code == 401
+    assert client.get(f"{API}/runs", headers=OWN_PAGE | {"cookie": cookie}).status_code == 401
+    for other in ("/s-" + "x" * 22, settings.root[:-1], settings.root + "x", settings.root.upper()):
+        assert client.get(f"{other}{API}/runs", headers={"cookie": cookie}).status_code == 401
+    for other in (f"other=1; {cookie}", f"{cookie}; other", f"{settings.cookie}=planted; {cookie}"):
+        assert client.get(inside, headers={"cookie": other}).status_code == 200
+
+
+def test_no_answer_without_a_session_holds_the_first_part_of_addresses(client, settings):
+    accept = {"accept": "text/html"}
+    for path in ("/", "/nowhere", "/assets/x", f"{API}/runs", f"{API}/health", "/?token=wrong", "//", "/%00"):
+        answer = client.get(path, headers=accept)
+        assert settings.key not in answer.text + str(answer.headers), path
+
+
+def test_addresses_from_an_earlier_server_lead_on(client, settings):
+    """The page that asks for the token holds the script that finds the first part, and no link that would need it."""
+    page = client.get(f"/s-{'x' * 22}/runs/abc", headers={"accept": "text/html"})
+    assert page.status_code == 401
+    assert "door.js" in page.text
+    assert "To the list" not in page.text
+    script = re.search(r'src="(/assets/[^"]+/door.js)"', page.text)[1]
+    assert client.get(script).status_code == 200
+
+
+def test_sessions_end_with_time_and_with_the_server():
+    now = [0.0]
+    sessions = Sessions(lambda: now[0])
+    value = sessions.open()
+    assert sessions.is_open(value)
+    assert not sessions.is_open(value + "x")
+    now[0] = LIFETIME - 1.0
+    other = sessions.open()
+    now[0] = LIFETIME + 1.0
+    assert not sessions.is_open(value)
+    assert sessions.is_open(other)
+    sessions.close()
+    assert not sessions.is_open(other)
+    assert not sessions.is_open(sessions.open())
+    kept = Sessions(lambda: 0.0)
+    first = [kept.open() for _ in range(1000)]
+    assert sum(map(kept.is_open, first)) == 200
+
+
+@pytest.mark.parametrize("by", ["token", "cookie"])
+@pytest.mark.parametrize(
+    "page",
+    [
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"origin": "http://127.0.0.1:1"},
+        {"origin": "https://127.0.0.1:8811"},
+        {"sec-fetch-site": "cross-site"},
+        {"sec-fetch-site": "same-site"},
+        {"sec-fetch-site": "none"},
+        OWN_PAGE | {"sec-fetch-site": "cross-site"},
+    ],
+)
+@pytest.mark.parametrize("change", ["/runs", "/plans", "/simulate", "/runs/none/stop"])
+def test_changes_from_other_pages_are_refused(client, settings, cookie, by, page, change):
+    credentials, api = (BEARER, API) if by == "token" else ({"cookie": cookie}, settings.root + API)
+    assert client.post(api + change, json={}, headers=credentials | page).status_code == 403
+    assert client.request("DELETE", f"{api}/runs/none", headers=credentials | page).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "application/json-seq", ""],
+)
+def test_a_body_is_json_and_says_so(client, kind):
+    answer = client.post(f"{API}/plans", content=b'{"study": ""}', headers=BEARER | {"content-type": kind})
+    assert answer.status_code == 415
+    assert client.post(f"{API}/plans", content=b"{}", headers=BEARER).status_code == 415
+
+
+def test_a_body_beyond_the_limit_is_refused_with_it(client, settings):
+    size = settings.limits.body_bytes
+    large = client.post(f"{API}/plans", json={"study": "#" * size}, headers=BEARER)
+    assert large.status_code == 413
+    assert "262,144" in large.json()["errors"][0]["message"]
+    streamed = client.post(
+        f"{API}/plans",
+        content=iter([b'{"study": "', b"#" * size, b'"}']),
+        headers=BEARER | {"content-type": "application/json"},
+    )
+    assert streamed.status_code == 413
+    fits = client.post(f"{API}/plans", json={"study": "#" * (size - 100)}, headers=BEARER)
+    assert fits.status_code == 422  # it is read, and is no study
+
+
+def test_nested_brackets_are_refused_before_they_are_parsed(client):
+    deep = b'{"joint_angle_deg": ' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+    headers = BEARER | {"content-type": "application/json"}
+    assert client.post(f"{API}/simulate", content=deep, headers=headers).status_code == 413
+    texts = b'{"study": "' + b"[" * 100 + b'"}'  # brackets in a text do not count
+    assert client.post(f"{API}/plans", content=texts, headers=headers).status_code == 422
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"{",
+        b"\xff",
+        b'{"study": "\\ud800"}',
+        b"[]",
+        b"3",
+        b'{"study": 3}',
+        b'{"study": "", "nothing": 1}',
+        b"{}",
+        b"",
+        b'{"study": "", "workflow": ""}',
+        b'{"study": "", "study": ""}',
+        b'{"study": "", "files": {"a": "", "a": ""}}',
+    ],
+)
+def test_bad_bodies_are_refused_with_a_list_of_errors(client, body):
+    answer = client.post(f"{API}/plans", content=body, headers=BEARER | {"content-type": "application/json"})
+    assert answer.status_code == 422
+    assert all(error["message"] for error in answer.json()["errors"])
+
+
+@pytest.mark.parametrize("path", ["/", f"{API}/health", f"{API}/runs", "/nowhere"])
+def test_every_answer_keeps_browsers_strict(client, path):
+    headers = client.get(path, headers=BEARER).headers
+    assert headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["referrer-policy"] == "no-referrer"
+    assert "access-control-allow-origin" not in headers
+
+
+def test_unknown_addresses_and_methods_are_told_as_errors(client):
+    assert client.get(f"{API}/nowhere", headers=BEARER).json()["errors"][0]["message"]
+    assert client.put(f"{API}/runs", headers=BEARER).status_code == 405

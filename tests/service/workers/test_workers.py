@@ -1,0 +1,185 @@
+"""Workers: ended in time, replaced, and alone with what was sent; and runs that outlive all of it."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+
+import psutil
+import pytest
+
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.workers.forking import start_process, start_program
+from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerFailedError, WorkerPool
+
+MODULES = {
+    "spinning": "while True: pass",
+    "sleeping": "import time; time.sleep(1000)",
+    "ending": "import os; os._exit(3)",
+    "failing": "raise KeyError('inside')",
+    "greedy": "bytearray(10**12)",
+    "deep": "def f(): f()\nf()",
+    "parent": "import os, subprocess; open(os.environ['MARK'], 'w').write(str(subprocess.Popen(['sleep', '999']).pid))\n"
+    "while True: pass",
+    "telling": "import json, os, signal, sys\n"
+    "print(json.dumps([sys.argv[1:], os.getpid(), os.getsid(0), os.nice(0), sys.stdin.read()]), flush=True)\n"
+    "signal.pause()",
+}
+"""What hostile questions do: a worker that imports one of these does it."""
+
+
+@pytest.fixture
+def pool(tmp_path, monkeypatch):
+    for name, text in MODULES.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    pool = WorkerPool(1, Limits(), patience=0.5)
+    yield pool
+    pool.close()
+
+
+def load(pool, name, seconds=1.0):
+    return pool.ask("workers.worker:import_module", seconds, name=name)
+
+
+def until_gone(pid):
+    until = time.monotonic() + 20
+    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def works(pool):
+    return pool.ask("workers.questions:wants_timing", 20, body=b'{"study": "", "timing": false}', limits=Limits())
+
+
+@pytest.mark.parametrize(("name", "most"), [("spinning", 15), ("sleeping", 15)])
+def test_an_answer_that_takes_too_long_ends_with_its_process(pool, name, most):
+    """By CPU time, or by a multiple of it by the clock for one that only waits."""
+    assert works(pool) is False
+    started = time.monotonic()
+    with pytest.raises(RefusedError, match=r"413.*no answer within 1 s of CPU time"):
+        load(pool, name)
+    assert time.monotonic() - started < most
+    assert works(pool) is False
+
+
+@pytest.mark.parametrize("name", ["greedy", "deep"])
+def test_memory_and_depth_are_refused(pool, name):
+    with pytest.raises(RefusedError, match=r"413.*than is allowed here"):
+        load(pool, name, 20)
+    assert works(pool) is False
+
+
+@pytest.mark.parametrize(("name", "told"), [("ending", "the worker has ended"), ("failing", "KeyError: 'inside'")])
+def test_a_worker_that_fails_says_so_and_is_replaced(pool, name, told):
+    with pytest.raises(WorkerFailedError, match=told):
+        load(pool, name, 20)
+    assert works(pool) is False
+
+
+def test_what_a_worker_started_ends_with_it(pool, tmp_path, monkeypatch):
+    script = (tmp_path / "parent.py").read_text().replace("os.environ['MARK']", repr(str(tmp_path / "mark")))
+    (tmp_path / "parent.py").write_text(script)
+    with pytest.raises(RefusedError, match="413"):
+        load(pool, "parent")
+    until_gone(int((tmp_path / "mark").read_text()))
+
+
+def test_a_question_does_not_wait_for_ever(pool):
+    def spin():
+        with suppress(RefusedError):
+            load(pool, "spinning", 3)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    time.sleep(0.2)
+    with pytest.raises(AllBusyError):
+        works(pool)
+    thread.join()
+
+
+def test_the_fork_server_is_replaced(pool):
+    assert works(pool) is False
+    from multiprocessing import forkserver
+
+    pool._workers[0]._process.kill()
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+    time.sleep(0.2)
+    try:
+        assert works(pool) is False
+    except WorkerFailedError:  # its end was not known yet
+        assert works(pool) is False
+
+
+def test_a_run_is_a_session_of_its_own_and_holds_its_lock(pool, tmp_path):
+    lock = os.open(tmp_path / "lock", os.O_CREAT | os.O_RDWR, 0o600)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    (tmp_path / "log").touch()
+    start_program("telling", ["one", "two"], tmp_path / "log", lock, 3).join()
+    until = time.monotonic() + 20
+    while not (told := (tmp_path / "log").read_text()).endswith("\n"):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    words, pid, session, niceness, asked = json.loads(told)
+    assert (words, asked) == (["one", "two"], "")
+    assert session == pid == int((tmp_path / "lock").read_text())
+    assert niceness == os.nice(0) + 3
+    process = psutil.Process(pid)
+    assert {file.path for file in process.open_files()} == {str(tmp_path / "lock"), str(tmp_path / "log")}
+    with (tmp_path / "lock").open() as probe:
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(probe, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        process.send_signal(signal.SIGINT)  # as Ctrl-C: it is not ignored
+        until_gone(pid)
+        fcntl.flock(probe, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    assert "KeyboardInterrupt" in (tmp_path / "log").read_text()
+
+
+def test_a_run_that_cannot_start_says_so_in_its_log(tmp_path, monkeypatch):
+    from tripod_doe.service.workers import forking
+
+    lock = os.open(tmp_path / "lock", os.O_CREAT | os.O_RDWR, 0o600)
+    monkeypatch.setattr(forking, "_detach", sys.exit)  # takes one argument at most
+    start_program("telling", [], tmp_path / "log", lock, 0).join()
+    assert "tripod-doe: cannot start a process: exit code 1" in (tmp_path / "log").read_text()
+    with pytest.raises(OSError, match="Bad file"):
+        os.close(lock)
+
+
+def test_workers_end_with_the_process_that_started_them(tmp_path):
+    script = (
+        "import os, time; from tripod_doe.service.workers.forking import start_process\n"
+        "print(start_process(time.sleep, 1000).pid, flush=True)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    until_gone(int(done.stdout))
+
+
+def test_what_is_forked_has_one_thread_and_knows_nothing_of_the_web():
+    """A process with threads must not fork."""
+    script = (
+        "import os, sys; import tripod_doe.service.workers.preload; "
+        "print(len(os.listdir('/proc/self/task')), sys.modules.keys() & {'fastapi', 'starlette', 'uvicorn'})"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "1 set()\n"
+
+
+def test_a_worker_ends_when_nobody_can_ask_any_more(pool):
+    process = start_process(time.sleep, 0)
+    process.join(20)
+    assert process.exitcode == 0
+    assert works(pool) is False
+    worker = psutil.Process(pool._workers[0]._process.pid)
+    pool._workers[0]._connection.close()
+    worker.wait(20)
