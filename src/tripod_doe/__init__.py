@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tripod_doe.analyses.comparison.measurement import read_measurement
     from tripod_doe.analyses.comparison.model_point import model_point
     from tripod_doe.analyses.contribution.contribution import contribution_shares
+    from tripod_doe.analyses.diff.diff import diff
     from tripod_doe.analyses.findings import find
     from tripod_doe.analyses.sensitivity.morris import morris_effects
     from tripod_doe.analyses.sensitivity.sobol import sobol_indices
@@ -47,6 +48,7 @@ _HOME = {
     "TripodDoeError": "errors",
     "compare": "analyses.comparison.comparison",
     "contribution_shares": "analyses.contribution.contribution",
+    "diff": "analyses.diff.diff",
     "find": "analyses.findings",
     "load_study": "study.definition.study",
     "model_point": "analyses.comparison.model_point",
@@ -79,6 +81,7 @@ __all__ = [
     "WorkflowSummary",
     "compare",
     "contribution_shares",
+    "diff",
     "find",
     "load_study",
     "model_point",

@@ -1,4 +1,4 @@
-"""The command line: run, plan, query, simulate, report, workflow, compare, check, serve, schema, init, completion.
+"""The command line: one module of this package for each command.
 
 Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
@@ -15,7 +15,21 @@ import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from tripod_doe.cli import check, compare, completion, init, plan, query, report, run, schema, serve, simulate, workflow
+from tripod_doe.cli import (
+    check,
+    compare,
+    completion,
+    diff,
+    init,
+    plan,
+    query,
+    report,
+    run,
+    schema,
+    serve,
+    simulate,
+    workflow,
+)
 from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
@@ -28,6 +42,7 @@ COMMANDS = {
     "query": query.COMMAND,
     "simulate": simulate.COMMAND,
     "compare": compare.COMMAND,
+    "diff": diff.COMMAND,
     "check": check.COMMAND,
     "serve": serve.COMMAND,
     "init": init.COMMAND,

@@ -1,0 +1,154 @@
+"""Differences of two studies as text, as CSV and as JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from tripod_doe.analyses.diff.definitions import KeyDifference
+from tripod_doe.analyses.diff.diff import Diff, ResultDifference
+from tripod_doe.errors import printable
+from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, with_unit
+from tripod_doe.report.responses import unit_text
+
+_MOST = 12  # lines of one kind in a text
+_LONGEST = 60  # characters of a value in a text
+
+
+def diff_text(found: Diff) -> str:
+    """All differences, a line each; of results the largest first."""
+    lines: list[str] = []
+    for title, differences in (
+        ("study", found.study),
+        ("values that neither study file sets", found.parameters),
+        ("program", found.program),
+    ):
+        if differences:
+            lines += [title, *(f"  {one.key}: {_change(one)}" for one in differences)]
+    if not lines:
+        lines = ["the studies are equal"]
+    lines += _points_lines(found)
+    return "\n".join(map(printable, lines))
+
+
+def _points_lines(found: Diff) -> list[str]:
+    if not found.points:
+        return [found.note] if found.note else []
+    counts = found.points
+    lines = [f"points  A {counts['a']:,}, B {counts['b']:,}, shared {counts['shared']:,}"]
+    if not counts["shared"]:
+        return [*lines, found.note]
+    lines += _first(
+        (f"  outcome at {_place(one.at)}: {one.a} -> {one.b}" for one in found.outcomes), len(found.outcomes)
+    )
+    if found.results:
+        lines.append("largest differences of results at shared points, A -> B")
+        lines += _first((f"  {_result(one)}" for one in found.results), len(found.results))
+    elif found.equal:
+        lines.append(f"{count_of(found.equal, 'result')} compared, equal at all shared points")
+    else:
+        lines.append("no result has a number on both sides")
+    if found.others:
+        lines.append(f"not compared: {', '.join(found.others)} (--variable NAME)")
+    return lines
+
+
+def _first(lines: Iterator[str], count: int) -> Iterator[str]:
+    for _, line in zip(range(_MOST), lines, strict=False):
+        yield line
+    if count > _MOST:
+        yield f"  and {count - _MOST:,} more: --format csv lists all"
+
+
+def _result(one: ResultDifference) -> str:
+    digits = min(max(digits_apart(one.a, one.b), 3), 12)
+    unit = unit_text(one.unit)
+    values = f"{number(one.a, digits)} -> {with_unit(number(one.b, digits), unit)}"
+    relative = f" ({'+' * (one.relative > 0)}{number(100 * one.relative, 2)} %)" if math.isfinite(one.relative) else ""
+    return f"{_named(one.variable, one.part)}: {values}{relative} at {_place(one.at)}"
+
+
+def _named(variable: str, part: Mapping[str, Any]) -> str:
+    labels = ", ".join(f"{name} {value}" for name, value in part.items())
+    return f"{variable}, {labels}" if labels else variable
+
+
+def _place(at: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {_value(value)}" for name, value in at.items()) or "the only point"
+
+
+def _change(one: KeyDifference) -> str:
+    """Old and new value; of two long lists, what was added and what was left out."""
+    if isinstance(one.a, list) and isinstance(one.b, list):
+        changes = [
+            f"{word} {_listed(values)}"
+            for word, values in (("added", _without(one.b, one.a)), ("left out", _without(one.a, one.b)))
+            if values
+        ]
+        return "; ".join(changes) or "in another order"
+    return f"{_value(one.a)} -> {_value(one.b)}"
+
+
+def _without(values: Iterable[Any], others: list[Any]) -> list[Any]:
+    return [value for value in values if value not in others]
+
+
+def _listed(values: list[Any]) -> str:
+    return _cut(", ".join(map(_value, values)))
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return "not set"
+    if isinstance(value, float):
+        return level(value)
+    return _cut(value if isinstance(value, str) else json.dumps(value, default=str))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def diff_json(found: Diff) -> str:
+    """All differences as one JSON object; NaN is null."""
+    return json.dumps(_plain(asdict(found)), default=str)
+
+
+def diff_object(found: Diff) -> dict[str, Any]:
+    """All differences as plain lists and objects."""
+    plain: dict[str, Any] = json.loads(diff_json(found))
+    return plain
+
+
+def diff_csv(found: Diff) -> str:
+    """All differences as a table: kind, key, place, values of A and B, difference, relative difference."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(["kind", "key", "at", "a", "b", "difference", "relative"])
+    for kind, differences in (("study", found.study), ("parameter", found.parameters), ("program", found.program)):
+        for key in differences:
+            writer.writerow(map(csv_cell, [kind, key.key, "", _cell(key.a), _cell(key.b), "", ""]))
+    for outcome in found.outcomes:
+        writer.writerow(map(csv_cell, ["outcome", "outcome", _place(outcome.at), outcome.a, outcome.b, "", ""]))
+    for one in found.results:
+        relative = one.relative if math.isfinite(one.relative) else ""
+        cells = ["result", _named(one.variable, one.part), _place(one.at), one.a, one.b, one.difference, relative]
+        writer.writerow(map(csv_cell, cells))
+    return buffer.getvalue().rstrip("\n")
+
+
+def _cell(value: Any) -> Any:
+    return "" if value is None else value if isinstance(value, str | int | float) else json.dumps(value, default=str)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,166 @@
+"""Differences of two studies: what was asked, and what came out at the points that both have."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+import tripod_doe as td
+from tripod_doe.analyses.diff.diff import diff, diff_cubes
+from tripod_doe.analyses.diff.sentences import diff_csv, diff_json, diff_text
+from tripod_doe.cli import main
+
+GRID = """
+[study]
+name = "grid"
+[base]
+model = "equilibrium"
+pitch_radius_mm = {radius}
+[factors]
+joint_angle_deg = {{values = {angles}}}
+torque_n_m = {{values = {torques}}}
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+"""
+LIST = """
+[study]
+name = "list"
+[base]
+model = "equilibrium"
+torque_n_m = 50
+[factors]
+joint_angle_deg = {values = [12, 7, 30]}
+[design]
+kind = "zip"
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two grids that share four points, of joints of another size, and a list that shares two with the first."""
+    folder = tmp_path_factory.mktemp("diff")
+    texts = {
+        "a": GRID.format(radius=21, angles=[2, 7, 12], torques=[50, -80]),
+        "b": GRID.format(radius=24, angles=[7, 12, 20], torques=[-80, 50, 90]),
+        "list": LIST,
+    }
+    for name, text in texts.items():
+        (folder / f"{name}.toml").write_text(text)
+        td.run(folder / f"{name}.toml", out=folder / name, progress=False, workers=0)
+    return folder
+
+
+def test_results_are_compared_at_shared_points_only(runs):
+    found = diff(runs / "a", runs / "b")
+    assert found.points == {"a": 6, "b": 9, "shared": 4}
+    a, b = (td.open_cube(runs / name)["thrust_amplitude"].sel(joint_angle_deg=[7, 12]) for name in "ab")
+    change = b.sel(torque_n_m=a["torque_n_m"]) - a
+    for one in found.results:
+        part = change.sel(order=one.part["order"])
+        assert one.difference == part.values.ravel()[np.abs(part.values).argmax()]
+        assert one.difference == float(part.sel(one.at)) == one.b - one.a
+        assert one.relative == pytest.approx(one.difference / one.a)
+    assert found.results[0].part == {"order": 3}  # the largest first
+    weights = [one.weight for one in found.results]
+    assert weights == sorted(weights, reverse=True)
+
+
+def test_keys_that_differ_are_listed_and_no_others(runs):
+    found = diff(runs / "a", runs / "b")
+    assert [one.key for one in found.study] == [
+        "base.pitch_radius_mm",
+        "factors.joint_angle_deg.values",
+        "factors.torque_n_m.values",
+    ]
+    text = diff_text(found)
+    assert "base.pitch_radius_mm: 21 -> 24" in text
+    assert "factors.joint_angle_deg.values: added 20; left out 2" in text
+    assert "factors.torque_n_m.values: added 90" in text
+    assert found.program == []
+
+
+def test_a_factor_of_one_study_alone_is_matched_with_the_base_of_the_other(runs):
+    found = diff(runs / "list", runs / "a")
+    assert found.points == {"a": 3, "b": 6, "shared": 2}
+    assert [one.difference for one in found.results] == []
+    assert found.equal == 13
+    assert "equal at all shared points" in diff_text(found)
+
+
+def test_studies_without_a_shared_point(runs, tmp_path):
+    (tmp_path / "c.toml").write_text(GRID.format(radius=21, angles=[4, 5], torques=[50]))
+    td.run(tmp_path / "c.toml", out=tmp_path / "c", progress=False, workers=0)
+    found = diff(runs / "a", tmp_path / "c")
+    assert found.points["shared"] == 0
+    assert "no point of A has the same factor values" in diff_text(found)
+
+
+def test_a_phase_differs_by_half_a_turn_at_most(runs):
+    cube = td.open_cube(runs / "a")
+    turned = cube.assign(thrust_phase_deg=(cube["thrust_phase_deg"] + 350 + 180) % 360 - 180)
+    found = diff_cubes(cube, turned, ["thrust_phase_deg"])
+    assert found.results
+    assert [one.difference for one in found.results] == pytest.approx([-10] * len(found.results))
+    assert {one.part["order"] for one in found.results} <= {
+        int(order) for order in cube["order"] if (cube["thrust_amplitude"].sel(order=order) > 1e-9).any()
+    }
+
+
+def test_failed_points_and_defaults_of_another_version_are_stated(runs):
+    cube = td.open_cube(runs / "a")
+    outcome = cube["outcome"].copy()
+    outcome[1, 0] = 2  # inaccurate
+    amplitude = cube["thrust_amplitude"].copy()
+    amplitude[1, 0] = np.nan
+    fixed = json.loads(cube.attrs["fixed_parameters"]) | {"density_kg_m3": 7800.0}
+    other = cube.assign(outcome=outcome, thrust_amplitude=amplitude)
+    other.attrs |= {"fixed_parameters": json.dumps(fixed), "kernel_source_hash": "other"}
+    found = diff_cubes(cube, other)
+    (changed,) = found.outcomes
+    assert (changed.a, changed.b) == ("finished", td.Outcome(2).label)
+    assert changed.at == {
+        "joint_angle_deg": float(cube["joint_angle_deg"][1]),
+        "torque_n_m": float(cube["torque_n_m"][0]),
+    }
+    assert found.results == []
+    assert [(one.key, one.a, one.b) for one in found.parameters] == [("density_kg_m3", 7850.0, 7800.0)]
+    assert [one.key for one in found.program] == ["kernel_source_hash"]
+
+
+def test_all_forms_say_the_same(runs):
+    found = diff(runs / "a", runs / "b")
+    plain = json.loads(diff_json(found))
+    rows = [row for row in csv.DictReader(io.StringIO(diff_csv(found))) if row["kind"] == "result"]
+    assert len(plain["results"]) == len(rows) == len(found.results)
+    assert [float(row["difference"]) for row in rows] == [one["difference"] for one in plain["results"]]
+
+
+def test_study_files_are_compared_without_results(runs):
+    found = diff(runs / "a.toml", runs / "b")
+    assert [one.key for one in found.study] == [one.key for one in diff(runs / "a", runs / "b").study]
+    assert found.results == []
+    assert diff_text(diff(runs / "a.toml", runs / "a.toml")).startswith("the studies are equal")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["a", "b", "--variable", "thrust_ampltude"], "did you mean 'thrust_amplitude'?"),
+        (["a", "none"], "none: there is no such file"),
+        (["a", "none.toml"], "cannot read the study file"),
+    ],
+)
+def test_wrong_calls_name_the_remedy(runs, capsys, words, message):
+    assert main(["diff", str(runs / words[0]), str(runs / words[1]), *words[2:]]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_command(runs, capsys):
+    assert main(["diff", str(runs / "a"), str(runs / "b"), "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["points"]["shared"] == 4
