@@ -20,15 +20,11 @@ _DATABASE = "journal.sqlite"  # and its companions: SQLite follows links
 def replace_file(path: Path) -> Iterator[Path]:
     """Give a path beside `path` to write to; at the end of the block that file takes the place of `path`.
 
-    Parameters
-    ----------
-    path
-        The file to replace or to create; its folder is made if it is missing.
+    Args:
+        path: The file to replace or to create; its folder is made if it is missing.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written, or what is there is no file (a device, a pipe, a folder); it stays.
+    Raises:
+        StorageError: If it cannot be written, or what is there is no file (a device, a pipe, a folder); it stays.
     """
     fresh = path.with_name(f".{path.name}.new")
     if path.exists() and not path.is_file():
@@ -63,10 +59,8 @@ def replace_text(path: Path, text: str) -> Path:
 def refuse_links(directory: Path) -> None:
     """Refuse a folder of results in which a folder or the journal is a link: what is written there would go elsewhere.
 
-    Raises
-    ------
-    InputError
-        With the name of the link.
+    Raises:
+        InputError: With the name of the link.
     """
     with suppress(FileNotFoundError, NotADirectoryError), os.scandir(directory) as entries:
         for entry in entries:

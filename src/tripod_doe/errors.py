@@ -78,16 +78,11 @@ def speaking_of_options() -> Iterator[None]:
 def option(name: str, value: object = None) -> str:
     """An argument as the user of this process wrote or would write it.
 
-    Parameters
-    ----------
-    name
-        Its name in Python.
-    value
-        What was given; True for a switch.
+    Args:
+        name: Its name in Python.
+        value: What was given; True for a switch.
 
-    Returns
-    -------
-    str
+    Returns:
         ``--retry-failed`` or ``retry_failed=True``, ``--out results`` or ``out='results'``.
     """
     if _options:
@@ -111,12 +106,9 @@ def _readable(message: str) -> str:
 def first_messages(items: Sequence[Item], message: Callable[[Item], str]) -> list[str]:
     """Messages about the first of some wrong items, and the number of the others, whose messages are not made.
 
-    Parameters
-    ----------
-    items
-        What is wrong.
-    message
-        Makes the message about one; it may look for near matches, which takes long.
+    Args:
+        items: What is wrong.
+        message: Makes the message about one; it may look for near matches, which takes long.
     """
     lines = [message(item) for item in items[:MOST_MESSAGES]]
     return lines if len(items) <= MOST_MESSAGES else [*lines, f"and {len(items) - MOST_MESSAGES:,} more like these"]
@@ -125,16 +117,11 @@ def first_messages(items: Sequence[Item], message: Callable[[Item], str]) -> lis
 def near_match(name: str, known: Iterable[str]) -> str:
     """Say which known name was probably meant, as the end of a sentence.
 
-    Parameters
-    ----------
-    name
-        The name that is not known.
-    known
-        All names that would have been.
+    Args:
+        name: The name that is not known.
+        known: All names that would have been.
 
-    Returns
-    -------
-    str
+    Returns:
         ``"; did you mean 'rollers'? allowed: equilibrium, rollers, needles"``; many names are not listed beside a near
         match, and no name gives an empty string.
     """

@@ -23,10 +23,8 @@ _noted = threading.Event()
 def check_interrupt() -> None:
     """Raise an interrupt that Python dropped; called between blocks of points and between steps.
 
-    Raises
-    ------
-    KeyboardInterrupt
-        If one came; never where `take_interrupts` was not called.
+    Raises:
+        KeyboardInterrupt: If one came; never where `take_interrupts` was not called.
     """
     if _noted.is_set():
         raise KeyboardInterrupt

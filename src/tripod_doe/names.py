@@ -20,17 +20,12 @@ _NO_FILE = re.compile(r"[\x00-\x1f\x7f/\\]")
 def check_identifier(name: str, of: str) -> str:
     """A name that a file gives to an analysis, a step or the like, checked: files are called by it.
 
-    Parameters
-    ----------
-    name
-        The name.
-    of
-        What has it, for the message.
+    Args:
+        name: The name.
+        of: What has it, for the message.
 
-    Raises
-    ------
-    InputError
-        If it holds anything but letters, digits, _ and -, begins with -, is too long, or names a device.
+    Raises:
+        InputError: If it holds anything but letters, digits, _ and -, begins with -, is too long, or names a device.
     """
     if not _IDENTIFIER.fullmatch(name) or len(name) > _LONGEST:
         raise InputError(
@@ -47,10 +42,9 @@ def path_within(folder: Path, *names: str) -> Path:
 
     Every path that is made of a name from a file or an address is made here.
 
-    Raises
-    ------
-    InputError
-        If a name is no file name: it is empty, holds separators or control characters, or begins with a dot.
+    Raises:
+        InputError: If a name is no file name: it is empty, holds separators or control characters, or begins with a
+            dot.
     """
     for name in names:
         if not name or name.startswith(".") or len(name) > _LONGEST_FILE or _NO_FILE.search(name):
@@ -63,11 +57,9 @@ def path_within(folder: Path, *names: str) -> Path:
 def check_cube_name(name: str, of: str) -> str:
     """A name of a variable or dimension that a netCDF file can hold, checked before anything is computed for it.
 
-    Raises
-    ------
-    InputError
-        If it holds a slash or control character, does not begin with a letter, a digit or _, ends with a space, is too
-        long, or is written in a form of Unicode that comes back as another.
+    Raises:
+        InputError: If it holds a slash or control character, does not begin with a letter, a digit or _, ends with a
+            space, is too long, or is written in a form of Unicode that comes back as another.
     """
     if (
         not _CUBE_NAME.fullmatch(name)

@@ -41,14 +41,10 @@ _MOST_NAMED = 3  # factors by which a point can be named
 def find(cube: xr.Dataset) -> list[str]:
     """Sentences on what the cube shows: the dominant order, the effect of every factor, and what did not finish.
 
-    Parameters
-    ----------
-    cube
-        A result cube.
+    Args:
+        cube: A result cube.
 
-    Returns
-    -------
-    list of str
+    Returns:
         The most important first.
     """
     good, total = int(finished(cube).sum()), int(asked(cube).sum())

@@ -254,12 +254,9 @@ def _load(place: str) -> Callable[..., Any]:
 def findings_of(name: str, data: xr.Dataset) -> list[str]:
     """Findings of a study or an analysis, as sentences.
 
-    Parameters
-    ----------
-    name
-        Name of the study or the analysis.
-    data
-        A study's cube or the result of an analysis; one of an unknown kind has no sentences.
+    Args:
+        name: Name of the study or the analysis.
+        data: A study's cube or the result of an analysis; one of an unknown kind has no sentences.
     """
     if is_study(data):
         return _load("findings:find")(data)  # type: ignore[no-any-return]
@@ -276,12 +273,9 @@ def table_of(data: xr.Dataset) -> Table | None:
 def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
     """The charts of one figure for all analysis results that have it.
 
-    Parameters
-    ----------
-    figure
-        Its name.
-    results
-        Results by the names of their analyses.
+    Args:
+        figure: Its name.
+        results: Results by the names of their analyses.
     """
     return [
         chart
@@ -302,17 +296,12 @@ def section_charts(section: str, results: Mapping[str, xr.Dataset]) -> list[Char
 def draw(figure: str, inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
     """The charts of a figure step of a workflow.
 
-    Parameters
-    ----------
-    figure
-        One of `FIGURES`.
-    inputs
-        Cubes and analysis results by the names of their steps.
+    Args:
+        figure: One of `FIGURES`.
+        inputs: Cubes and analysis results by the names of their steps.
 
-    Raises
-    ------
-    InputError
-        If a figure that shows one input gets several.
+    Raises:
+        InputError: If a figure that shows one input gets several.
     """
     if figure in STUDY_FIGURES:
         if len(inputs) != 1:

@@ -15,10 +15,8 @@ _DRAWN = 100_000  # blocks of every resample that are drawn together
 def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     """How often each block is drawn, over their number, shape (resample, block); SALib's draws with this seed.
 
-    Raises
-    ------
-    InputError
-        If they do not fit into the free memory.
+    Raises:
+        InputError: If they do not fit into the free memory.
     """
     needed = 2 * 8 * resamples * count  # whoever uses them puts a row before
     refuse_too_much_memory(needed, f"a bootstrap of {count:,} blocks or points", f"set resamples below {resamples}")

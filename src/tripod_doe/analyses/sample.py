@@ -75,21 +75,14 @@ class Sample:
 def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str], outputs: Sequence[str]) -> Sample:
     """The usable points of a cube: those of blocks in which all points finished and gave all outputs.
 
-    Parameters
-    ----------
-    cube
-        A cube with one dimension ``point``.
-    settings
-        What is done where points failed.
-    kinds
-        Kinds of designs that the analysis can read.
-    outputs
-        The outputs that must be there.
+    Args:
+        cube: A cube with one dimension ``point``.
+        settings: What is done where points failed.
+        kinds: Kinds of designs that the analysis can read.
+        outputs: The outputs that must be there.
 
-    Raises
-    ------
-    InputError
-        If the design is another one, or too little of it is left.
+    Raises:
+        InputError: If the design is another one, or too little of it is left.
     """
     file = parse_file(cube.attrs["study"], "the study in the cube")
     design = file.design

@@ -64,10 +64,8 @@ class StoredChart:
 def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
     """Write charts as SVG and CSV, and their names and captions as figures.json.
 
-    Raises
-    ------
-    StorageError
-        If a file cannot be written.
+    Raises:
+        StorageError: If a file cannot be written.
     """
     named = [replace(chart, name=f"{step}-{chart.name}") for chart in charts]  # unique in a page of several steps
     for chart in named:
@@ -118,18 +116,12 @@ def step_page(
 
     Contributions of several models stand side by side, where the first of them is asked for.
 
-    Parameters
-    ----------
-    title, question
-        Its heading, and the question of its workflow.
-    order
-        Names of the inputs in the order in which they are shown.
-    data
-        Cubes of its study and analysis inputs by step.
-    charts
-        Headings and directories of its figure inputs by step.
-    notice
-        What the reader must know first; empty for nothing.
+    Args:
+        title, question: Its heading, and the question of its workflow.
+        order: Names of the inputs in the order in which they are shown.
+        data: Cubes of its study and analysis inputs by step.
+        charts: Headings and directories of its figure inputs by step.
+        notice: What the reader must know first; empty for nothing.
     """
     claims = next(iter(of_kind(data, "claims").values()), None)
     ladder = of_one_ladder(data)
@@ -237,20 +229,13 @@ def chain_page(
 ) -> str:
     """The page of a workflow: its answers, a diagram, and one row per step with its state, time and link.
 
-    Parameters
-    ----------
-    title, question
-        From the workflow file.
-    steps
-        Each after all that it needs.
-    notice
-        Notice at the top, for instance that this was a quick run.
-    text
-        The workflow file.
-    answers
-        By step, the cubes that answer the workflow's question.
-    figures
-        Headings of figures on its report pages by their addresses; claims are linked to them.
+    Args:
+        title, question: From the workflow file.
+        steps: Each after all that it needs.
+        notice: Notice at the top, for instance that this was a quick run.
+        text: The workflow file.
+        answers: By step, the cubes that answer the workflow's question.
+        figures: Headings of figures on its report pages by their addresses; claims are linked to them.
     """
     links = {step.name: step.link for step in steps}
     parts = [_part(name, data, figures or {}, links[name]) for name, data in (answers or {}).items()]

@@ -50,10 +50,8 @@ def step_time(step: StepView) -> str:
 def chain_chart(steps: Sequence[StepView]) -> Chart:
     """Draw the steps as boxes in columns, each to the right of its inputs, with state and time.
 
-    Parameters
-    ----------
-    steps
-        The steps, each after its inputs.
+    Args:
+        steps: The steps, each after its inputs.
     """
     place = _places(steps)
     columns, rows = (1 + max(at[axis] for at in place.values()) for axis in (0, 1))

@@ -15,14 +15,11 @@ Picture = TypeVar("Picture")
 def answer_first(findings: Sequence[str]) -> tuple[list[str], list[str]]:
     """The first three sentences, and all others.
 
-    Parameters
-    ----------
-    findings
-        The most important first; one may be several sentences long.
+    Args:
+        findings: The most important first; one may be several sentences long.
 
-    Returns
-    -------
-    answer, more : list of str
+    Returns:
+        answer, more : list of str
     """
     answer: list[str] = []
     for position, finding in enumerate(findings):

@@ -32,20 +32,14 @@ _MOST_PROBLEMS = 20
 def create_app(settings: Settings) -> FastAPI:
     """The application of a server.
 
-    Parameters
-    ----------
-    settings
-        Of the server; its folder must exist.
+    Args:
+        settings: Of the server; its folder must exist.
 
-    Returns
-    -------
-    fastapi.FastAPI
+    Returns:
         ``app.state.service`` is its `Service`, which starts and ends with it.
 
-    Raises
-    ------
-    InputError
-        If the folder cannot be used.
+    Raises:
+        InputError: If the folder cannot be used.
     """
     service, sessions = Service(settings), Sessions()
 

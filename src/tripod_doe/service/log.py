@@ -23,10 +23,8 @@ _CONTROL = re.compile(r"[^\S \n\t]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 class Bounded(logging.Filter):
     """Passes so many messages in a minute.
 
-    Parameters
-    ----------
-    clock
-        Seconds that never run backwards.
+    Args:
+        clock: Seconds that never run backwards.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -84,12 +84,9 @@ def _plain(value: Any) -> Any:
 def problems_of(error: InputError | str, texts: Mapping[str, str]) -> list[Problem]:
     """Take the sentences of an error apart.
 
-    Parameters
-    ----------
-    error
-        What was raised, or its text; one complaint a line.
-    texts
-        Uploaded files by name; a sentence about one starts with its name.
+    Args:
+        error: What was raised, or its text; one complaint a line.
+        texts: Uploaded files by name; a sentence about one starts with its name.
     """
     problems: list[Problem] = []
     lines = str(error).split("\n")
@@ -173,16 +170,11 @@ class Place:
 def place_of(text: str, path: list[str]) -> Place | None:
     """Find a key, or the innermost table around it that the text writes.
 
-    Parameters
-    ----------
-    text
-        The TOML text; it need not be valid.
-    path
-        Names of the tables and of the key, from the outside in.
+    Args:
+        text: The TOML text; it need not be valid.
+        path: Names of the tables and of the key, from the outside in.
 
-    Returns
-    -------
-    Place or None
+    Returns:
         None where the text writes none of them.
     """
     best: tuple[int, Place] | None = None

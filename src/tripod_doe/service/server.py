@@ -38,10 +38,8 @@ _ACCEPTED_AT_ONCE = 16  # each fails, and is logged, where the table of files is
 def serve(settings: Settings) -> None:
     """Serve until a signal ends it; prints the address with its token on standard output.
 
-    Raises
-    ------
-    InputError
-        If the folder or the port cannot be used.
+    Raises:
+        InputError: If the folder or the port cannot be used.
     """
     with _private_files(), _held(settings), _listening(settings) as listener:
         host, port = listener.getsockname()[:2]
@@ -169,10 +167,8 @@ _LOOK = 0.1  # seconds between two looks
 def add_demo(service: Service) -> None:
     """Run the demonstration study, unless the folder has it; ends when it is finished.
 
-    Parameters
-    ----------
-    service
-        Started, and not read-only.
+    Args:
+        service: Started, and not read-only.
     """
     text = (files("tripod_doe.service") / "demo.toml").read_text(encoding="utf-8")
     name = tomllib.loads(text)["study"]["name"]

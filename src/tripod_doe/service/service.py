@@ -35,17 +35,12 @@ class Service:
 
     All methods may wait for a process or for the disk: call them from a thread, not from the event loop.
 
-    Parameters
-    ----------
-    settings
-        Of the server.
+    Args:
+        settings: Of the server.
 
-    Attributes
-    ----------
-    runs
-        Looks after the runs.
-    extremes
-        Best and worst points of the runs.
+    Attributes:
+        runs: Looks after the runs.
+        extremes: Best and worst points of the runs.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -240,10 +235,8 @@ class Service:
     def extend(self, run_id: str, body: bytes) -> Run:
         """Put a run into the queue with a study that grew: what is there is kept, and only new points run.
 
-        Raises
-        ------
-        RefusedError
-            409 if the run is not at rest, or is that of a workflow.
+        Raises:
+            RefusedError: 409 if the run is not at rest, or is that of a workflow.
         """
         if self.runs.find(run_id).kind == "workflow":
             raise RefusedError(409, "only the run of a study can be extended, by a study")
@@ -255,10 +248,8 @@ class Service:
     def directory(self, run_id: str) -> Path:
         """The directory of a run, from which something is to be delivered.
 
-        Raises
-        ------
-        RefusedError
-            404 if there is no such run, 403 if its directory holds what must not be delivered.
+        Raises:
+            RefusedError: 404 if there is no such run, 403 if its directory holds what must not be delivered.
         """
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
         check_delivered(directory, bool(run.place))
@@ -267,10 +258,8 @@ class Service:
     def results(self, run_id: str, step: str | None = None) -> Path:
         """The directory with a run's cube; that of one of its steps for a workflow.
 
-        Raises
-        ------
-        RefusedError
-            404 if there is no such run or step, 409 where a workflow needs a step.
+        Raises:
+            RefusedError: 404 if there is no such run or step, 409 where a workflow needs a step.
         """
         run, directory = self.runs.find(run_id), self.directory(run_id)
         if run.kind != "workflow":
@@ -287,10 +276,8 @@ class Service:
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
         """The result of an analysis of a run, or of a study step.
 
-        Raises
-        ------
-        RefusedError
-            404 if there is none of this name.
+        Raises:
+            RefusedError: 404 if there is none of this name.
         """
         made = {path.stem: path for path in (self.results(run_id, step) / "analysis").glob("*.nc")}
         if name not in made:  # a client's name only chooses; it never becomes a path

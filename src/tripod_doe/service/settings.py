@@ -41,10 +41,8 @@ class Settings:
 def read_token(path: Path) -> str:
     """The token in a file; a file that is not there is made, readable for its owner alone.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read or made, is open to other users, or holds no usable token.
+    Raises:
+        InputError: If the file cannot be read or made, is open to other users, or holds no usable token.
     """
     named = option("token_file", str(path))
     try:

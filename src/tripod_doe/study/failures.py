@@ -44,12 +44,9 @@ class Failure:
 def common_failures(ends: Iterable[tuple[int, str]], good: Collection[int] = (Outcome.FINISHED,)) -> list[Failure]:
     """Group points by outcome and reason, the most frequent first.
 
-    Parameters
-    ----------
-    ends
-        Outcome and detail of every point.
-    good
-        Outcomes to leave out.
+    Args:
+        ends: Outcome and detail of every point.
+        good: Outcomes to leave out.
     """
     counts: Counter[tuple[int, str]] = Counter()
     first: dict[tuple[int, str], str] = {}
@@ -78,12 +75,9 @@ def _bad_ends(outcome: xr.Variable, detail: xr.Variable, asked: StudyPoints) -> 
 def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[str]:
     """The most frequent failures, one per line, then remedies.
 
-    Parameters
-    ----------
-    failures
-        From `common_failures`.
-    retried
-        Whether the study has retries.
+    Args:
+        failures: From `common_failures`.
+        retried: Whether the study has retries.
     """
     lines = [str(failure) for failure in failures[:_SHOWN]]
     if left := sum(failure.count for failure in failures[_SHOWN:]):

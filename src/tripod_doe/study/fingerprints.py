@@ -72,10 +72,8 @@ class KeyIndex:
 
     Why not whole fingerprints: 3.8 in place of 1.9 us per point; a hash table of pandas takes 0.3, but 60 lines more.
 
-    Parameters
-    ----------
-    keys
-        Fingerprints, shape (point,), of which some may be repeated.
+    Args:
+        keys: Fingerprints, shape (point,), of which some may be repeated.
     """
 
     def __init__(self, keys: Keys) -> None:

@@ -13,17 +13,12 @@ from tripod_doe.quantities import size
 def refuse_too_many_points(count: int, each: int) -> None:
     """Refuse a list of points that does not fit into the free memory.
 
-    Parameters
-    ----------
-    count
-        Number of points.
-    each
-        Bytes of a point.
+    Args:
+        count: Number of points.
+        each: Bytes of a point.
 
-    Raises
-    ------
-    InputError
-        With the number of points and what they need.
+    Raises:
+        InputError: With the number of points and what they need.
     """
     remedy = "use fewer levels or samples, or split the study"
     refuse_too_much_memory(count * each, f"a list of {count:,} points", remedy)
@@ -32,17 +27,12 @@ def refuse_too_many_points(count: int, each: int) -> None:
 def refuse_too_much_memory(needed: int, what: str, remedy: str) -> None:
     """Refuse data that does not fit into the free memory.
 
-    Parameters
-    ----------
-    needed
-        Bytes.
-    what, remedy
-        The data, and a remedy, for the message.
+    Args:
+        needed: Bytes.
+        what, remedy: The data, and a remedy, for the message.
 
-    Raises
-    ------
-    InputError
-        With both numbers.
+    Raises:
+        InputError: With both numbers.
     """
     if needed > (free := _free_memory()):
         raise InputError(f"{what} needs about {size(needed)} of memory, {size(free)} are free: {remedy}")

@@ -73,33 +73,20 @@ def run_workflow(
     study, the kernels or the analysis' code, the files it reads, and the hashes of its inputs. A failed step stops only
     the steps that need it; a killed study step continues at its next unfinished point.
 
-    Parameters
-    ----------
-    path
-        The workflow file.
-    out
-        Result directory: steps/NAME for each step (quick/NAME in a quick run), report/index.html.
-    only
-        Run only this step and the steps that it needs.
-    quick
-        Apply the overrides of [quick].
-    workers
-        Worker processes that all study steps share, started by the first that needs them; see `run`.
-    retry_failed
-        Run failed points again.
-    progress
-        Whether to print each step to standard error, with a progress bar for studies.
-    oversubscribe
-        Allow more workers than this machine has processors.
-    untrusted
-        For a file from a stranger: refuse functions, and files outside of its folder.
+    Args:
+        path: The workflow file.
+        out: Result directory: steps/NAME for each step (quick/NAME in a quick run), report/index.html.
+        only: Run only this step and the steps that it needs.
+        quick: Apply the overrides of [quick].
+        workers: Worker processes that all study steps share, started by the first that needs them; see `run`.
+        retry_failed: Run failed points again.
+        progress: Whether to print each step to standard error, with a progress bar for studies.
+        oversubscribe: Allow more workers than this machine has processors.
+        untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
 
-    Raises
-    ------
-    InputError
-        If the workflow file or the directory cannot be used; nothing is started.
-    StorageError
-        If writing fails; finished steps and points are kept.
+    Raises:
+        InputError: If the workflow file or the directory cannot be used; nothing is started.
+        StorageError: If writing fails; finished steps and points are kept.
     """
     workflow = load_workflow(path, quick, StudyFolder.of(path, untrusted))
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)

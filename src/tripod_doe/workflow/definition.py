@@ -79,10 +79,8 @@ class Workflow:
     def needed_for(self, name: str) -> list[str]:
         """A step and all that it needs, in order.
 
-        Raises
-        ------
-        InputError
-            If there is no such step.
+        Raises:
+            InputError: If there is no such step.
         """
         if name not in self.steps:
             raise InputError(f"{option('only', name)}: no such step in {self.origin}{near_match(name, self.steps)}")
@@ -96,19 +94,13 @@ class Workflow:
 def load_workflow(path: str | Path, quick: bool = False, folder: StudyFolder | None = None) -> Workflow:
     """Read and check a workflow file and all study files that it names; nothing is run.
 
-    Parameters
-    ----------
-    path
-        The workflow file.
-    quick
-        Whether to apply the overrides of [quick].
-    folder
-        Where its files and functions are looked up; its own folder if omitted, without restriction.
+    Args:
+        path: The workflow file.
+        quick: Whether to apply the overrides of [quick].
+        folder: Where its files and functions are looked up; its own folder if omitted, without restriction.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read, a key, kind, name or value is not known, or steps depend on each other.
+    Raises:
+        InputError: If a file cannot be read, a key, kind, name or value is not known, or steps depend on each other.
     """
     path = Path(path)
     text, origin, folder = read_text(path, "workflow file"), str(path), folder or StudyFolder.of(path)
@@ -211,19 +203,13 @@ def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
 def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
     """A study with the points of a table, for instance of a choice of model; its text lists them all.
 
-    Parameters
-    ----------
-    study
-        Its factors must be among the columns; a model that was to be chosen must be one, too.
-    table
-        Parameters of the study along ``point``; other variables are ignored.
-    name
-        Name of the table, for messages.
+    Args:
+        study: Its factors must be among the columns; a model that was to be chosen must be one, too.
+        table: Parameters of the study along ``point``; other variables are ignored.
+        name: Name of the table, for messages.
 
-    Raises
-    ------
-    InputError
-        If the table lacks a factor.
+    Raises:
+        InputError: If the table lacks a factor.
     """
     parameters = study.simulator.parameters
     columns = {

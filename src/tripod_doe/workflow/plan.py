@@ -52,21 +52,14 @@ class WorkflowPlan:
 def plan_workflow(path: str | Path, quick: bool = False, timing: bool = True, untrusted: bool = False) -> WorkflowPlan:
     """Count the points of the studies of a workflow; nothing is run or written.
 
-    Parameters
-    ----------
-    path
-        The workflow file.
-    quick
-        Whether to apply the overrides of [quick].
-    timing
-        Whether to time points, for at most ten seconds per study, where no price is recorded.
-    untrusted
-        For a file from a stranger: refuse functions, and files outside of its folder.
+    Args:
+        path: The workflow file.
+        quick: Whether to apply the overrides of [quick].
+        timing: Whether to time points, for at most ten seconds per study, where no price is recorded.
+        untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
 
-    Raises
-    ------
-    InputError
-        If a file of it cannot be used.
+    Raises:
+        InputError: If a file of it cannot be used.
     """
     workflow = load_workflow(path, quick, StudyFolder.of(path, untrusted))
     studies = {name: step.study for name, step in workflow.steps.items() if step.study is not None}

@@ -27,14 +27,10 @@ class Progress:
     On a terminal a bar is drawn. A log gets a line after half a minute, and then whenever the time since the start has
     doubled, at least every ten minutes: a run of a day takes some 150 lines.
 
-    Parameters
-    ----------
-    total
-        Points to compute.
-    shown
-        Whether anything is printed at all.
-    work
-        Work of the first n points, in any unit; the time left is estimated from it.
+    Args:
+        total: Points to compute.
+        shown: Whether anything is printed at all.
+        work: Work of the first n points, in any unit; the time left is estimated from it.
     """
 
     def __init__(self, total: int, shown: bool, work: Callable[[int], float] = float) -> None:
@@ -85,10 +81,8 @@ def work_of(asked: StudyPoints, missing: IntArray) -> Callable[[int], float]:
 
     Prices of models are given by the design, or recorded; without any, or where all points are alike, each counts one.
 
-    Parameters
-    ----------
-    asked, missing
-        The study, and the points of it that run, in this order.
+    Args:
+        asked, missing: The study, and the points of it that run, in this order.
     """
     names, prices = _kinds(asked), dict[tuple[Any, ...], float]()
     if not names or not missing.size:

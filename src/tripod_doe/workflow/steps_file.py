@@ -16,9 +16,7 @@ STEPS = "steps.json"
 def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
     """Replace the states of the steps.
 
-    Raises
-    ------
-    StorageError
-        If they cannot be written.
+    Raises:
+        StorageError: If they cannot be written.
     """
     replace_text(directory / STEPS, json.dumps(list(steps)))

@@ -95,10 +95,8 @@ StepTable = StudyStep | AnalysisStep | FigureStep | ReportStep
 def parse_workflow(text: str, origin: str) -> WorkflowFile:
     """Parse the text of a workflow file; its steps are checked one by one, by `parse_step`.
 
-    Raises
-    ------
-    InputError
-        If it is no TOML, or a key is unknown, missing or of the wrong type.
+    Raises:
+        InputError: If it is no TOML, or a key is unknown, missing or of the wrong type.
     """
     raw = parse_toml(text, origin)
     if "study" in raw and "workflow" not in raw:
@@ -119,10 +117,8 @@ def _known_keys(path: list[str]) -> Iterable[str]:
 def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
     """Check one step's table by its kind.
 
-    Raises
-    ------
-    InputError
-        If its name, its kind, a key or the analysis or figure that it names is not known.
+    Raises:
+        InputError: If its name, its kind, a key or the analysis or figure that it names is not known.
     """
     try:
         check_identifier(name, "a step, written [steps.NAME]")

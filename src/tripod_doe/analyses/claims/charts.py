@@ -23,10 +23,8 @@ def claims_charts(claims: xr.Dataset, name: str = "") -> list[Chart]:
 def claims_chart(claims: xr.Dataset) -> Chart:
     """One bar per claim, to the right where it holds and to the left where it does not; cut off at 100 %.
 
-    Parameters
-    ----------
-    claims
-        From `tripod_doe.analyses.claims.verdicts.check_claims`.
+    Args:
+        claims: From `tripod_doe.analyses.claims.verdicts.check_claims`.
     """
     from matplotlib.patches import Patch
 

@@ -67,10 +67,8 @@ class Point:
     def output(self, name: str) -> xr.DataArray:
         """An output of it.
 
-        Raises
-        ------
-        MissingPointError
-            If the cube does not keep it.
+        Raises:
+            MissingPointError: If the cube does not keep it.
         """
         if name not in self.data or bool(self.data[name].isnull().all()):
             raise MissingPointError(f"the cube has no {name}")
@@ -113,15 +111,11 @@ def _matches(point: Point, wanted: Mapping[str, Any]) -> bool:
 class Evidence:
     """All points of some cubes.
 
-    Parameters
-    ----------
-    cubes
-        Cubes of studies by any name; results of analyses are passed over.
+    Args:
+        cubes: Cubes of studies by any name; results of analyses are passed over.
 
-    Attributes
-    ----------
-    used
-        Numbers of the points that were given since it was emptied, by the names of their cubes.
+    Attributes:
+        used: Numbers of the points that were given since it was emptied, by the names of their cubes.
     """
 
     def __init__(self, cubes: Mapping[str, xr.Dataset]) -> None:
@@ -134,10 +128,9 @@ class Evidence:
 
         Of points that differ in numerics only the one with the smallest tolerance is given.
 
-        Raises
-        ------
-        MissingPointError
-            If there is none, or one of them did not finish: a claim is not decided by those that did.
+        Raises:
+            MissingPointError: If there is none, or one of them did not finish: a claim is not decided by those that
+                did.
         """
         identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
         return self._finished(identity, [point for point in self._points if "model" in point.parameters], wanted)

@@ -28,23 +28,16 @@ class ClaimsOverSkewSettings(BaseModel):
 def claims_over_skew(cubes: Mapping[str, xr.Dataset], settings: ClaimsOverSkewSettings) -> xr.Dataset:
     """Decide the claims once for every choice of the skews.
 
-    Parameters
-    ----------
-    cubes
-        Cubes of studies that hold the cases for these skews.
-    settings
-        Model and skews.
+    Args:
+        cubes: Cubes of studies that hold the cases for these skews.
+        settings: Model and skews.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         value, error and verdict (claim, skew_deg), of those claims that the cubes decide for at least one choice, with
         statement, place, quantity, unit and limits as of the claims themselves.
 
-    Raises
-    ------
-    InputError
-        If the cubes decide no claim for any of these skews.
+    Raises:
+        InputError: If the cubes decide no claim for any of these skews.
     """
     tables = [
         check_claims(cubes, ClaimsSettings(model=settings.model, small_skew_deg=skew / 2, large_skew_deg=skew))

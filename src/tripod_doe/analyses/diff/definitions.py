@@ -27,15 +27,11 @@ class KeyDifference:
 def study_differences(a: str, b: str) -> list[KeyDifference]:
     """Keys in which two study files differ; comments, order and spelling of numbers do not count.
 
-    Parameters
-    ----------
-    a, b
-        Texts of the files.
+    Args:
+        a, b: Texts of the files.
 
-    Raises
-    ------
-    InputError
-        If a text is not TOML.
+    Raises:
+        InputError: If a text is not TOML.
     """
     return _different(_flat(_parsed(a)), _flat(_parsed(b)))
 
@@ -50,12 +46,9 @@ def parameter_differences(a: xr.Dataset, b: xr.Dataset, leave_out: Collection[st
 
     A default that another version of the program has changed is among them, though no study file sets it.
 
-    Parameters
-    ----------
-    a, b
-        The cubes.
-    leave_out
-        Names to leave out: those that the study files set.
+    Args:
+        a, b: The cubes.
+        leave_out: Names to leave out: those that the study files set.
     """
     first, second = fixed_parameters(a), fixed_parameters(b)
     both = [name for name in first if name in second and name not in leave_out]

@@ -74,18 +74,13 @@ class Diff:
 def diff(a: str | Path, b: str | Path, variables: Collection[str] = ()) -> Diff:
     """Compare two studies, and their results at the points that they share.
 
-    Parameters
-    ----------
-    a, b
-        Result directories, cubes (.nc) or study files (.toml).
-    variables
-        Variables to compare. By default the orders of the thrust with results of their own; of a scene or a function
-        without them, all outputs with numbers.
+    Args:
+        a, b: Result directories, cubes (.nc) or study files (.toml).
+        variables: Variables to compare. By default the orders of the thrust with results of their own; of a scene or a
+            function without them, all outputs with numbers.
 
-    Raises
-    ------
-    InputError
-        If one cannot be read, or a variable is in neither.
+    Raises:
+        InputError: If one cannot be read, or a variable is in neither.
     """
     first, second = _read(Path(a)), _read(Path(b))
     texts = [side if isinstance(side, str) else str(side.attrs.get("study", "")) for side in (first, second)]

@@ -32,16 +32,12 @@ def shared_points(a: xr.Dataset, b: xr.Dataset) -> tuple[pd.DataFrame, IntArray,
 
     A factor of one study alone has its fixed value in the other cube. Points that a study has twice count once.
 
-    Returns
-    -------
-    tuple
+    Returns:
         Values of all factors, a row for each shared point, in the order of the first cube; the numbers of these points
         in the first and in the second cube, in the order of `np.ravel` over its design.
 
-    Raises
-    ------
-    InputError
-        If one study has a factor that the other has neither as a factor nor with one value.
+    Raises:
+        InputError: If one study has a factor that the other has neither as a factor nor with one value.
     """
     names = list(dict.fromkeys([*factors_of(a), *factors_of(b)]))
     first, second = _table(a, names, "A"), _table(b, names, "B")

@@ -195,25 +195,18 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     Intervals and probabilities are those of Student's t with the scatter that the terms leave: of a deterministic model
     that is its lack of fit. A design without spare points takes Lenth's pseudo standard error.
 
-    Parameters
-    ----------
-    cube
-        Cube of a factorial, response-surface, sampled or listed design.
-    settings
-        Which outputs and terms, and the level of the intervals.
+    Args:
+        cube: Cube of a factorial, response-surface, sampled or listed design.
+        settings: Which outputs and terms, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
         several outputs also along ``output``, those with further dimensions as ``OUTPUT_effect``, see
         `outputs.side_by_side`); mean, residual_sum_of_squares, r_squared. The attribute ``aliases`` names by JSON the
         terms that are left out, each with those that hold its effect.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design, or too few points are left.
     """
     settings = settings or EffectsSettings()
     cube = flat_points(cube)

@@ -30,12 +30,9 @@ def term_text(name: str) -> str:
 def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the largest effects of each main output, on aliases, and on missing points.
 
-    Parameters
-    ----------
-    result
-        Its effects.
-    name
-        Name of the analysis.
+    Args:
+        result: Its effects.
+        name: Name of the analysis.
     """
     sentences = []
     for _, what, unit, part in effect_parts(result):

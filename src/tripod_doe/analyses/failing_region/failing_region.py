@@ -82,12 +82,9 @@ def _in_words(conditions: tuple[Condition, ...]) -> str:
 def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[np.bool_]) -> FailingRegion | None:
     """The region that fails, None where the failed points do not lie together.
 
-    Parameters
-    ----------
-    columns
-        Values of the factors, shape (point,) each; words are left out.
-    failed
-        Which points failed.
+    Args:
+        columns: Values of the factors, shape (point,) each; words are left out.
+        failed: Which points failed.
     """
     numeric = {name: np.asarray(column, float) for name, column in columns.items() if is_numeric(column)}
     total = int(failed.sum())

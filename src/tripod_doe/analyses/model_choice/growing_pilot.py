@@ -75,10 +75,8 @@ class GrowingPilot:
     def choose(self, record: RecordedChoice | None) -> xr.Dataset | None:
         """Run as much of the pilot as a choice needs, and choose; None where a study is too small for a pilot.
 
-        Parameters
-        ----------
-        record
-            What errors on record suggest.
+        Args:
+            record: What errors on record suggest.
         """
         places, runs = pilot_points(self.study, self.points), Runs()
         if record and (sizes := confirming_sizes(self.study, self.points, record)):

@@ -64,12 +64,9 @@ class RecordedChoice:
     def hits(self, measured: PilotErrors, at: IntArray) -> tuple[int, int]:
         """At how many pilot points the cheap candidate is within the accuracy, of those at which that is known.
 
-        Parameters
-        ----------
-        measured
-            Errors from the pilot.
-        at
-            Positions of its points among those of the study.
+        Args:
+            measured: Errors from the pilot.
+            at: Positions of its points among those of the study.
         """
         column = np.array(
             [
@@ -85,16 +82,11 @@ class RecordedChoice:
     ) -> xr.Dataset:
         """The choice, as `selection.choose` gives it.
 
-        Parameters
-        ----------
-        measured
-            Errors from the confirming pilot.
-        columns
-            Factors of the points, each of shape (point,).
-        study
-            The study.
-        share
-            Share of the points expected to be within the accuracy.
+        Args:
+            measured: Errors from the confirming pilot.
+            columns: Factors of the points, each of shape (point,).
+            study: The study.
+            share: Share of the points expected to be within the accuracy.
         """
         full = [at for at, candidate in enumerate(measured.candidates) if candidate.full]
         usual = next((at for at in full[::-1] if 2 * measured.runs[at] >= measured.count), full[0])

@@ -64,18 +64,12 @@ class ChooseSettings(BaseModel):
 def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
     """Choose a candidate for every point.
 
-    Parameters
-    ----------
-    measured
-        Errors and prices from a pilot.
-    columns
-        Factors of the points, each of shape (point,).
-    accuracy
-        What is asked for.
+    Args:
+        measured: Errors and prices from a pilot.
+        columns: Factors of the points, each of shape (point,).
+        accuracy: What is asked for.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         Along ``point``: the factors, the chosen parameters, the number of the candidate, the estimated relative error
         of every quantity and whether it meets the accuracy. Along ``candidate``: price and number of points. Along
         ``pilot_point``: the factors and the measured relative errors.
@@ -102,19 +96,13 @@ def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy:
 def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: StudyFolder) -> xr.Dataset:
     """The candidate of every point of a study file, from the cube of any pilot: a design table, see `choose`.
 
-    Parameters
-    ----------
-    cubes
-        One cube: candidates of the scene at points that span those of the study.
-    settings
-        The study.
-    folder
-        Where its file is looked for.
+    Args:
+        cubes: One cube: candidates of the scene at points that span those of the study.
+        settings: The study.
+        folder: Where its file is looked for.
 
-    Raises
-    ------
-    InputError
-        If the study names its model, or the pilot does not serve it.
+    Raises:
+        InputError: If the study names its model, or the pilot does not serve it.
     """
     if len(cubes) != 1:
         raise InputError(f"choose needs one pilot as its input, not {len(cubes)}")

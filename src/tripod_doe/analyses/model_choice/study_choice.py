@@ -31,19 +31,13 @@ def make_choice(
 ) -> xr.Dataset:
     """The choice for all points of a study: the frozen one where there is one, else from a pilot that is run now.
 
-    Parameters
-    ----------
-    study, points
-        A study with model = "auto".
-    directory
-        Its result directory: the pilot lies in pilot/, the choice in choice.nc.
-    run_pilot
-        Runs what is missing of a pilot in a directory.
+    Args:
+        study, points: A study with model = "auto".
+        directory: Its result directory: the pilot lies in pilot/, the choice in choice.nc.
+        run_pilot: Runs what is missing of a pilot in a directory.
 
-    Raises
-    ------
-    InputError
-        If the choice costs more than the budget, or is frozen for another accuracy.
+    Raises:
+        InputError: If the choice costs more than the budget, or is frozen for another accuracy.
     """
     accuracy = accuracy_of(study)
     usable = {name: column[points.allowed] for name, column in points.columns.items()}

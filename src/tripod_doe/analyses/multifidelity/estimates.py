@@ -52,10 +52,8 @@ def folds_of(count: int) -> IntArray:
 def moments(values: FloatArray) -> FloatArray:
     """Products of a sample's values from which the statistics about any centre follow, shape (product, sample).
 
-    Parameters
-    ----------
-    values
-        Shape (sample, point): one point, or those of a block a, ab_1 .. ab_d, b.
+    Args:
+        values: Shape (sample, point): one point, or those of a block a, ab_1 .. ab_d, b.
     """
     if values.shape[1] == 1:
         return np.stack([values[:, 0], values[:, 0] ** 2])
@@ -100,10 +98,9 @@ def shares_of(counts: list[int]) -> FloatArray:
 def estimate(values: list[FloatArray]) -> Estimates:
     """Estimates of one component of an output.
 
-    Parameters
-    ----------
-    values
-        Of the truth and of each cheaper model, shape (sample, point); every model has the samples of those before it.
+    Args:
+        values: Of the truth and of each cheaper model, shape (sample, point); every model has the samples of those
+            before it.
     """
     counts = [len(each) for each in values]
     shift = [float(each[: counts[0]].mean()) for each in values]  # for accuracy: no result depends on it
@@ -161,14 +158,11 @@ def _centre(
 ) -> tuple[float, float]:
     """The mean of the truth by all models, and the variance of this estimate.
 
-    Parameters
-    ----------
-    rest
-        Values of each model at the truth's samples that may be used, shape (sample,).
-    strata, covariances
-        Means of each model's products in each stratum; covariances of the values of the models that a stratum holds.
-    shares, counts
-        See `shares_of`.
+    Args:
+        rest: Values of each model at the truth's samples that may be used, shape (sample,).
+        strata, covariances: Means of each model's products in each stratum; covariances of the values of the models
+            that a stratum holds.
+        shares, counts: See `shares_of`.
     """
     values = np.stack(rest)
     left = values[1:] - values[1:].mean(axis=1, keepdims=True)

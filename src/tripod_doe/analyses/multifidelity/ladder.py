@@ -29,22 +29,14 @@ def price_of_point(
 ) -> float:
     """CPU seconds of a point: as the study says, else counted work at its recorded price, else measured.
 
-    Parameters
-    ----------
-    cube
-        Points that ran.
-    candidates
-        What is known of the price of counted work.
-    design
-        The multifidelity design.
-    model
-        The model.
-    rows
-        Points of it in the cube.
+    Args:
+        cube: Points that ran.
+        candidates: What is known of the price of counted work.
+        design: The multifidelity design.
+        model: The model.
+        rows: Points of it in the cube.
 
-    Returns
-    -------
-    float
+    Returns:
         NaN where the study says nothing and the cube has no costs.
     """
     if model in design.prices:
@@ -118,19 +110,13 @@ class Ladder:
 def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str]) -> Ladder:
     """The models of a cube with their samples; one with a failed point is left out in all models.
 
-    Parameters
-    ----------
-    cube
-        A cube of a multifidelity design.
-    settings
-        What is done where points failed.
-    outputs
-        The outputs that must be there.
+    Args:
+        cube: A cube of a multifidelity design.
+        settings: What is done where points failed.
+        outputs: The outputs that must be there.
 
-    Raises
-    ------
-    InputError
-        If the design is another one, or too few samples of the truth are left.
+    Raises:
+        InputError: If the design is another one, or too few samples of the truth are left.
     """
     file = parse_file(cube.attrs["study"], "the study in the cube")
     design = file.design

@@ -130,10 +130,8 @@ def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettin
 def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
     """Outputs to analyse: those asked for, else all that every model gives, courses over the rotation angle left out.
 
-    Raises
-    ------
-    InputError
-        If an output that is asked for is one that a model does not give.
+    Raises:
+        InputError: If an output that is asked for is one that a model does not give.
     """
     fidelity = parse_file(cube.attrs["study"], "the study in the cube").design.fidelity
     models, finished = cube[fidelity].values.astype(str), cube["outcome"].values == Outcome.FINISHED
@@ -180,25 +178,18 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     Multifidelity Monte Carlo with control variates (Peherstorfer, Willcox and Gunzburger 2016), for the indices as Qian
     and others (2018); see `estimates` and `quantiles`.
 
-    Parameters
-    ----------
-    cube
-        Cube of a multifidelity design.
-    settings
-        Outputs, probabilities, and the level of the intervals.
+    Args:
+        cube: Cube of a multifidelity design.
+        settings: Outputs, probabilities, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         mean, variance, with their half widths and gains, quantile, quantile_low, quantile_high (probability, ...),
         distribution (share, ...), S1 and ST with theirs (factor, ...), correlation (model, ...), samples and price
         (model); with the dimensions of the output, and with several outputs also along ``output``. Gains are NaN where
         the prices are not known.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, an output is none of every model, or too few samples are left.
+    Raises:
+        InputError: If the cube is of another design, an output is none of every model, or too few samples are left.
     """
     settings = settings or MultifidelitySettings()
     names = outputs_of_all(cube, settings.outputs)

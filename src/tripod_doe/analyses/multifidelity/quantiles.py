@@ -24,15 +24,11 @@ _ADDED = 2  # points that are taken to disagree besides those that do, of four m
 def quantiles(values: list[FloatArray], probabilities: list[float], normal: float) -> FloatArray:
     """Quantiles of one component with their intervals, shape (3, probability): value, low end, high end.
 
-    Parameters
-    ----------
-    values
-        Of the truth and of each cheaper model, shape (sample, point); the points of a sample are independent. Every
-        model has the samples of those before it.
-    probabilities
-        Of the quantiles.
-    normal
-        Standard errors that half an interval has. An end is NaN where the samples do not bound the quantile.
+    Args:
+        values: Of the truth and of each cheaper model, shape (sample, point); the points of a sample are independent.
+            Every model has the samples of those before it.
+        probabilities: Of the quantiles.
+        normal: Standard errors that half an interval has. An end is NaN where the samples do not bound the quantile.
     """
     at = _places(values)
     chance, error = _distribution(values, at)
@@ -113,16 +109,11 @@ def _of_truth(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Distribution function at some places, its variance over the truth's samples, and the mean coefficients.
 
-    Parameters
-    ----------
-    values
-        As in `quantiles`.
-    at
-        The places.
-    lines
-        Slope and offset from each cheaper model to the truth, by fold and model.
-    beside
-        Shares of the predictions that are at most as large, in each stratum of samples that the truth lacks.
+    Args:
+        values: As in `quantiles`.
+        at: The places.
+        lines: Slope and offset from each cheaper model to the truth, by fold and model.
+        beside: Shares of the predictions that are at most as large, in each stratum of samples that the truth lacks.
     """
     counts = [len(each) for each in values]
     shares, fold, truth = shares_of(counts), folds_of(counts[0]), values[0]

@@ -19,12 +19,9 @@ def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:
 def find_in_multifidelity(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped.
 
-    Parameters
-    ----------
-    result
-        Its answers.
-    name
-        Name of the analysis.
+    Args:
+        result: Its answers.
+        name: Name of the analysis.
     """
     sentences = []
     truth = str(result.attrs["truth"])

@@ -47,17 +47,12 @@ class Split:
 def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
     """The split that makes the variance small for its price.
 
-    Parameters
-    ----------
-    pilot
-        Cube with costs of a multifidelity study in which all models ran the pilot's samples.
-    simulator
-        What ran; it may know the price of counted work.
+    Args:
+        pilot: Cube with costs of a multifidelity study in which all models ran the pilot's samples.
+        simulator: What ran; it may know the price of counted work.
 
-    Raises
-    ------
-    InputError
-        If a target is no output of all models, or too little of the pilot finished.
+    Raises:
+        InputError: If a target is no output of all models, or too little of the pilot finished.
     """
     settings = PointSettings(most_dropped=0.5)  # the rest still gives prices and correlations
     names = outputs_of_all(pilot, [])
@@ -84,14 +79,10 @@ def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
 def within(samples: Mapping[str, int], least: int, most: int) -> dict[str, int]:
     """Samples of each model, the truth first, with those of cheap models shrunk alike where all are too many.
 
-    Parameters
-    ----------
-    samples
-        What is wanted.
-    least
-        Samples that every model keeps.
-    most
-        Samples of all models together.
+    Args:
+        samples: What is wanted.
+        least: Samples that every model keeps.
+        most: Samples of all models together.
     """
     truth, *cheap = samples
     if sum(samples.values()) <= most:

@@ -58,10 +58,8 @@ def with_samples_so_far(study: Study, directory: Path) -> Study:
 def split_study(study: Study, pilot: xr.Dataset, directory: Path) -> tuple[Study, Split]:
     """The study with the split that its pilot shows; a study that grew keeps the samples that it had.
 
-    Raises
-    ------
-    InputError
-        If the pilot does not suffice.
+    Raises:
+        InputError: If the pilot does not suffice.
     """
     try:
         split = find_split(pilot, study.simulator)

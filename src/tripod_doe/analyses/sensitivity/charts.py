@@ -205,16 +205,11 @@ _SHOWN = 6  # factors in one picture
 def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: str) -> Chart | None:
     """The index of the strongest factors over nested subsamples; None where there is only one size.
 
-    Parameters
-    ----------
-    key, name
-        Name of the chart, and of the analysis.
-    what
-        The output in words.
-    part
-        Indices of one output, as `sensitivity_parts` gives them, with dimension ``samples``.
-    kind
-        Kind of the analysis.
+    Args:
+        key, name: Name of the chart, and of the analysis.
+        what: The output in words.
+        part: Indices of one output, as `sensitivity_parts` gives them, with dimension ``samples``.
+        kind: Kind of the analysis.
     """
     index = RANKED[kind]
     over = f"{index}_over_samples"

@@ -85,22 +85,15 @@ METHOD = Method(
 def borgonovo_delta(cube: xr.Dataset, settings: DeltaSettings | None = None) -> xr.Dataset:
     """Borgonovo's delta from the first 4096 points, since its cost grows with their square.
 
-    Parameters
-    ----------
-    cube
-        Cube of a sampled design; its factors may be correlated.
-    settings
-        Outputs, and at which level a factor counts as resolved.
+    Args:
+        cube: Cube of a sampled design; its factors may be correlated.
+        settings: Outputs, and at which level a factor counts as resolved.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         delta (factor, and the dimensions of the output), and chance, the largest delta of factors without effect; see
         `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design, or too few points are left.
     """
     return apply(METHOD, cube, settings or DeltaSettings())

@@ -67,21 +67,14 @@ def derivative_measures(cube: xr.Dataset, settings: DgsmSettings | None = None) 
 
     A total Sobol' index is at most dgsm (Sobol' and Kucherenko 2009); over quantiles this holds for any distribution.
 
-    Parameters
-    ----------
-    cube
-        Cube of a finite-differences design.
-    settings
-        Which outputs, and the level of the intervals.
+    Args:
+        cube: Cube of a finite-differences design.
+        settings: Which outputs, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         vi, vi_conf, dgsm, dgsm_conf (factor, and the dimensions of the output); see `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few complete blocks are left.
+    Raises:
+        InputError: If the cube is of another design, or too few complete blocks are left.
     """
     return apply(METHOD, cube, settings or DgsmSettings())

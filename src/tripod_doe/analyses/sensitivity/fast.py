@@ -65,21 +65,14 @@ def fast_indices(cube: xr.Dataset, settings: FastSettings | None = None) -> xr.D
     A curve with a failed point is dropped: its factor has no index. There are no intervals: the error is interference
     of frequencies, which one curve per factor does not show.
 
-    Parameters
-    ----------
-    cube
-        Cube of a fast design.
-    settings
-        Which outputs.
+    Args:
+        cube: Cube of a fast design.
+        settings: Which outputs.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         S1, ST (factor, and the dimensions of the output); see `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or fewer than two curves are complete.
+    Raises:
+        InputError: If the cube is of another design, or fewer than two curves are complete.
     """
     return apply(METHOD, cube, settings or FastSettings())

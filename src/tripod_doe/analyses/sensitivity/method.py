@@ -60,26 +60,18 @@ class Method:
 def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
     """Analyse all chosen outputs of a cube by one method.
 
-    Parameters
-    ----------
-    method
-        How the answers are estimated.
-    cube
-        Cube of a design that the method can read.
-    settings
-        Which outputs, and what counts as enough.
+    Args:
+        method: How the answers are estimated.
+        cube: Cube of a design that the method can read.
+        settings: Which outputs, and what counts as enough.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
         ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; beside other outputs, those with
         further dimensions as ``OUTPUT_ANSWER``, see `outputs.side_by_side`. NaN where an output does not vary.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few complete blocks are left.
+    Raises:
+        InputError: If the cube is of another design, or too few complete blocks are left.
     """
     cube = flat_points(cube)
     names = chosen_outputs(cube, settings.outputs)

@@ -82,21 +82,14 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     Effects are per whole range of a factor, in the unit of the output; estimators of Campolongo (2007). Of a group of
     factors there is only mu_star.
 
-    Parameters
-    ----------
-    cube
-        Cube of a morris design.
-    settings
-        Which outputs, and the level of the intervals.
+    Args:
+        cube: Cube of a morris design.
+        settings: Which outputs, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         mu, mu_star, mu_star_conf, sigma (factor, and the dimensions of the output); see `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few complete trajectories are left.
+    Raises:
+        InputError: If the cube is of another design, or too few complete trajectories are left.
     """
     return apply(METHOD, cube, settings or MorrisSettings())

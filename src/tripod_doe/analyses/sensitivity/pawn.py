@@ -96,22 +96,15 @@ METHOD = Method(
 def pawn_indices(cube: xr.Dataset, settings: PawnSettings | None = None) -> xr.Dataset:
     """PAWN indices (Pianosi and Wagener 2018).
 
-    Parameters
-    ----------
-    cube
-        Cube of a sampled design; its factors may be correlated.
-    settings
-        Outputs, number of slices, and at which level a factor counts as resolved.
+    Args:
+        cube: Cube of a sampled design; its factors may be correlated.
+        settings: Outputs, number of slices, and at which level a factor counts as resolved.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         median, mean, maximum, minimum (factor, and the dimensions of the output), and chance, the largest median of
         factors without effect; see `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design, or too few points are left.
     """
     return apply(METHOD, cube, settings or PawnSettings())

@@ -65,21 +65,14 @@ METHOD = Method(_rbd_fast, designs=SAMPLED_DESIGNS, ranked="S1", meanings={"S1":
 def rbd_fast_indices(cube: xr.Dataset, settings: RbdFastSettings | None = None) -> xr.Dataset:
     """First-order Sobol' indices by RBD-FAST (Tarantola, Gatelli and Mara 2006).
 
-    Parameters
-    ----------
-    cube
-        Cube of an rbd-fast, latin-hypercube, sobol or halton design of independent factors.
-    settings
-        Which outputs, and the level of the intervals.
+    Args:
+        cube: Cube of an rbd-fast, latin-hypercube, sobol or halton design of independent factors.
+        settings: Which outputs, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         S1, S1_conf (factor, and the dimensions of the output); see `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design or its factors are correlated, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design or its factors are correlated, or too few points are left.
     """
     return apply(METHOD, cube, settings or RbdFastSettings())

@@ -26,12 +26,9 @@ _HEADS = {
 def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the strongest factors of each main output, then on the points and on what failed.
 
-    Parameters
-    ----------
-    result
-        Its indices.
-    name
-        Name of the analysis.
+    Args:
+        result: Its indices.
+        name: Name of the analysis.
     """
     kind = kind_of(result)
     sentences = []

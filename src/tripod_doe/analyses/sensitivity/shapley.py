@@ -50,16 +50,12 @@ def _neighbours(space: FloatArray, count: int) -> IntArray:
 def _local_variances(space: FloatArray, values: FloatArray) -> FloatArray:
     """Squared distance of each point from a polynomial through its neighbours, itself left out.
 
-    Parameters
-    ----------
-    space
-        Points in the factors that are known, shape (point, factor).
-    values
-        Outputs, shape (part, point, component); the variances of the parts add up.
+    Args:
+        space: Points in the factors that are known, shape (point, factor).
+        values: Outputs, shape (part, point, component); the variances of the parts add up.
 
-    Returns
-    -------
-    ndarray, shape (point, component)
+    Returns:
+        ndarray, shape (point, component)
     """
     width = space.shape[1]
     curved = width <= _MOST_CURVED
@@ -129,21 +125,14 @@ METHOD = Method(
 def shapley_effects(cube: xr.Dataset, settings: ShapleySettings | None = None) -> xr.Dataset:
     """Shapley effects: the share of each factor in the variance of an output, correlated factors included.
 
-    Parameters
-    ----------
-    cube
-        Cube of a latin-hypercube or rbd-fast design of at most ten factors, correlated or not.
-    settings
-        Which outputs, and the level of the intervals.
+    Args:
+        cube: Cube of a latin-hypercube or rbd-fast design of at most ten factors, correlated or not.
+        settings: Which outputs, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         shapley, shapley_conf (factor, and the dimensions of the output); see `method.apply`. They add up to one.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, there are too many factors, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design, there are too many factors, or too few points are left.
     """
     return apply(METHOD, cube, settings or ShapleySettings())

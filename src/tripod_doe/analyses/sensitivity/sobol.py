@@ -83,22 +83,15 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
 
     S1_i = V[E(Y | x_i)] / V[Y], ST_i = E[V(Y | x_~i)] / V[Y].
 
-    Parameters
-    ----------
-    cube
-        Cube of a saltelli design; N (2 D + 2) points, or N (D + 2) without second order.
-    settings
-        Which outputs, and the level of the intervals.
+    Args:
+        cube: Cube of a saltelli design; N (2 D + 2) points, or N (D + 2) without second order.
+        settings: Which outputs, and the level of the intervals.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         S1, S1_conf, ST, ST_conf (factor, and the dimensions of the output) and S2, S2_conf (factor, factor_2, ...); see
         `method.apply`.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few complete blocks are left.
+    Raises:
+        InputError: If the cube is of another design, or too few complete blocks are left.
     """
     return apply(METHOD, cube, settings or SobolSettings())

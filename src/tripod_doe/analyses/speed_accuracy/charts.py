@@ -23,10 +23,8 @@ _X_LABEL = "CPU seconds per simulated second (-)"
 def speed_accuracy_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
     """Numerical error of every case and quantity with a reference, in the order of the cases.
 
-    Parameters
-    ----------
-    data
-        An analysis of kind speed-accuracy.
+    Args:
+        data: An analysis of kind speed-accuracy.
     """
     charts = []
     for case in data["case"].values:

@@ -82,24 +82,17 @@ class _Price:
 def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySettings) -> xr.Dataset:
     """Compare methods and models by error and price.
 
-    Parameters
-    ----------
-    cubes
-        Cubes of method studies with their costs, one per scene.
-    settings
-        The target error.
+    Args:
+        cubes: Cubes of method studies with their costs, one per scene.
+        settings: The target error.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         Along ``run``: prices, work, outcome; along run and ``quantity`` the relative errors and whether the run is on
-        the front; along ``case`` (scene and model) the references; along case, ``method`` and quantity the price at
-        the target, as ``price`` in CPU seconds per simulated second and as ratio to that of the case's default method.
+        the front; along ``case`` (scene and model) the references; along case, ``method`` and quantity the price at the
+        target, as ``price`` in CPU seconds per simulated second and as ratio to that of the case's default method.
 
-    Raises
-    ------
-    InputError
-        If a cube has no costs or nothing to compare.
+    Raises:
+        InputError: If a cube has no costs or nothing to compare.
     """
     cases = read_cases(cubes)
     if not cases:
@@ -348,14 +341,10 @@ def _told(reference: _Reference | None) -> str:
 def _price(case: Case, method: str, errors: FloatArray, target: float) -> _Price:
     """Price of a method at the target error.
 
-    Parameters
-    ----------
-    case, method
-        Whose runs.
-    errors
-        Of all runs of the case, not below those of the reference, shape (run,).
-    target
-        Relative error.
+    Args:
+        case, method: Whose runs.
+        errors: Of all runs of the case, not below those of the reference, shape (run,).
+        target: Relative error.
     """
     rows = [(run, errors[at]) for at, run in enumerate(case.runs) if run.method == method]
     done = [(run.price, error) for run, error in rows if run.finished and math.isfinite(error)]

@@ -132,10 +132,8 @@ class Case:
 def read_cases(cubes: Mapping[str, xr.Dataset]) -> list[Case]:
     """Sort the points of all cubes into cases.
 
-    Raises
-    ------
-    InputError
-        If a cube has no costs, or none of the quantities.
+    Raises:
+        InputError: If a cube has no costs, or none of the quantities.
     """
     return [case for name, cube in cubes.items() for case in _cases_of(name, cube)]
 

@@ -102,14 +102,10 @@ class _Runs:
 def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[float, Limit]:
     """Predicted border, and what limits it; infinite where there is none, NaN where rates are unknown.
 
-    Parameters
-    ----------
-    method
-        The method.
-    rates
-        Rates of friction, of the stiffest contact mode, and of the secant's lag, 1/s.
-    limit
-        Relative error up to which a run is good.
+    Args:
+        method: The method.
+        rates: Rates of friction, of the stiffest contact mode, and of the secant's lag, 1/s.
+        limit: Relative error up to which a run is good.
     """
     if method.controlled:
         return limit, Limit.TOLERANCE
@@ -129,26 +125,20 @@ def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[f
 def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Dataset:
     """Measured and predicted border of every method at every operating point.
 
-    Parameters
-    ----------
-    cube
-        Cube of a grid or product over ``method``, ``step_s`` or ``relative_tolerance``, and other numeric factors.
-    settings
-        Output that is compared, and the limit of its relative error.
+    Args:
+        cube: Cube of a grid or product over ``method``, ``step_s`` or ``relative_tolerance``, and other numeric
+            factors.
+        settings: Output that is compared, and the limit of its relative error.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         Per method and case: ``border_low`` and ``border_high``, the last step up to which all runs are good and the
         next one (NaN and inf where there is none), ``border_predicted`` (inf for none) with ``limited_by``, ``ratio``,
         ``agrees``, ``first_failure`` (an outcome; finished means a wrong number that passed) and its detail, and
-        ``wrong_runs``. Per run: ``run_kind``, ``run_outcome`` and ``error``. Per case the reference and how well
-        it is known.
+        ``wrong_runs``. Per run: ``run_kind``, ``run_outcome`` and ``error``. Per case the reference and how well it is
+        known.
 
-    Raises
-    ------
-    InputError
-        If the factors or the output are missing.
+    Raises:
+        InputError: If the factors or the output are missing.
     """
     runs = _runs(cube, settings)
     reference, certainty, rates, source = _references(runs)

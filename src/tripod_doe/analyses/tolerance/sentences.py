@@ -20,12 +20,9 @@ def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
 def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on quantiles, limits and gains of each main output.
 
-    Parameters
-    ----------
-    result
-        Its answers.
-    name
-        Name of the analysis.
+    Args:
+        result: Its answers.
+        name: Name of the analysis.
     """
     sentences = []
     for _, what, unit, part in tolerance_parts(result):

@@ -24,14 +24,10 @@ _MARK = "tips"
 def mark_points(figure: Figure) -> dict[str, list[str]]:
     """Give the markers and bars of a figure identifiers, before it is drawn.
 
-    Parameters
-    ----------
-    figure
-        With numeric axes; lines without markers have no points.
+    Args:
+        figure: With numeric axes; lines without markers have no points.
 
-    Returns
-    -------
-    dict
+    Returns:
         By identifier, the text of each point in the order in which it is drawn.
     """
     texts: dict[str, list[str]] = {}

@@ -29,9 +29,7 @@ _OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of th
 def results(paths: Mapping[str, str], order: int | None) -> Any:
     """Results of analyses by name, at one order of the thrust.
 
-    Returns
-    -------
-    dict
+    Returns:
         For each: ``name``, ``kind``, ``findings``, the ``orders`` that it has, its ``text`` table (heads, rows, points
         of each row) where its kind has one, and ``tables`` of its numbers.
     """
@@ -114,19 +112,13 @@ def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
 def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> Any:
     """The view of the points behind a number of an analysis.
 
-    Parameters
-    ----------
-    result
-        File of the result.
-    cubes
-        Result directories of the studies that it has read, by the names of their steps; of a study its own, without
-        a name.
-    variable, cell
-        Which number.
+    Args:
+        result: File of the result.
+        cubes: Result directories of the studies that it has read, by the names of their steps; of a study its own,
+            without a name.
+        variable, cell: Which number.
 
-    Returns
-    -------
-    dict
+    Returns:
         ``step`` and ``items`` of the address of the view.
     """
     data = read_dataset(Path(result))
@@ -143,10 +135,8 @@ _JOINED = re.compile(r" \+ |:")  # of pairs of mechanisms and of interactions
 def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, Any]:
     """The values of all coordinates at one cell of a variable, cells counted in its own order.
 
-    Raises
-    ------
-    InputError
-        If there is no such variable or cell.
+    Raises:
+        InputError: If there is no such variable or cell.
     """
     if variable not in result.data_vars:
         raise InputError(f"variable = {variable!r}: not in this analysis")
@@ -165,18 +155,12 @@ def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, 
 def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) -> View:
     """The view that shows the points from which a number was made.
 
-    Parameters
-    ----------
-    cube
-        The cube that the analysis has read.
-    result
-        Its result.
-    variable, cell
-        Which number.
+    Args:
+        cube: The cube that the analysis has read.
+        result: Its result.
+        variable, cell: Which number.
 
-    Returns
-    -------
-    View
+    Returns:
         Of the output, over the factors or mechanisms that the number is about, at the values along the dimensions that
         cube and result share; for a quantile the points beyond it.
     """

@@ -94,10 +94,8 @@ def variable_axes(cube: xr.Dataset, variable: str) -> list[Axis]:
 def full_view(cube: xr.Dataset, view: View) -> View:
     """Fill in what a view leaves open: a variable, how it is shown, and a value along each dimension that is not shown.
 
-    Raises
-    ------
-    InputError
-        If it names what this cube does not have.
+    Raises:
+        InputError: If it names what this cube does not have.
     """
     known = [choice.name for choice in choices(cube)]
     if not known:

@@ -16,9 +16,7 @@ from tripod_doe.service.explorer.view import OF_POINTS, View
 def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
     """The controls of a view that is filled in.
 
-    Returns
-    -------
-    dict
+    Returns:
         ``kinds`` of views that suit the variable; axes that can lie ``below`` and ``beside``; those that stand
         ``still`` with their values, the ``levels`` of these that can be subtracted; and ``ranges`` of factors with both
         ends as texts, empty where they are open.
@@ -60,12 +58,9 @@ def _ends(wanted: str) -> tuple[str, str]:
 def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
     """What a view shows, in words: ``thrust amplitude (N), order 3, over joint angle``.
 
-    Parameters
-    ----------
-    cube, view
-        What is looked at.
-    minus_name
-        Name of the run that is subtracted.
+    Args:
+        cube, view: What is looked at.
+        minus_name: Name of the run that is subtracted.
     """
     parts = [label_of(cube[view.variable])]
     parts += [_at(cube, *text.partition("=")[::2]) for text in view.select]

@@ -71,18 +71,12 @@ def study_of(cube: xr.Dataset) -> dict[str, Any]:
 def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     """A study file whose points are those that a view shows, for the variable that it shows.
 
-    Parameters
-    ----------
-    cube
-        The cube that is looked at.
-    view
-        The view, filled in.
-    data
-        Its slice, as `seen` gives it.
+    Args:
+        cube: The cube that is looked at.
+        view: The view, filled in.
+        data: Its slice, as `seen` gives it.
 
-    Returns
-    -------
-    str
+    Returns:
         TOML; the study itself where the view shows more points than a list should name, or no points of a study.
     """
     whole, study = str(cube.attrs.get("study", "")), study_of(cube)

@@ -36,24 +36,17 @@ def compared_upload(
 ) -> xr.Dataset:
     """Compare an uploaded measurement with one point of a cube, or with the points over speed.
 
-    Parameters
-    ----------
-    path
-        Result directory or cube.
-    measurement
-        Text of the table (CSV).
-    select, nearest, columns, pulses_per_revolution, reference_angle, speeds
-        As the flags of ``tripod-doe compare``.
+    Args:
+        path: Result directory or cube.
+        measurement: Text of the table (CSV).
+        select, nearest, columns, pulses_per_revolution, reference_angle, speeds: As the flags of ``tripod-doe
+            compare``.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         As `compare` gives it.
 
-    Raises
-    ------
-    InputError
-        If the table or the selection cannot be used.
+    Raises:
+        InputError: If the table or the selection cannot be used.
     """
     with opened_cube(path) as cube:
         point = model_point(cube, select, nearest).load()

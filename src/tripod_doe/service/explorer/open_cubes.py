@@ -26,10 +26,8 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
 
     While a study runs, this is its cube so far, made again when a block has been finished.
 
-    Raises
-    ------
-    CubeError
-        If no point has finished, or what is there is damaged.
+    Raises:
+        CubeError: If no point has finished, or what is there is damaged.
     """
     place = Path(path)
     state = unshown_state(place)

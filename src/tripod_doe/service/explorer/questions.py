@@ -45,20 +45,13 @@ _MOST_ROWS = 500
 def explore(path: str, items: Items, place: str, minus_name: str = "") -> Any:
     """What a view of a result directory can be changed to, and what it is called elsewhere.
 
-    Parameters
-    ----------
-    path
-        The result directory.
-    items
-        The view.
-    place
-        The directory as a user of the machine calls it.
-    minus_name
-        Name of the run that is subtracted.
+    Args:
+        path: The result directory.
+        items: The view.
+        place: The directory as a user of the machine calls it.
+        minus_name: Name of the run that is subtracted.
 
-    Returns
-    -------
-    dict
+    Returns:
         The view filled in, variables, axes, copies.
     """
     asked = View.from_items((name, text) for name, text in items)

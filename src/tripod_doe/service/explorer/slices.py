@@ -39,10 +39,8 @@ def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
 def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
     """One point of a cube by its number.
 
-    Raises
-    ------
-    InputError
-        If there is none of this number.
+    Raises:
+        InputError: If there is none of this number.
     """
     design = design_of(cube)
     shape = tuple(cube.sizes[dim] for dim in design)
@@ -59,10 +57,8 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
     Dimensions with one value left are dropped, but for those that the view lies along; cells that the condition leaves
     out are NaN and count as finished, so that they stay blank.
 
-    Raises
-    ------
-    InputError
-        If a name or the condition is wrong, or no cell is left.
+    Raises:
+        InputError: If a name or the condition is wrong, or no cell is left.
     """
     cube = numbered(cube, view.variable)
     answer = query(cube, view.variable, view.select, where=view.where or None)
@@ -82,10 +78,8 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
 def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figure:
     """Draw a view that is filled in; with another cube or a level to subtract, the difference to it.
 
-    Raises
-    ------
-    InputError
-        If the view cannot be drawn of this cube, with what to change.
+    Raises:
+        InputError: If the view cannot be drawn of this cube, with what to change.
     """
     data = shown_cells(cube, view, other)
     limits = None

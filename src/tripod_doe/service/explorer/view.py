@@ -39,10 +39,8 @@ class View:
     def from_items(cls, items: Iterable[tuple[str, str]]) -> View:
         """The view that the items of an address describe; unknown ones are none of its business.
 
-        Raises
-        ------
-        InputError
-            If a limit is no number, or the kind is unknown.
+        Raises:
+            InputError: If a limit is no number, or the kind is unknown.
         """
         given = list(items)
         words: dict[str, str] = {name: text for name, text in given if name in _WORDS}

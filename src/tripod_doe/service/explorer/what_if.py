@@ -28,16 +28,12 @@ _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in t
 def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
     """What one point will cost by recorded prices.
 
-    Returns
-    -------
-    dict
+    Returns:
         ``cpu_seconds``, None where no price is recorded, and ``foreseen``: why the point will fail, empty if it is not
         known to.
 
-    Raises
-    ------
-    InputError
-        If a parameter cannot be used.
+    Raises:
+        InputError: If a parameter cannot be used.
     """
     base = {name: value for name, value in parameters.items() if name != _FACTOR}
     factors = {_FACTOR: {"values": [parameters.get(_FACTOR, 0)]}}  # a study has one
@@ -68,10 +64,8 @@ def simulated(scene: str, parameters: dict[str, Any]) -> Any:
 def contribution_study(path: str, number_of_point: int) -> Any:
     """A study file that tells which friction makes the thrust at one point of a cube.
 
-    Raises
-    ------
-    InputError
-        If the point is none of a joint.
+    Raises:
+        InputError: If the point is none of a joint.
     """
     with opened(path) as cube:
         found = point_of(cube, number_of_point)

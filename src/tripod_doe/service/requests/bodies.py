@@ -22,19 +22,13 @@ Form = TypeVar("Form", bound=BaseModel)
 def read_form(body: bytes, form: type[Form], nesting: int) -> Form:
     """Read a body that has a form.
 
-    Parameters
-    ----------
-    body
-        As it was sent.
-    form
-        What it must be.
-    nesting
-        Depth of brackets within each other.
+    Args:
+        body: As it was sent.
+        form: What it must be.
+        nesting: Depth of brackets within each other.
 
-    Raises
-    ------
-    RefusedError
-        413 if it is nested too deep, 422 if it is no JSON or does not fit the form.
+    Raises:
+        RefusedError: 413 if it is nested too deep, 422 if it is no JSON or does not fit the form.
     """
     try:
         return form.model_validate(read_json(body, nesting))

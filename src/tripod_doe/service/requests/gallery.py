@@ -40,10 +40,8 @@ def gallery() -> list[dict[str, str]]:
 def gallery_upload(name: str) -> dict[str, Any]:
     """One of them as it can be submitted: ``study`` or ``workflow``, and the ``files`` that it names, by plain names.
 
-    Raises
-    ------
-    InputError
-        If there is none of this name.
+    Raises:
+        InputError: If there is none of this name.
     """
     kind = name.removeprefix("template-")
     if name != kind and kind in TEMPLATES:

@@ -24,28 +24,19 @@ _COUNTS = ("points", "unique", "excluded", "bytes")
 def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[str, Any]:
     """Check an upload and give its counts and its price.
 
-    Parameters
-    ----------
-    folder
-        Where its files are.
-    main
-        Name of the submitted file: a study's or a workflow's.
-    limits
-        What is allowed.
-    timing
-        Whether points are timed, for at most ten seconds; otherwise recorded prices are used where there are any.
+    Args:
+        folder: Where its files are.
+        main: Name of the submitted file: a study's or a workflow's.
+        limits: What is allowed.
+        timing: Whether points are timed, for at most ten seconds; otherwise recorded prices are used where there are
+            any.
 
-    Returns
-    -------
-    dict
+    Returns:
         For a workflow the sums over its studies, and each of them under ``steps``.
 
-    Raises
-    ------
-    InputError
-        If anything in it cannot be used.
-    TooLargeError
-        If it goes beyond a limit.
+    Raises:
+        InputError: If anything in it cannot be used.
+        TooLargeError: If it goes beyond a limit.
     """
     place = StudyFolder(folder, trusted=False, most_points=limits.points)
     if main == STUDY:
@@ -131,10 +122,8 @@ def _check_limits(
 def plan_stored(path: Path, limits: Limits) -> dict[str, Any]:
     """Counts of the study of a result directory, as `plans.plan_upload` gives them.
 
-    Raises
-    ------
-    InputError
-        If its study can no longer be read, or names a function.
+    Raises:
+        InputError: If its study can no longer be read, or names a function.
     """
     from tripod_doe.study.results.stored_study import stored_study
 

@@ -29,16 +29,12 @@ _LONGEST = 200
 def study_form(text: str) -> Any:
     """The fields of a form for a study file.
 
-    Returns
-    -------
-    dict
+    Returns:
         ``head`` (name, question), ``scene`` and ``scenes``, ``design`` with ``designs``, and ``groups`` of parameters
         with their fields.
 
-    Raises
-    ------
-    InputError
-        If the text is no TOML.
+    Raises:
+        InputError: If the text is no TOML.
     """
     study = parse_toml(text, "study.toml")
     head, base, factors, design = (_table(study, name) for name in ("study", "base", "factors", "design"))
@@ -93,19 +89,13 @@ def _factor_text(factor: Mapping[str, Any]) -> str | None:
 def changed_text(text: str, key: str, value: str) -> Any:
     """The text of a study file after one field was changed.
 
-    Parameters
-    ----------
-    text
-        Before.
-    key
-        ``study.name``, ``design.kind`` or the like, or ``parameter.NAME``.
-    value
-        What the field says now.
+    Args:
+        text: Before.
+        key: ``study.name``, ``design.kind`` or the like, or ``parameter.NAME``.
+        value: What the field says now.
 
-    Raises
-    ------
-    InputError
-        If the text is no TOML, or the field cannot be read.
+    Raises:
+        InputError: If the text is no TOML, or the field cannot be read.
     """
     parse_toml(text, "study.toml")
     try:

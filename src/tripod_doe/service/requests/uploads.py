@@ -29,10 +29,8 @@ _SHOWN = 100  # characters of a name in a message
 def upload_texts(body: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
     """The main file of a request and all its texts by name: ``{"study": text, "files": {name: text}}`` or a workflow.
 
-    Raises
-    ------
-    ForbiddenError
-        If a file's name is not a plain one.
+    Raises:
+        ForbiddenError: If a file's name is not a plain one.
     """
     main = WORKFLOW if body.get("workflow") is not None else STUDY
     texts = {main: str(body["workflow" if main == WORKFLOW else "study"])}

@@ -92,14 +92,11 @@ class Events:
     async def watch(self, run_id: str | None, last_id: str | None, pause: float) -> AsyncIterator[Event | None]:
         """Events of a run, or of all runs: those after `last_id`, else the latest of each, then all that come.
 
-        Parameters
-        ----------
-        run_id
-            The run; None for all.
-        last_id
-            The id of the last event that the client has seen, None for a new one.
-        pause
-            Seconds of silence after which None is given, so that the client and what lies between see a sign of life.
+        Args:
+            run_id: The run; None for all.
+            last_id: The id of the last event that the client has seen, None for a new one.
+            pause: Seconds of silence after which None is given, so that the client and what lies between see a sign of
+                life.
         """
         woken = asyncio.Event()
         self._waiting.add(woken)

@@ -15,10 +15,8 @@ _PAUSE = 2.0  # seconds between two looks into the cube of a run at work
 class Extremes:
     """What is known of the extremes of runs.
 
-    Parameters
-    ----------
-    find
-        (run, order) -> extremes of its cube, or None where it has none to tell.
+    Args:
+        find: (run, order) -> extremes of its cube, or None where it has none to tell.
     """
 
     def __init__(self, find: Callable[[Run, int], Mapping[str, Any] | None]) -> None:

@@ -34,17 +34,12 @@ _LAST_BYTES = 65_536
 def start_run(directory: Path, words: Sequence[str]) -> None:
     """Start our own command line on a result directory, in a session of its own.
 
-    Parameters
-    ----------
-    directory
-        The result directory; the lock and the log are made in it.
-    words
-        Arguments of ``tripod-doe``; they name the directory after ``--out``.
+    Args:
+        directory: The result directory; the lock and the log are made in it.
+        words: Arguments of ``tripod-doe``; they name the directory after ``--out``.
 
-    Raises
-    ------
-    InputError
-        If a run of this directory is alive, or it cannot be started.
+    Raises:
+        InputError: If a run of this directory is alive, or it cannot be started.
     """
     try:
         lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)

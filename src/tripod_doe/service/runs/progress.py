@@ -23,12 +23,9 @@ _PACE = 0.5  # seconds between two counts: each goes to all who watch
 class RunProgress:
     """The points of a run, counted as they are finished, and the pace at which they are.
 
-    Parameters
-    ----------
-    run
-        The run.
-    directory
-        Its result directory.
+    Args:
+        run: The run.
+        directory: Its result directory.
     """
 
     def __init__(self, run: Run, directory: Path) -> None:
@@ -97,14 +94,10 @@ def _sum(counts: Sequence[PointCounts]) -> PointCounts:
 class Progress:
     """The points of one result directory, read from its journal as far as they are new.
 
-    Parameters
-    ----------
-    directory
-        The result directory of a study.
-    total
-        Points to compute.
-    expected
-        Outcomes besides finished that do not count as failures.
+    Args:
+        directory: The result directory of a study.
+        total: Points to compute.
+        expected: Outcomes besides finished that do not count as failures.
     """
 
     def __init__(self, directory: Path, total: int, expected: Collection[str] = ()) -> None:

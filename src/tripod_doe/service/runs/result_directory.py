@@ -24,14 +24,10 @@ _SILENT = "its process ended without a message; resume goes on at the next missi
 def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]], directory: Path) -> tuple[State, str]:
     """State and message of a run whose process has ended.
 
-    Parameters
-    ----------
-    run
-        As it was known last.
-    counts, steps
-        What is there of it now.
-    directory
-        Its result directory.
+    Args:
+        run: As it was known last.
+        counts, steps: What is there of it now.
+        directory: Its result directory.
     """
     if run.kind == "workflow":
         left = [step["name"] for step in steps if step["state"] in ("waiting", "failed", "blocked")]

@@ -51,15 +51,11 @@ def _logged(what: str) -> Iterator[None]:
 class Supervisor:
     """The runs of a folder.
 
-    Parameters
-    ----------
-    settings
-        Where the folder is, and how runs are started.
+    Args:
+        settings: Where the folder is, and how runs are started.
 
-    Raises
-    ------
-    InputError
-        If the table of runs cannot be opened.
+    Raises:
+        InputError: If the table of runs cannot be opened.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -132,10 +128,8 @@ class Supervisor:
     def find(self, run_id: str) -> Run:
         """A run by its id.
 
-        Raises
-        ------
-        RefusedError
-            404 if there is none.
+        Raises:
+            RefusedError: 404 if there is none.
         """
         with self._lock:
             run = self._runs.get(run_id)
@@ -146,10 +140,8 @@ class Supervisor:
     def find_by_key(self, key: str, digest: str) -> Run | None:
         """The run that was submitted with an Idempotency-Key; None where there is none.
 
-        Raises
-        ------
-        RefusedError
-            422 if something else was submitted with it.
+        Raises:
+            RefusedError: 422 if something else was submitted with it.
         """
         with self._lock:
             run = next((run for run in self._runs.values() if run.key == key), None)
@@ -160,19 +152,13 @@ class Supervisor:
     def submit(self, upload: Path, plan: Mapping[str, Any], key: str | None = None, digest: str = "") -> Run:
         """Put a checked upload into the queue.
 
-        Parameters
-        ----------
-        upload
-            Folder with its files, on the file system of the folder of runs; it becomes that of the run.
-        plan
-            What `plans.plan_upload` said.
-        key, digest
-            The client's Idempotency-Key, and the hash of what it submitted.
+        Args:
+            upload: Folder with its files, on the file system of the folder of runs; it becomes that of the run.
+            plan: What `plans.plan_upload` said.
+            key, digest: The client's Idempotency-Key, and the hash of what it submitted.
 
-        Raises
-        ------
-        RefusedError
-            413 if the queue is full.
+        Raises:
+            RefusedError: 413 if the queue is full.
         """
         with self._lock:
             if key and (earlier := self.find_by_key(key, digest)):
@@ -206,10 +192,8 @@ class Supervisor:
     def stop(self, run_id: str) -> Run:
         """Stop a run: from the queue at once, otherwise after the points at work.
 
-        Raises
-        ------
-        RefusedError
-            409 if it neither waits nor runs.
+        Raises:
+            RefusedError: 409 if it neither waits nor runs.
         """
         with self._lock:
             run = self._own(run_id)
@@ -226,10 +210,8 @@ class Supervisor:
     def resume(self, run_id: str, retry_failed: bool = False) -> Run:
         """Put a run at rest into the queue again, for the points that are missing or, if asked for, failed.
 
-        Raises
-        ------
-        RefusedError
-            409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
+        Raises:
+            RefusedError: 409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
         """
         with self._lock:
             run = self._own(run_id)
@@ -247,10 +229,8 @@ class Supervisor:
     def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any]) -> Run:
         """Put a run at rest into the queue with a checked upload in place of its own.
 
-        Raises
-        ------
-        RefusedError
-            409 if it waits or runs, 413 if the queue is full.
+        Raises:
+            RefusedError: 409 if it waits or runs, 413 if the queue is full.
         """
         with self._lock:
             run = self._own(run_id)
@@ -276,10 +256,8 @@ class Supervisor:
     def delete(self, run_id: str) -> None:
         """Forget a run and remove its directory.
 
-        Raises
-        ------
-        RefusedError
-            409 if a process is at work on it.
+        Raises:
+            RefusedError: 409 if a process is at work on it.
         """
         with self._lock:
             run = self._own(run_id)

@@ -136,17 +136,12 @@ CREATE TABLE IF NOT EXISTS run (
 class RunTable:
     """The table of runs of a folder.
 
-    Parameters
-    ----------
-    folder
-        Where the table is; it must exist.
-    read_only
-        Open what is there, and change nothing.
+    Args:
+        folder: Where the table is; it must exist.
+        read_only: Open what is there, and change nothing.
 
-    Raises
-    ------
-    InputError
-        If it cannot be opened.
+    Raises:
+        InputError: If it cannot be opened.
     """
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
@@ -182,10 +177,8 @@ class RunTable:
     def put(self, run: Run) -> None:
         """Store a run, new or changed; when this returns, no kill can lose it.
 
-        Raises
-        ------
-        StorageError
-            If the disk is full or fails.
+        Raises:
+            StorageError: If the disk is full or fails.
         """
         self._write(
             "INSERT INTO run (id, key, record) VALUES (?, ?, ?) "
@@ -196,10 +189,8 @@ class RunTable:
     def remove(self, id: str) -> None:
         """Forget a run.
 
-        Raises
-        ------
-        StorageError
-            If the disk is full or fails.
+        Raises:
+            StorageError: If the disk is full or fails.
         """
         self._write("DELETE FROM run WHERE id = ?", (id,))
 

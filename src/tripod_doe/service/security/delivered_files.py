@@ -21,17 +21,12 @@ def check_delivered(directory: Path, found: bool) -> None:
     delivered through a symbolic link. Where a directory that the command line filled is open to other users of the
     machine, a file that is closed to them was closed on purpose.
 
-    Parameters
-    ----------
-    directory
-        The result directory.
-    found
-        Whether the command line filled it.
+    Args:
+        directory: The result directory.
+        found: Whether the command line filled it.
 
-    Raises
-    ------
-    RefusedError
-        403 with the name of the file and what to do.
+    Raises:
+        RefusedError: 403 with the name of the file and what to do.
     """
     try:
         top = os.lstat(directory)

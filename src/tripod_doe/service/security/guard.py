@@ -57,16 +57,11 @@ def allowed_hosts(host: str) -> frozenset[str]:
 class Guard:
     """Middleware that checks every request, and gives every answer the headers that keep browsers strict.
 
-    Parameters
-    ----------
-    app
-        What answers.
-    settings
-        Of the server.
-    sessions
-        Browsers that are signed in.
-    refusal_answer
-        (request, refusal, settings, root) -> answer, a page where a person asked for one.
+    Args:
+        app: What answers.
+        settings: Of the server.
+        sessions: Browsers that are signed in.
+        refusal_answer: (request, refusal, settings, root) -> answer, a page where a person asked for one.
     """
 
     def __init__(

@@ -24,10 +24,8 @@ _MOST = 200  # sessions at the same time: the oldest ends for a new one
 class Sessions:
     """Browsers that have shown the token.
 
-    Parameters
-    ----------
-    clock
-        Seconds that never run backwards.
+    Args:
+        clock: Seconds that never run backwards.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -46,23 +46,15 @@ def start_program(module: str, words: Sequence[str], log: Path, lock: int, nicen
     The process that forks may have to be started first, which takes seconds: a thread waits for that, and writes into
     the log if the program cannot be started.
 
-    Parameters
-    ----------
-    module
-        Full name of the module.
-    words
-        Arguments of the program.
-    log
-        File for what it says.
-    lock
-        An open file, closed here, into which the process writes its number and a line end; it holds it until it ends,
-        and what it starts itself does not.
-    niceness
-        How much later than others it gets its turn on a busy machine; see `os.nice`.
+    Args:
+        module: Full name of the module.
+        words: Arguments of the program.
+        log: File for what it says.
+        lock: An open file, closed here, into which the process writes its number and a line end; it holds it until it
+            ends, and what it starts itself does not.
+        niceness: How much later than others it gets its turn on a busy machine; see `os.nice`.
 
-    Returns
-    -------
-    threading.Thread
+    Returns:
         Ends when the program has started.
     """
     thread = threading.Thread(target=_start, args=(module, list(words), log, lock, niceness), daemon=True)

@@ -35,14 +35,10 @@ class WorkerFailedError(Exception):
 class WorkerPool:
     """Workers, started when they are first needed.
 
-    Parameters
-    ----------
-    count
-        Number of processes.
-    limits
-        What they take.
-    patience
-        Seconds for which a question waits for a worker that is free.
+    Args:
+        count: Number of processes.
+        limits: What they take.
+        patience: Seconds for which a question waits for a worker that is free.
     """
 
     def __init__(self, count: int, limits: Limits, patience: float = 30.0) -> None:
@@ -55,27 +51,17 @@ class WorkerPool:
     def ask(self, question: str, seconds: float, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question, and wait for the answer.
 
-        Parameters
-        ----------
-        question
-            Place of a function, as ``workers.questions:plan``.
-        seconds
-            CPU time for the answer.
-        as_json
-            Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
-        **arguments
-            Of the function.
+        Args:
+            question: Place of a function, as ``workers.questions:plan``.
+            seconds: CPU time for the answer.
+            as_json: Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
+            **arguments: Of the function.
 
-        Raises
-        ------
-        RefusedError
-            What the function refused; 413 where the answer takes too long.
-        StorageError
-            If the disk is full.
-        AllBusyError
-            If no worker becomes free in time.
-        WorkerFailedError
-            If the worker failed.
+        Raises:
+            RefusedError: What the function refused; 413 where the answer takes too long.
+            StorageError: If the disk is full.
+            AllBusyError: If no worker becomes free in time.
+            WorkerFailedError: If the worker failed.
         """
         try:
             worker = self._free.get(timeout=self._patience)

@@ -35,12 +35,9 @@ def is_sealed(path: Path) -> bool:
 def is_damaged(path: Path, most: int | None = None) -> bool:
     """Whether a file does not match its digest; a file without one is not damaged.
 
-    Parameters
-    ----------
-    path
-        The file; an intact one is not read again until its size or times change.
-    most
-        Bytes up to which it is read; None without a limit.
+    Args:
+        path: The file; an intact one is not read again until its size or times change.
+        most: Bytes up to which it is read; None without a limit.
     """
     with path.open("rb") as stream:
         state = os.fstat(stream.fileno())

@@ -30,10 +30,8 @@ _SLAB_BYTES = 32_000_000
 def read_dataset(path: Path) -> xr.Dataset:
     """Read a netCDF file into memory.
 
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
+    Raises:
+        CubeError: If the file is missing or damaged.
     """
     refuse_damaged(path, whole=True)
     with lazy_dataset(path) as stored, reading(path):
@@ -50,19 +48,13 @@ def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
 def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
     """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
 
-    Parameters
-    ----------
-    path
-        The file.
-    chunks
-        As in `xarray.open_dataset`; None leaves Dask out.
-    by_number
-        Whether points of a list can be selected by their numbers.
+    Args:
+        path: The file.
+        chunks: As in `xarray.open_dataset`; None leaves Dask out.
+        by_number: Whether points of a list can be selected by their numbers.
 
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
+    Raises:
+        CubeError: If the file is missing or damaged.
     """
     refuse_damaged(path)
     with reading(path):

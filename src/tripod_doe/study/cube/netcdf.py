@@ -56,10 +56,8 @@ def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
 def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Replace a netCDF file as a whole; a kill leaves the old one or the new one.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written; the old file stays.
+    Raises:
+        StorageError: If it cannot be written; the old file stays.
     """
     encoding = {name: _encoding(variable, name in dataset.coords) for name, variable in dataset.variables.items()}
     with NETCDF_LOCK, opened_store(path) as store:
@@ -82,10 +80,8 @@ def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
 
     The lock around netCDF4 is to be held while something is written to it, by the thread that writes.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written; the old file stays.
+    Raises:
+        StorageError: If it cannot be written; the old file stays.
     """
     from xarray.backends import NetCDF4DataStore
 
@@ -107,10 +103,8 @@ def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
 def reading(path: Path) -> Iterator[None]:
     """Turn errors of reading a file into a `CubeError`.
 
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
+    Raises:
+        CubeError: If the file is missing or damaged.
     """
     if not path.exists():
         raise CubeError(f"{path}: there is no such file")
@@ -123,17 +117,12 @@ def reading(path: Path) -> Iterator[None]:
 def refuse_damaged(path: Path, whole: bool = False) -> None:
     """Refuse a file that does not match its digest.
 
-    Parameters
-    ----------
-    path
-        The file; one without a digest is taken as it is.
-    whole
-        Whether a large file is read for that, too.
+    Args:
+        path: The file; one without a digest is taken as it is.
+        whole: Whether a large file is read for that, too.
 
-    Raises
-    ------
-    CubeError
-        If it is damaged.
+    Raises:
+        CubeError: If it is damaged.
     """
     with reading(path):
         if is_damaged(path, None if whole else MOST_CHECKED):
@@ -143,10 +132,8 @@ def refuse_damaged(path: Path, whole: bool = False) -> None:
 def study_hash(path: Path) -> str:
     """Read the hash of the study of a cube; empty without one.
 
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
+    Raises:
+        CubeError: If the file is missing or damaged.
     """
     refuse_damaged(path)
     with reading(path):

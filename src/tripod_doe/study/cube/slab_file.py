@@ -35,16 +35,11 @@ _PAYS = 0.5  # largest compressed part of the bytes where it does
 class CubeFile:
     """A cube that is being written, by one thread.
 
-    Parameters
-    ----------
-    store
-        xarray's store of the new file.
-    points
-        All points of the cube.
-    lengths
-        Of a slab along the dimensions of the cube.
-    levels
-        Coordinates along the dimensions of a grid; none for a list of points.
+    Args:
+        store: xarray's store of the new file.
+        points: All points of the cube.
+        lengths: Of a slab along the dimensions of the cube.
+        levels: Coordinates along the dimensions of a grid; none for a list of points.
     """
 
     def __init__(
@@ -58,12 +53,9 @@ class CubeFile:
     def write(self, slab: Slab, part: xr.Dataset) -> None:
         """Write the next slab.
 
-        Parameters
-        ----------
-        slab
-            Its place.
-        part
-            Its points, along ``point``; a variable that only other slabs have is missing there.
+        Args:
+            slab: Its place.
+            part: Its points, along ``point``; a variable that only other slabs have is missing there.
         """
         if self._points.is_grid:
             part = part.drop_vars(["point", *self._points.levels])
@@ -180,10 +172,8 @@ def cube_file(
 ) -> Iterator[CubeFile]:
     """Make a cube file that takes the place of an older one when it is whole.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written; the old file stays.
+    Raises:
+        StorageError: If it cannot be written; the old file stays.
     """
     with opened_store(path) as store:
         yield CubeFile(store, points, lengths, levels)

@@ -38,12 +38,9 @@ def box(shape: Sequence[int], cell: int, most: int) -> tuple[int, ...]:
 
     So slabs and the chunks of a file, which are smaller slabs, fit into each other.
 
-    Parameters
-    ----------
-    shape
-        Lengths of the dimensions.
-    cell, most
-        Bytes of a cell, and limit of the bytes of a slab; a single cell may have more.
+    Args:
+        shape: Lengths of the dimensions.
+        cell, most: Bytes of a cell, and limit of the bytes of a slab; a single cell may have more.
     """
     for axis, length in enumerate(shape):
         row = cell * math.prod(shape[axis + 1 :])

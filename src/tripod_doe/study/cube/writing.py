@@ -26,17 +26,12 @@ _OTHER_BYTES = 200  # of a point besides its outputs: costs, outcome, factors, a
 class StoredResults:
     """Places of the newest results of all points in the finished blocks of a study, in eight bytes per point.
 
-    Parameters
-    ----------
-    asked
-        The study and its points.
-    blocks
-        All finished blocks, the newest last, each as a function that reads it.
+    Args:
+        asked: The study and its points.
+        blocks: All finished blocks, the newest last, each as a function that reads it.
 
-    Attributes
-    ----------
-    point_bytes
-        Largest number of bytes of the outputs of a point.
+    Attributes:
+        point_bytes: Largest number of bytes of the outputs of a point.
     """
 
     def __init__(self, asked: StudyPoints, blocks: Iterable[Callable[[], FinishedBlock]]) -> None:
@@ -66,23 +61,15 @@ def write_cube(
 ) -> None:
     """Write ``cube.nc`` and ``cost.nc``; a kill leaves the old ones or the new ones.
 
-    Parameters
-    ----------
-    asked
-        The study and its points.
-    results
-        Its finished blocks.
-    directory
-        Where they are written.
-    action
-        The action, for the history of the files.
-    check
-        Called before the files take their places; raises if they must not.
+    Args:
+        asked: The study and its points.
+        results: Its finished blocks.
+        directory: Where they are written.
+        action: The action, for the history of the files.
+        check: Called before the files take their places; raises if they must not.
 
-    Raises
-    ------
-    StorageError
-        If they cannot be written; older ones stay.
+    Raises:
+        StorageError: If they cannot be written; older ones stay.
     """
     study, points, models = asked.study, asked.points, ModelRecords(asked.study)
     lengths = box(points.shape, results.point_bytes + _OTHER_BYTES, _SLAB_BYTES)

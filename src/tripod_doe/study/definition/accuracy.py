@@ -48,21 +48,14 @@ def check_accuracy(
 ) -> Accuracy:
     """Check the accuracy that an automatic choice must meet.
 
-    Parameters
-    ----------
-    simulator
-        The simulator of the study.
-    demands
-        Allowed relative errors by quantity.
-    confidence, floor, budget
-        See `Accuracy`.
-    taken
-        Parameters that the study sets itself; the choice leaves them alone.
+    Args:
+        simulator: The simulator of the study.
+        demands: Allowed relative errors by quantity.
+        confidence, floor, budget: See `Accuracy`.
+        taken: Parameters that the study sets itself; the choice leaves them alone.
 
-    Raises
-    ------
-    InputError
-        If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
+    Raises:
+        InputError: If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
     """
     if any(name in taken for name in NUMERICS):
         taken = {*taken, "accuracy"}  # which has no effect where a tolerance or step is given
@@ -77,10 +70,8 @@ def check_accuracy(
 def check_demands(simulator: Simulator, demands: Mapping[str, float], floor: float) -> Demands:
     """Check quantities and their allowed errors.
 
-    Raises
-    ------
-    InputError
-        If nothing is asked for, or a quantity is unknown or has no numerical error.
+    Raises:
+        InputError: If nothing is asked for, or a quantity is unknown or has no numerical error.
     """
     if not demands:
         raise InputError("[accuracy]: name what must be accurate, for instance thrust_amplitude_3 = 0.03")

@@ -28,23 +28,17 @@ def is_unbounded(factor: Factor) -> bool:
 def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
     """Values of a sampled factor at given points of the unit interval.
 
-    Parameters
-    ----------
-    factor
-        A factor with a range or a distribution. Whole-number parameters and switches take every whole number of a
-        uniform range with equal probability.
-    unit
-        Numbers in [0, 1], shape (point,).
+    Args:
+        factor: A factor with a range or a distribution. Whole-number parameters and switches take every whole number of
+            a uniform range with equal probability.
+        unit: Numbers in [0, 1], shape (point,).
 
-    Returns
-    -------
-    ndarray, shape (point,)
+    Returns:
+        ndarray, shape (point,)
 
-    Raises
-    ------
-    InputError
-        If the factor has explicit values without distribution = "discrete", or if a tail reaches values that the
-        parameter does not allow.
+    Raises:
+        InputError: If the factor has explicit values without distribution = "discrete", or if a tail reaches values
+            that the parameter does not allow.
     """
     parameter, table = factor.parameter, factor.table
     if factor.values is not None or (table.low is None and table.mean is None and table.values is None):

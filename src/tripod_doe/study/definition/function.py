@@ -27,17 +27,12 @@ class FunctionSimulator(Simulator):
     from its first answer, and its source is not tracked. With model = "auto" the choice is among the attribute
     ``candidates`` of the function: `Candidate` objects over its arguments.
 
-    Parameters
-    ----------
-    name
-        ``package.module:function``.
-    function
-        Called once for each point.
+    Args:
+        name: ``package.module:function``.
+        function: Called once for each point.
 
-    Raises
-    ------
-    InputError
-        If an argument cannot be given by its name.
+    Raises:
+        InputError: If an argument cannot be given by its name.
     """
 
     def __init__(self, name: str, function: Callable[..., Any]) -> None:
@@ -63,10 +58,8 @@ class FunctionSimulator(Simulator):
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Call the function for every point; an exception is the outcome error of that point alone.
 
-        Raises
-        ------
-        InputError
-            If answers of points have different shapes, or names that a cube cannot hold.
+        Raises:
+            InputError: If answers of points have different shapes, or names that a cube cannot hold.
         """
         count = len(next(iter(points.values())))
         block = BlockResult.blank(count, Outcome.FINISHED, simulated_seconds=np.nan)
@@ -97,12 +90,9 @@ class FunctionSimulator(Simulator):
 class RecordedFunction(Simulator):
     """A recorded function, which shows results without being imported.
 
-    Parameters
-    ----------
-    name
-        ``package.module:function``.
-    record
-        As `FunctionSimulator.record` gives it.
+    Args:
+        name: ``package.module:function``.
+        record: As `FunctionSimulator.record` gives it.
     """
 
     def __init__(self, name: str, record: Mapping[str, Any]) -> None:

@@ -62,23 +62,15 @@ def check_retries(
 ) -> RetryPlan:
     """Check the retries of a study before anything runs.
 
-    Parameters
-    ----------
-    simulator, base, keep
-        The simulator, the values that all points share, and the outputs to keep.
-    factors
-        Values that each factor takes; none where it is sampled.
-    entries
-        The changes as the study file gives them.
-    expected
-        Outcomes besides finished that do not count as failures.
-    unknown
-        Parameters whose values only the points show.
+    Args:
+        simulator, base, keep: The simulator, the values that all points share, and the outputs to keep.
+        factors: Values that each factor takes; none where it is sampled.
+        entries: The changes as the study file gives them.
+        expected: Outcomes besides finished that do not count as failures.
+        unknown: Parameters whose values only the points show.
 
-    Raises
-    ------
-    InputError
-        If a change is unknown, cannot run, or changes no point.
+    Raises:
+        InputError: If a change is unknown, cannot run, or changes no point.
     """
     changes = tuple(_change(simulator, entry) for entry in entries)
     touched = {name for change in changes for name in change.values}

@@ -24,21 +24,14 @@ SCENES = {
 def load_simulator(scene: str = "joint", function: str | None = None, folder: StudyFolder | None = None) -> Simulator:
     """Find a scene by its name, or a function by ``package.module:function``.
 
-    Parameters
-    ----------
-    scene
-        A key of `SCENES`; ignored where a function is named.
-    function
-        Where to import the function from.
-    folder
-        Folder of the study file, searched for the function's module first.
+    Args:
+        scene: A key of `SCENES`; ignored where a function is named.
+        function: Where to import the function from.
+        folder: Folder of the study file, searched for the function's module first.
 
-    Raises
-    ------
-    ForbiddenError
-        For a function that a study from a stranger names; nothing is imported.
-    InputError
-        If there is no such scene, module or function.
+    Raises:
+        ForbiddenError: For a function that a study from a stranger names; nothing is imported.
+        InputError: If there is no such scene, module or function.
     """
     if function is None:
         if scene not in SCENES:

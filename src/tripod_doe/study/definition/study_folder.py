@@ -37,10 +37,8 @@ class StudyFolder:
     def file(self, name: str, key: str) -> Path:
         """The path of a file by its name, which is relative to this folder and stands under a key.
 
-        Raises
-        ------
-        ForbiddenError
-            In a file from a stranger, for a name that leads out of the folder, or to nothing in it.
+        Raises:
+            ForbiddenError: In a file from a stranger, for a name that leads out of the folder, or to nothing in it.
         """
         if self.trusted:
             return self.path / name

@@ -13,22 +13,15 @@ TEMPLATES = ("grid", "sensitivity", "contribution", "response-surface", "toleran
 def write_template(path: str | Path, kind: str = "grid") -> Path:
     """Write a study file to start from.
 
-    Parameters
-    ----------
-    path
-        Where to; ``.toml`` is added if missing. The name without it becomes the name of the study.
-    kind
-        One of `TEMPLATES`.
+    Args:
+        path: Where to; ``.toml`` is added if missing. The name without it becomes the name of the study.
+        kind: One of `TEMPLATES`.
 
-    Returns
-    -------
-    pathlib.Path
+    Returns:
         The file.
 
-    Raises
-    ------
-    InputError
-        If the file is there already, or cannot be written.
+    Raises:
+        InputError: If the file is there already, or cannot be written.
     """
     path = Path(path)
     path = path if path.suffix == ".toml" else path.with_name(path.name + ".toml")

@@ -22,17 +22,13 @@ _ROUNDING = 1e-9
 def correlation_matrix(given: Correlation, names: list[str]) -> FloatArray:
     """Rank correlations as a matrix, shape (factor, factor).
 
-    Parameters
-    ----------
-    given
-        Triples [factor, factor, correlation], a table of tables, or the whole matrix in the order of the factors.
-    names
-        The factors.
+    Args:
+        given: Triples [factor, factor, correlation], a table of tables, or the whole matrix in the order of the
+            factors.
+        names: The factors.
 
-    Raises
-    ------
-    InputError
-        If a factor is unknown, or a number is no correlation.
+    Raises:
+        InputError: If a factor is unknown, or a number is no correlation.
     """
     matrix = np.eye(len(names))
     if isinstance(given, Mapping):
@@ -71,19 +67,13 @@ def _whole(given: Sequence[Sequence[str | float]], width: int) -> FloatArray:
 def correlated(unit: FloatArray, ranks: FloatArray, keep_strata: bool) -> FloatArray:
     """Independent points of the unit cube, correlated.
 
-    Parameters
-    ----------
-    unit
-        Points, shape (point, factor).
-    ranks
-        Spearman's rank correlations of the factors, shape (factor, factor).
-    keep_strata
-        Whether the values of each factor stay what they are and only change their order.
+    Args:
+        unit: Points, shape (point, factor).
+        ranks: Spearman's rank correlations of the factors, shape (factor, factor).
+        keep_strata: Whether the values of each factor stay what they are and only change their order.
 
-    Raises
-    ------
-    InputError
-        If no factors can have these correlations together.
+    Raises:
+        InputError: If no factors can have these correlations together.
     """
     from scipy.stats import norm, rankdata  # slow to import, and most studies correlate nothing
 

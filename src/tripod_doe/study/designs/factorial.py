@@ -36,10 +36,9 @@ def _ends(factor: Factor) -> tuple[Any, Any]:
 def _decoded(factor: Factor, coded: FloatArray) -> Column:
     """Values of a factor at coded levels; between and beyond its ends on the scale of the factor.
 
-    Raises
-    ------
-    InputError
-        If a level lies outside of what the parameter allows, or is a word or whole number that is not one of the two.
+    Raises:
+        InputError: If a level lies outside of what the parameter allows, or is a word or whole number that is not one
+            of the two.
     """
     low, high = _ends(factor)
     parameter, log = factor.parameter, factor.table.scale == "log"
@@ -117,14 +116,10 @@ def _fractional(request: Request) -> Made:
 def aliases(columns: Mapping[str, FloatArray]) -> list[list[str]]:
     """Effects of one factor or two that a two-level design cannot tell apart.
 
-    Parameters
-    ----------
-    columns
-        Coded levels, -1 or 1, of each factor, shape (point,).
+    Args:
+        columns: Coded levels, -1 or 1, of each factor, shape (point,).
 
-    Returns
-    -------
-    list of list of str
+    Returns:
         Names such as ``a`` and ``b:c``, those in one list confounded with each other; each list in the order of the
         factors, lists of one are left out.
     """

@@ -45,10 +45,8 @@ def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> R
 def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Made:
     """The points of one design, of the study or a part of a product.
 
-    Raises
-    ------
-    InputError
-        If a setting is missing, or is one that the design cannot use.
+    Raises:
+        InputError: If a setting is missing, or is one that the design cannot use.
     """
     return FAMILIES[design.kind].make(checked_request(study, design, factors))
 
@@ -56,10 +54,8 @@ def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) 
 def checked_request(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
     """The request of one design, checked against its kind.
 
-    Raises
-    ------
-    InputError
-        If correlations or groups are set and the design cannot use them.
+    Raises:
+        InputError: If correlations or groups are set and the design cannot use them.
     """
     request, family = _part(study, design, factors), FAMILIES[design.kind]
     if design.correlation and family.uncorrelated:
@@ -142,17 +138,12 @@ FAMILIES: dict[str, Family] = (
 def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:
     """The points of a sampled design on the unit cube before the factors are correlated, shape (point, factor).
 
-    Parameters
-    ----------
-    table
-        The design.
-    tables
-        Its factors by name, as the study file describes them.
+    Args:
+        table: The design.
+        tables: Its factors by name, as the study file describes them.
 
-    Raises
-    ------
-    InputError
-        If the design is not sampled, or its number of samples is missing or not allowed.
+    Raises:
+        InputError: If the design is not sampled, or its number of samples is missing or not allowed.
     """
     if (sample := FAMILIES[table.kind].sample) is None:
         raise InputError(f"a {table.kind} design is not sampled")

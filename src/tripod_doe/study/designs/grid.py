@@ -21,10 +21,8 @@ def _grid(request: Request) -> Made:
 def grid_levels(factors: Mapping[str, Factor]) -> dict[str, Column]:
     """The levels of a grid along each of its dimensions.
 
-    Raises
-    ------
-    InputError
-        If a factor has the same level twice.
+    Raises:
+        InputError: If a factor has the same level twice.
     """
     levels = {name: axis_levels(factor) for name, factor in factors.items()}
     for name, values in levels.items():

@@ -38,10 +38,8 @@ def random_factors(table: DesignTable, tables: dict[str, FactorTable]) -> dict[s
 def pilot_samples(table: DesignTable) -> int:
     """Samples that all models run before the split is known.
 
-    Raises
-    ------
-    InputError
-        If the number of samples of the most expensive model is missing or too small.
+    Raises:
+        InputError: If the number of samples of the most expensive model is missing or too small.
     """
     samples = table.samples or 0
     if samples < _FEWEST:
@@ -53,10 +51,8 @@ def pilot_samples(table: DesignTable) -> int:
 def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
     """Samples of each model, the truth last; the pilot's where there is no split yet.
 
-    Raises
-    ------
-    InputError
-        If the split names no model of the study, or gives the truth other samples than the design.
+    Raises:
+        InputError: If the split names no model of the study, or gives the truth other samples than the design.
     """
     pilot = pilot_samples(table)
     words = {str(model): model for model in models}
@@ -76,19 +72,13 @@ def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
 def most_samples(table: DesignTable, models: int, block: int) -> int:
     """Samples of all models together that a split from the pilot may have.
 
-    Parameters
-    ----------
-    table
-        The design.
-    models
-        Number of models.
-    block
-        Points of a sample.
+    Args:
+        table: The design.
+        models: Number of models.
+        block: Points of a sample.
 
-    Raises
-    ------
-    InputError
-        If the truth and the pilot already have more.
+    Raises:
+        InputError: If the truth and the pilot already have more.
     """
     least = (table.samples or 0) + (models - 1) * pilot_samples(table)
     most = table.most_points or max(_USUAL_MOST, _USUAL_SHARE * (table.samples or 0) * block, least * block)

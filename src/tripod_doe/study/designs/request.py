@@ -80,10 +80,8 @@ def column_of(factor: Factor, values: Iterable[Any]) -> Column:
 def levels_of(factor: Factor) -> Column:
     """The levels of a factor in file order.
 
-    Raises
-    ------
-    InputError
-        If it has none.
+    Raises:
+        InputError: If it has none.
     """
     if factor.values is None:
         raise InputError(

@@ -28,16 +28,12 @@ def _saltelli(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArr
 def first_order_blocks(pairs: FloatArray, tables: Mapping[str, FactorTable]) -> FloatArray:
     """Blocks A, A with each factor or group of B, B, of samples that are not a sequence, as SALib orders them.
 
-    Parameters
-    ----------
-    pairs
-        A and B side by side, shape (sample, 2 factor).
-    tables
-        The factors by name.
+    Args:
+        pairs: A and B side by side, shape (sample, 2 factor).
+        tables: The factors by name.
 
-    Returns
-    -------
-    ndarray, shape (sample (groups + 2), factor)
+    Returns:
+        ndarray, shape (sample (groups + 2), factor)
     """
     names, none = list(tables), np.zeros(len(tables), bool)
     groups = [np.isin(names, members) for members in factor_groups(tables).values()]

@@ -42,10 +42,8 @@ def salib_problem(tables: Mapping[str, FactorTable]) -> dict[str, Any]:
 def samples_of(table: DesignTable) -> int:
     """Number of samples of a design.
 
-    Raises
-    ------
-    InputError
-        If it is missing.
+    Raises:
+        InputError: If it is missing.
     """
     if table.samples is None:
         raise InputError(f"a {table.kind} design needs samples")
@@ -62,18 +60,12 @@ def sampled(
 ) -> Family:
     """A sampled design.
 
-    Parameters
-    ----------
-    sample
-        Its points on the unit cube.
-    uncorrelated, grouped
-        See `Family`.
-    points
-        Points of a sample.
-    block
-        See `Family`; the points of a sample if omitted.
-    bounded
-        Whether distributions with infinite tails are refused.
+    Args:
+        sample: Its points on the unit cube.
+        uncorrelated, grouped: See `Family`.
+        points: Points of a sample.
+        block: See `Family`; the points of a sample if omitted.
+        bounded: Whether distributions with infinite tails are refused.
     """
 
     def make(request: Request) -> Made:

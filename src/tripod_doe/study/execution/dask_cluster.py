@@ -21,12 +21,9 @@ from tripod_doe.study.execution.user_code import read_user_code
 class DaskWorkers:
     """Workers that several studies share.
 
-    Parameters
-    ----------
-    count
-        Worker processes of this machine, one thread each.
-    scheduler
-        An existing Dask scheduler, used in place of own workers.
+    Args:
+        count: Worker processes of this machine, one thread each.
+        scheduler: An existing Dask scheduler, used in place of own workers.
     """
 
     def __init__(self, count: int, scheduler: ExistingScheduler | None = None) -> None:
@@ -48,10 +45,8 @@ class DaskWorkers:
     def executor(self, study: Study) -> OnDask:
         """Wait for the workers and let them run blocks of a study.
 
-        Raises
-        ------
-        InputError
-            If no scheduler answers.
+        Raises:
+            InputError: If no scheduler answers.
         """
         self.start(study)
         assert self._client is not None

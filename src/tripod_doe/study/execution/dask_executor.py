@@ -60,16 +60,11 @@ class _Block:
 class OnDask:
     """Runs blocks on the workers of a client.
 
-    Parameters
-    ----------
-    client
-        Client of their scheduler.
-    replaced
-        Gives a client in place of one whose scheduler is lost.
-    exclusive
-        Whether only one block may run at a time.
-    code
-        Code of the user's function, for workers that may not see the study's folder.
+    Args:
+        client: Client of their scheduler.
+        replaced: Gives a client in place of one whose scheduler is lost.
+        exclusive: Whether only one block may run at a time.
+        code: Code of the user's function, for workers that may not see the study's folder.
     """
 
     def __init__(
@@ -224,10 +219,8 @@ class OnDask:
     def _leave_out(self, unfit: Unfit) -> None:
         """Retire a worker that cannot run the study.
 
-        Raises
-        ------
-        InputError
-            If it is the only worker, and no worker has given an answer.
+        Raises:
+            InputError: If it is the only worker, and no worker has given an answer.
         """
         if not self._answered and set(self._dask.nthreads()) <= {unfit.address}:
             raise InputError(f"worker {unfit.name}: {unfit.reason}")

@@ -38,10 +38,8 @@ class TlsFiles:
     def security(self) -> Security:
         """The credentials for a client of Dask.
 
-        Raises
-        ------
-        InputError
-            If a file cannot be used.
+        Raises:
+            InputError: If a file cannot be used.
         """
         from distributed.security import Security
 
@@ -66,10 +64,8 @@ class TlsFiles:
 def tls_files(ca_file: str | Path | None, cert: str | Path | None, key: str | Path | None) -> TlsFiles | None:
     """Credentials from the given files; None without any.
 
-    Raises
-    ------
-    InputError
-        If the authority's certificate or the client's is missing.
+    Raises:
+        InputError: If the authority's certificate or the client's is missing.
     """
     if not (ca_file or cert or key):
         return None
@@ -103,10 +99,8 @@ class ExistingScheduler:
     def connect(self) -> Client:
         """A client of the scheduler.
 
-        Raises
-        ------
-        InputError
-            If none answers, or the file cannot be read.
+        Raises:
+            InputError: If none answers, or the file cannot be read.
         """
         from distributed import Client
 
@@ -147,12 +141,9 @@ class ExistingScheduler:
     def connect_first(self) -> Client:
         """A client at the start.
 
-        Raises
-        ------
-        InputError
-            If none answers and no time to wait was given.
-        TripodDoeError
-            If none has answered for the given time.
+        Raises:
+            InputError: If none answers and no time to wait was given.
+            TripodDoeError: If none has answered for the given time.
         """
         client = self.connect() if self.wait is None else self._connect_within(self.wait)
         if not client.scheduler.address.startswith(_TLS):
@@ -166,10 +157,8 @@ class ExistingScheduler:
     def connect_again(self) -> Client:
         """A client of the scheduler, or of the one that takes its place, as soon as it is there.
 
-        Raises
-        ------
-        TripodDoeError
-            If none has answered for so long.
+        Raises:
+            TripodDoeError: If none has answered for so long.
         """
         wait = USUAL_WAIT if self.wait is None else self.wait
         print(f"{self}: the connection is lost; trying for {duration(wait)} to connect again", file=sys.stderr)

@@ -50,15 +50,11 @@ QUIET = {
 class LocalWorkers:
     """Worker processes of this machine.
 
-    Parameters
-    ----------
-    count
-        Number of worker processes, one thread each.
+    Args:
+        count: Number of worker processes, one thread each.
 
-    Raises
-    ------
-    TripodDoeError
-        If they cannot be started.
+    Raises:
+        TripodDoeError: If they cannot be started.
     """
 
     def __init__(self, count: int) -> None:

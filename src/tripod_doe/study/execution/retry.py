@@ -19,13 +19,10 @@ def simulate_with_retries(
 ) -> tuple[BlockResult, float, float]:
     """Simulate a block, and repeat each failed point with one more change at a time until it finishes.
 
-    Returns
-    -------
-    result : BlockResult
-        With `Retries` where the study has any. Steps and evaluations are summed over all attempts. A point that never
-        finishes keeps its first outcome; its detail lists all attempts.
-    cpu_seconds, wall_seconds : float
-        Of all attempts, without compilation.
+    Returns:
+        result: With `Retries` where the study has any. Steps and evaluations are summed over all attempts. A point that
+            never finishes keeps its first outcome; its detail lists all attempts.
+        cpu_seconds, wall_seconds: Of all attempts, without compilation.
     """
     result, cpu, wall = _timed(simulator, points, keep)
     if not retry.changes:

@@ -20,10 +20,8 @@ class ThisProcess:
     The thread that waits for them stays free for interrupts, which Python would otherwise hold back until a compiled
     kernel returns.
 
-    Parameters
-    ----------
-    patience
-        Seconds after which a block is reported as `AtWork`; None waits for its end.
+    Args:
+        patience: Seconds after which a block is reported as `AtWork`; None waits for its end.
     """
 
     slots = 1

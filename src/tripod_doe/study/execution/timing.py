@@ -25,12 +25,9 @@ _CANDIDATES = 50_000  # points from which those to time are drawn
 def time_points(study: Study, seconds: float) -> list[float]:
     """CPU seconds per point, for points spread over the design.
 
-    Parameters
-    ----------
-    study
-        The study to time.
-    seconds
-        Time after which timing stops, compilation not counted; the measurements until then are returned.
+    Args:
+        study: The study to time.
+        seconds: Time after which timing stops, compilation not counted; the measurements until then are returned.
     """
     folder = {"path": str(study.folder.path), "trusted": study.folder.trusted}
     asked = json.dumps({"text": study.text, "origin": study.origin, "folder": folder})

@@ -35,12 +35,9 @@ class UserCode:
 def read_user_code(function: str, folder: Path) -> UserCode:
     """The code of a function that this process has imported.
 
-    Parameters
-    ----------
-    function
-        ``package.module:function``.
-    folder
-        The study's folder.
+    Args:
+        function: ``package.module:function``.
+        folder: The study's folder.
     """
     module = function.partition(":")[0]
     files = {

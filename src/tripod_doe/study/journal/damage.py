@@ -69,12 +69,9 @@ def connected(path: Path, mode: str) -> sqlite3.Connection:
 
     Where a kill has left a half-written page, SQLite takes it back before anything is read: that needs a file to write.
 
-    Raises
-    ------
-    DamagedRowError
-        If it has other tables, or views or triggers, which would run whenever it is read or written.
-    sqlite3.Error
-        If it cannot be opened.
+    Raises:
+        DamagedRowError: If it has other tables, or views or triggers, which would run whenever it is read or written.
+        sqlite3.Error: If it cannot be opened.
     """
     uri = f"{path.absolute().as_uri()}?mode={mode}"
     connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
@@ -100,15 +97,11 @@ def _structure_of_a_journal() -> list[tuple[str, ...]]:
 def damage(path: Path) -> str:
     """Look for damage in the structure of a journal, in its log, and in each of its rows.
 
-    Returns
-    -------
-    str
+    Returns:
         The first damage, in words; empty where all is as it was written.
 
-    Raises
-    ------
-    sqlite3.Error
-        If the file cannot be read for another reason.
+    Raises:
+        sqlite3.Error: If the file cannot be read for another reason.
     """
     with path.open("rb") as stream:
         header = stream.read(24)
@@ -177,22 +170,15 @@ def _reason(check: Callable[[], None]) -> str:
 def rescue(path: Path, reason: str) -> str:
     """Replace a damaged journal by one with all blocks that are whole; the damaged file stays beside it.
 
-    Parameters
-    ----------
-    path
-        The journal, whose directory this process holds.
-    reason
-        What is damaged.
+    Args:
+        path: The journal, whose directory this process holds.
+        reason: What is damaged.
 
-    Returns
-    -------
-    str
+    Returns:
         What was kept and lost, for people.
 
-    Raises
-    ------
-    CubeError
-        If nothing of it can be read.
+    Raises:
+        CubeError: If nothing of it can be read.
     """
     whole = {row.id: row.kernels for row in _blocks(stored_rows(path, PAGE_BYTES))}
     notes = {note.key: note.value for note in _notes(stored_rows(path, PAGE_BYTES))}

@@ -56,10 +56,8 @@ def encode(result: BlockResult) -> bytes:
 def decode(payload: bytes, outcome: NDArray[np.int8]) -> BlockResult:
     """Read the results of a block; its arrays share the memory of the bytes.
 
-    Raises
-    ------
-    ValueError, KeyError, TypeError
-        If these are no results of a block.
+    Raises:
+        ValueError, KeyError, TypeError: If these are no results of a block.
     """
     (length,) = _LENGTH.unpack_from(payload)
     at = _LENGTH.size + length

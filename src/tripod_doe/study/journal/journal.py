@@ -64,19 +64,13 @@ class Journal:
 
     A writer checks the whole journal, and keeps the whole blocks of a damaged one.
 
-    Parameters
-    ----------
-    directory
-        The result directory; it must exist. Whoever writes must hold it, see `ResultDirectory`.
-    read_only
-        Open an existing journal without holding its directory, also while another process writes.
+    Args:
+        directory: The result directory; it must exist. Whoever writes must hold it, see `ResultDirectory`.
+        read_only: Open an existing journal without holding its directory, also while another process writes.
 
-    Raises
-    ------
-    CubeError
-        Here and in all methods that read, if the journal of a reader is damaged.
-    StorageError
-        Here and in all methods that write, if the disk is full or fails; what was committed stays.
+    Raises:
+        CubeError: Here and in all methods that read, if the journal of a reader is damaged.
+        StorageError: Here and in all methods that write, if the disk is full or fails; what was committed stays.
     """
 
     repaired: str = ""
@@ -170,14 +164,10 @@ class Journal:
     def news(self, mark: Mark) -> tuple[bool, list[FinishedEnds], Mark]:
         """Read how the points of the blocks behind a mark ended, oldest first.
 
-        Returns
-        -------
-        again : bool
-            Whether these are all blocks, as the journal was repaired since the mark was set.
-        ends : list of FinishedEnds
-            Of the blocks; their other results are not read.
-        mark : Mark
-            For the next call.
+        Returns:
+            again: Whether these are all blocks, as the journal was repaired since the mark was set.
+            ends: Of the blocks; their other results are not read.
+            mark: For the next call.
         """
         repairs = self.recall(REPAIRS) or ""
         again = repairs != mark.repairs
@@ -188,10 +178,8 @@ class Journal:
     def check(self) -> None:
         """Read the whole journal.
 
-        Raises
-        ------
-        CubeError
-            If any of it is damaged.
+        Raises:
+            CubeError: If any of it is damaged.
         """
         with self._reading("its structure"):
             if reason := damage(self.path):

@@ -156,10 +156,8 @@ def put_notes(connection: sqlite3.Connection, notes: Mapping[str, str]) -> None:
 def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, str]) -> None:
     """Replace a journal as a whole, or make a new one; a kill leaves the old or the new.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written; the old one stays.
+    Raises:
+        StorageError: If it cannot be written; the old one stays.
     """
     with replace_file(path) as fresh:
         fresh.unlink(missing_ok=True)

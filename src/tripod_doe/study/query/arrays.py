@@ -103,10 +103,8 @@ def cube_arrays(cube: xr.Dataset) -> CubeArrays:
 def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     """Open a result directory (cube and costs) or a netCDF file; its variables are read while it is open.
 
-    Raises
-    ------
-    CubeError
-        If there is no cube, or it is damaged.
+    Raises:
+        CubeError: If there is no cube, or it is damaged.
     """
     if not is_shown(Path(path)):
         with cube_so_far(Path(path)) as cube:

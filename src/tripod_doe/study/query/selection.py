@@ -38,10 +38,8 @@ class Selection:
 def parse_selection(text: str) -> Selection:
     """Parse ``name=value``, ``name=a,b,c`` or ``name=a:b`` (either end may be left out).
 
-    Raises
-    ------
-    InputError
-        If the text has another form.
+    Raises:
+        InputError: If the text has another form.
     """
     name, equals, wanted = text.partition("=")
     name = name.strip().replace("-", "_")
@@ -64,10 +62,8 @@ def _end(given: Any, default: float) -> float:
 def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list[Selection]:
     """Selections from texts (``"order=3"``) or by name (``{"order": 3, "torque_n_m": slice(20, 60)}``).
 
-    Raises
-    ------
-    InputError
-        If a text has another form, or a range other ends than numbers.
+    Raises:
+        InputError: If a text has another form, or a range other ends than numbers.
     """
     if not isinstance(select, Mapping):
         return [parse_selection(item) if isinstance(item, str) else item for item in select]
@@ -96,18 +92,12 @@ def _word(text: str) -> float | str:
 def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:
     """Positions whose labels a selection takes; of many labels a stretch at a time is in memory.
 
-    Parameters
-    ----------
-    labels
-        Labels along a dimension.
-    left
-        Positions among which they are looked for; None for all.
-    count
-        Length of the dimension.
-    selection
-        What is wanted.
-    nearest
-        Whether the nearest label is taken where none matches.
+    Args:
+        labels: Labels along a dimension.
+        left: Positions among which they are looked for; None for all.
+        count: Length of the dimension.
+        selection: What is wanted.
+        nearest: Whether the nearest label is taken where none matches.
     """
     if left is None and labels.is_counted:
         left = _around(selection, count)

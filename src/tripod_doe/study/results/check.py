@@ -34,10 +34,8 @@ class CheckedFile:
 def check_files(path: Path) -> list[CheckedFile]:
     """Check all netCDF files, journals and studies of a result directory and the folders in it, or one file.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, or none that has checksums.
+    Raises:
+        InputError: If there is no such file, or none that has checksums.
     """
     if not path.exists():
         raise InputError(f"{path}: there is no such file or directory")
@@ -76,10 +74,8 @@ def _checked_netcdf(path: Path) -> CheckedFile:
 def refuse_other_study(path: Path) -> None:
     """Refuse a file of a result directory that names another study.
 
-    Raises
-    ------
-    CubeError
-        If it does; the message says how the file is made anew.
+    Raises:
+        CubeError: If it does; the message says how the file is made anew.
     """
     if not _is_of_its_directory(path):
         raise CubeError(f"{path}: its results are of another study; {remedy(path)}")

@@ -27,10 +27,8 @@ CHOICE = "choice.nc"
 def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     """The choice that a directory holds, None where there is none.
 
-    Raises
-    ------
-    InputError
-        If it was made for another accuracy.
+    Raises:
+        InputError: If it was made for another accuracy.
     """
     if not (directory / CHOICE).exists():
         return None

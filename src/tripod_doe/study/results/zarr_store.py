@@ -13,10 +13,8 @@ from tripod_doe.study.results.result_cube import open_cube
 def refuse_without_zarr() -> None:
     """Refuse the export where it is not installed.
 
-    Raises
-    ------
-    InputError
-        With the command that installs it.
+    Raises:
+        InputError: With the command that installs it.
     """
     if importlib.util.find_spec("zarr") is None:
         raise InputError(f"{option('export', 'zarr')}: zarr is not installed; pip install 'tripod-doe[zarr]'")
@@ -25,19 +23,13 @@ def refuse_without_zarr() -> None:
 def export_zarr(directory: Path) -> Path:
     """Write ``cube.zarr``: the cube of a result directory with its costs, part by part, in place of an older one.
 
-    Returns
-    -------
-    Path
+    Returns:
         The store.
 
-    Raises
-    ------
-    InputError
-        If zarr is not installed.
-    CubeError
-        If there is no cube.
-    StorageError
-        If it cannot be written; an older one stays.
+    Raises:
+        InputError: If zarr is not installed.
+        CubeError: If there is no cube.
+        StorageError: If it cannot be written; an older one stays.
     """
     refuse_without_zarr()
     store, fresh = directory / "cube.zarr", directory / ".cube.zarr.new"

@@ -33,19 +33,14 @@ _MOST_NAMED = 4000  # cells above which names in tooltips would outweigh the num
 def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | None = None) -> Figure:
     """Draw a variable as colours over two dimensions.
 
-    Parameters
-    ----------
-    data
-        The variable first, over `x` and `y`; beside it the outcome and its detail, from which cells without a number
-        are hatched: failed ones, and in grey dots those still to come.
-    x, y
-        Names of dimensions.
-    limits
-        Values at both ends of the colours, to be the same from one slice to the next; those of the data otherwise.
+    Args:
+        data: The variable first, over `x` and `y`; beside it the outcome and its detail, from which cells without a
+            number are hatched: failed ones, and in grey dots those still to come.
+        x, y: Names of dimensions.
+        limits: Values at both ends of the colours, to be the same from one slice to the next; those of the data
+            otherwise.
 
-    Returns
-    -------
-    dict
+    Returns:
         A figure for Plotly.
     """
     data = data.transpose(..., y, x)

@@ -33,17 +33,13 @@ _WHOLE_TURN = 360.0
 def lines(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     """Draw a variable over a dimension.
 
-    Parameters
-    ----------
-    data
-        The variable first, over `x` and perhaps `series`; beside it its error as ``VARIABLE_error``, and the outcome
-        and its detail, from which points without a number are marked at the foot of the axes with their reason.
-    x, series
-        Names of dimensions; one line per value of `series`, at most 200.
+    Args:
+        data: The variable first, over `x` and perhaps `series`; beside it its error as ``VARIABLE_error``, and the
+            outcome and its detail, from which points without a number are marked at the foot of the axes with their
+            reason.
+        x, series: Names of dimensions; one line per value of `series`, at most 200.
 
-    Returns
-    -------
-    dict
+    Returns:
         A figure for Plotly.
     """
     variable = shown(data)

@@ -15,14 +15,10 @@ _SHARED = 4  # curves that one pair of axes takes
 def point_figures(point: xr.Dataset) -> dict[str, Figure]:
     """All figures of one point.
 
-    Parameters
-    ----------
-    point
-        The variables of a cube at one point: what is left are the dimensions of the outputs.
+    Args:
+        point: The variables of a cube at one point: what is left are the dimensions of the outputs.
 
-    Returns
-    -------
-    dict
+    Returns:
         Figures for Plotly by the name of the variable that each shows: lines over dimensions that are measured, as the
         rotation angle, and bars over those that are counted, as orders or mechanisms.
     """

@@ -31,16 +31,11 @@ _CELLS = 60
 def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
     """Draw a variable over another quantity, one mark per point.
 
-    Parameters
-    ----------
-    data
-        The variable first, over the dimensions of the design; beside it the outcome and its detail.
-    x, colour
-        Names of coordinates or other variables of the same dimensions.
+    Args:
+        data: The variable first, over the dimensions of the design; beside it the outcome and its detail.
+        x, colour: Names of coordinates or other variables of the same dimensions.
 
-    Returns
-    -------
-    dict
+    Returns:
         A figure for Plotly; more than 4000 points are drawn as their density.
     """
     variable = shown(data)
