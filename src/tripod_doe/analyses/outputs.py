@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
+from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE, RESPONSE_ROLE, RESPONSES
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.memory import refuse_too_much_memory
 
@@ -253,4 +253,19 @@ def meaning_of(name: str, meanings: Mapping[str, str]) -> str:
 def output_attributes(cube: xr.Dataset, names: Iterable[str]) -> dict[str, str]:
     """Attributes of a result: the outputs that were analysed, and their units by name."""
     units = {name: str(cube[name].attrs.get("units", "1")) for name in names}
-    return {"outputs": ", ".join(units), "output_units": json.dumps(units)}
+    own = [name for name in units if cube[name].attrs.get("role") == RESPONSE_ROLE]
+    return {"outputs": ", ".join(units), "output_units": json.dumps(units)} | (
+        {RESPONSES: ", ".join(own)} if own else {}
+    )
+
+
+def usual_outputs(cube: xr.Dataset, asked: Collection[str], is_given: bool) -> list[str]:
+    """Names of the outputs of an analysis that takes the thrust amplitude unless a study names others.
+
+    Without names the responses of the study are taken as well; of a function all its outputs.
+    """
+    if is_given:
+        return chosen_outputs(cube, asked)
+    names = chosen_outputs(cube, ())
+    own = [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE]
+    return [*asked, *own] if set(asked) <= set(names) else names

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of, digits_apart, number, with_unit
+from tripod_doe.quantities import count_of, digits_apart, in_words, number, with_unit
 from tripod_doe.report.responses import ORDINALS, spoken, unit_text
+from tripod_doe.study.cube.dataset import RESPONSES
 
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
@@ -28,7 +29,7 @@ class OutputPart(NamedTuple):
 
 
 def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> list[OutputPart]:
-    """The third and second order of the thrust; of a function, its first four outputs.
+    """The third and second order of the thrust, and the responses of the study; of a function, its first four outputs.
 
     Parameters
     ----------
@@ -41,17 +42,19 @@ def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> li
     """
     several = [str(name) for name in result["output"].values] if "output" in result.dims else []
     outputs = several or str(result.attrs.get("outputs", _UNNAMED)).split(", ")[:1]
+    own = [name for name in str(result.attrs.get(RESPONSES, "")).split(", ") if name in outputs]
     if _AMPLITUDE in outputs:
-        outputs = [_AMPLITUDE]
+        outputs = [_AMPLITUDE, *own]
     units: dict[str, str] = json.loads(str(result.attrs.get("output_units", "{}")))
     parts = []
-    for output in outputs[:_MOST]:
+    for output in outputs[: max(_MOST, len(own))]:
         of_output = result.sel(output=output) if several else result
-        for order in (3, 2) if "order" in result.dims else (None,):
+        for order in (3, 2) if "order" in result.dims and output not in own else (None,):
             part = of_output if order is None else of_output.sel(order=order)
             part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0))
             if part[key].notnull().any():
-                parts.append(OutputPart(output, _words(output, order), unit_text(units.get(output, "1")), part))
+                what = in_words(output) if output in own else _words(output, order)
+                parts.append(OutputPart(output, what, unit_text(units.get(output, "1")), part))
     return parts
 
 

@@ -1,16 +1,23 @@
-"""Expressions over named columns, parsed and never evaluated as Python: constraints of designs, --where of queries."""
+"""The language of conditions and formulas: constraints of designs, --where of queries, formulas of responses.
+
+Texts are parsed, never evaluated as Python. Names stand for arrays with named dimensions, which are indexed by their
+labels, as in ``thrust_amplitude[3]`` and ``thrust[90:180]``, and reduced by max, min, mean and sum.
+"""
 
 from __future__ import annotations
 
 import ast
 import operator
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.named_arrays import NamedArray, Pick, aligned
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -32,16 +39,59 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-_FUNCTIONS: dict[str, Callable[..., Any]] = {"abs": np.abs, "min": np.minimum, "max": np.maximum, "sqrt": np.sqrt}
+_ONE: dict[str, Callable[[Any], Any]] = {"abs": np.abs, "sqrt": np.sqrt, "log10": np.log10}
+_SEVERAL: dict[str, Callable[[Any, Any], Any]] = {"min": np.minimum, "max": np.maximum}
+_REDUCE: dict[str, Callable[..., Any]] = {"min": np.min, "max": np.max, "mean": np.mean, "sum": np.sum}
 _LONGEST = 4_000  # characters of a condition: the time to parse one may grow faster than its length
 _WHOLE = 2**53  # from here on not every whole number is one of float64
 _DEEPEST = 100  # operators within each other
 _SHOWN = 80  # characters of a condition that a message repeats
-_ALLOWED = "names, numbers, 'text', + - * / **, < <= > >= == !=, and or not, abs min max sqrt"
+_ALLOWED = (
+    "names, numbers, 'text', + - * / **, < <= > >= == !=, and or not, abs min max mean sum sqrt log10, and labels in "
+    "brackets, as [3] or [90:180]"
+)
+
+MOST_VALUES = 50_000
+"""Largest number of values of a point in between: a formula that spreads waveforms over everything takes no more."""
+
+
+class Source(Protocol):
+    """Where the values of names come from."""
+
+    @property
+    def rows(self) -> Collection[str]:
+        """Dimensions of the points, which are neither indexed nor reduced."""
+        ...
+
+    @property
+    def most(self) -> int:
+        """Largest number of values that names may be combined to for each point."""
+        ...
+
+    def read(self, name: str, whole: bool) -> NamedArray:
+        """Values of a name; `whole` where they are indexed or reduced, so that all labels are wanted."""
+        ...
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Plain arrays of one shape as values of names."""
+
+    columns: Mapping[str, NDArray[Any]]
+    most: int = MOST_VALUES
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """All dimensions."""
+        return tuple(map(str, range(next(iter(self.columns.values())).ndim)))
+
+    def read(self, name: str, whole: bool) -> NamedArray:
+        """A column."""
+        return NamedArray(self.rows, self.columns[name])
 
 
 class Expression:
-    """A condition over columns, for instance ``initial_skew_1_deg < initial_skew_2_deg and torque_n_m > 25``.
+    """A condition or formula, for instance ``initial_skew_1_deg < initial_skew_2_deg and torque_n_m > 25``.
 
     Parameters
     ----------
@@ -60,7 +110,7 @@ class Expression:
     Raises
     ------
     InputError
-        If the text does not parse, uses an unknown name, or anything but arithmetic, comparison and logic.
+        If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and labels.
     """
 
     def __init__(self, text: str, names: Collection[str]) -> None:
@@ -72,7 +122,8 @@ class Expression:
         try:
             self._tree = ast.parse(text, mode="eval").body
         except (SyntaxError, ValueError) as error:
-            raise InputError(f"{self.text!r}: not an expression ({getattr(error, 'msg', error)})") from error
+            at = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
+            raise InputError(f"{self.text!r}: not an expression ({getattr(error, 'msg', error)}{at})") from error
         except (RecursionError, MemoryError) as error:
             raise InputError(self._too_deep) from error
         self._check(self._tree, names, 1)
@@ -81,6 +132,12 @@ class Expression:
     def _too_deep(self) -> str:
         return f"{self.text!r}: more than {_DEEPEST} operators within each other"
 
+    def _wrong(self, node: ast.expr, reason: object) -> InputError:
+        """An error that says where in the text it is."""
+        before = self._whole.encode()[: node.col_offset] if node.lineno == 1 else b""
+        place = f" at character {len(before.decode(errors='replace')) + 1}" if node.lineno == 1 else ""
+        return InputError(f"{self.text!r}{place}: {reason}")
+
     def _check(self, node: ast.expr, names: Collection[str], depth: int) -> None:
         if depth > _DEEPEST:
             raise InputError(self._too_deep)
@@ -88,10 +145,10 @@ class Expression:
         match node:
             case ast.Name(id=name):
                 if name not in names:
-                    raise InputError(f"{self.text!r}: unknown name {name[:_SHOWN]!r}{near_match(name, names)}")
+                    raise self._wrong(node, f"unknown name {name[:_SHOWN]!r}{near_match(name, names)}")
                 self.used.add(name)
             case ast.Constant(value=int() as value) if not _is_exact(value):
-                raise InputError(f"{self.text!r}: a whole number beyond {_WHOLE:,} that float64 does not hold")
+                raise self._wrong(node, f"a whole number beyond {_WHOLE:,} that float64 does not hold")
             case ast.Constant(value=int() | float() | str()):
                 pass
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
@@ -102,15 +159,56 @@ class Expression:
                 children = values
             case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _COMPARE for op in ops):
                 children = [left, *others]
-            case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]) if function in _FUNCTIONS:
-                if len(arguments) != (1 if function in ("abs", "sqrt") else 2):
-                    raise InputError(f"{self.text!r}: wrong number of arguments for {function}")
-                children = arguments
+            case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]) if function in (*_ONE, *_REDUCE):
+                children, _ = self._arguments(node, function, arguments)
+            case ast.Subscript(value=value, slice=index):
+                self._picks(index)
+                children = [value]
             case _:
                 wrong = (ast.get_source_segment(self._whole, node) or "")[:_SHOWN]
-                raise InputError(f"{self.text!r}: {wrong!r} is not allowed here; use {_ALLOWED}")
+                raise self._wrong(node, f"{wrong!r} is not allowed here; use {_ALLOWED}")
         for child in children:
             self._check(child, names, depth + 1)
+
+    def _arguments(self, node: ast.expr, function: str, arguments: list[ast.expr]) -> tuple[list[ast.expr], list[str]]:
+        """The values among the arguments of a function, and the dimensions after them over which it goes."""
+        dims: list[str] = []
+        values = list(arguments)
+        while function in _REDUCE and len(values) > 1:
+            match values[-1]:
+                case ast.Constant(value=str() as dim):
+                    dims.insert(0, dim)
+                    values.pop()
+                case _:
+                    break
+        if len(values) != 1 and (dims or function not in _SEVERAL or not values):
+            known = "values, or one value and names of dimensions" if function in _SEVERAL else "one value"
+            if function in ("mean", "sum"):
+                known = "one value and names of dimensions"
+            raise self._wrong(node, f"wrong number of arguments for {function}, which takes {known}")
+        return values, dims
+
+    def _picks(self, index: ast.expr) -> list[Pick]:
+        """Labels and ranges between brackets."""
+        parts = index.elts if isinstance(index, ast.Tuple) else [index]
+        return [self._range(part) if isinstance(part, ast.Slice) else self._label(part) for part in parts]
+
+    def _range(self, part: ast.Slice) -> tuple[float | None, float | None]:
+        ends = [None if end is None else self._label(end) for end in (part.lower, part.upper)]
+        low, high = ends
+        if part.step is not None or isinstance(low, str) or isinstance(high, str):
+            raise self._wrong(part, "a range is two numbers, [90:180]")
+        return low, high
+
+    def _label(self, part: ast.expr) -> float | str:
+        match part:
+            case ast.Constant(value=str() as value):
+                return value
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool) and _is_exact(value):
+                return float(value)
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)) if _is_exact(value):
+                return -float(value)
+        raise self._wrong(part, "between brackets stand labels: a number, a 'text', a range as [90:180], or : for all")
 
     def __call__(self, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Evaluate for every row of the columns, numbers in float64; NaN, and a comparison with it, is false.
@@ -122,52 +220,121 @@ class Expression:
         InputError
             If values cannot be compared, for instance a number with a text, or whole numbers are too large for float64.
         """
+        meets = self.truths(Columns(columns))
+        return np.broadcast_to(meets.data, np.shape(next(iter(columns.values()))))
+
+    def truths(self, source: Source) -> NamedArray:
+        """Evaluate a condition; see `__call__`."""
+        result = self._evaluated(source)
+        return NamedArray(result.dims, _truth(result.data), result.labels)
+
+    def numbers(self, source: Source) -> NamedArray:
+        """Evaluate a formula, in float64.
+
+        Raises
+        ------
+        InputError
+            If its result is a text, or values cannot be combined.
+        """
+        result = self._evaluated(source)
+        if not np.issubdtype(np.asarray(result.data).dtype, np.number) and result.data.dtype != np.bool_:
+            raise InputError(f"{self.text!r}: its result is a text, not a number")
+        return NamedArray(result.dims, np.asarray(result.data, np.float64), result.labels)
+
+    def _evaluated(self, source: Source) -> NamedArray:
         try:
-            values = {name: self._checked(name, columns[name]) for name in self.used}
             with np.errstate(all="ignore"):
-                meets = _truth(self._value(self._tree, values))
+                return self._value(self._tree, source, False)
         except (TypeError, OverflowError, ValueError) as error:
             raise InputError(f"{self.text!r}: {error}") from error
-        return np.broadcast_to(meets, np.shape(next(iter(columns.values()))))
 
     def _refuse_mixed(self, terms: Sequence[Any]) -> None:
         """Refuse a comparison of a number with a text, which would be false in silence."""
         if any(np.asarray(term).dtype.kind in "fb" for term in terms) and any(map(_is_text, terms)):
             raise InputError(f"{self.text!r}: compares a number with a text; write texts in quotes, numbers without")
 
-    def _checked(self, name: str, column: NDArray[Any]) -> NDArray[Any]:
-        """A column, whole numbers in float64."""
-        if column.dtype.kind not in "iu":
-            return column
-        if column.size and not -_WHOLE <= int(column.min()) <= int(column.max()) <= _WHOLE:
+    def _checked(self, name: str, array: NamedArray) -> NamedArray:
+        """The values of a name, whole numbers in float64."""
+        values = array.data
+        if values.dtype.kind not in "iu":
+            return array
+        if values.size and not -_WHOLE <= int(values.min()) <= int(values.max()) <= _WHOLE:
             raise InputError(f"{self.text!r}: {name} has whole numbers beyond {_WHOLE:,} that float64 may not hold")
-        return column.astype(np.float64)
+        return NamedArray(array.dims, values.astype(np.float64), array.labels)
 
-    def _value(self, node: ast.expr, columns: Mapping[str, NDArray[Any]]) -> Any:
+    def _value(self, node: ast.expr, source: Source, whole: bool) -> NamedArray:
         match node:
             case ast.Name(id=name):
-                return columns[name]
+                return self._checked(name, source.read(name, whole))
             case ast.Constant(value=str() as value):
-                return value
+                return NamedArray((), np.array(value))
             case ast.Constant(value=(int() | float()) as value):
-                return np.float64(value)  # Python's whole numbers grow without bounds: 9**9**9
-            case ast.BinOp(left=left, op=op, right=right):
-                return _BINARY[type(op)](_number(self._value(left, columns)), _number(self._value(right, columns)))
-            case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return np.logical_not(_truth(self._value(operand, columns)))
+                return NamedArray((), np.array(value, np.float64))  # Python's whole numbers grow: 9**9**9
             case ast.UnaryOp(op=op, operand=operand):
-                return _UNARY[type(op)](_number(self._value(operand, columns)))
-            case ast.BoolOp(op=op, values=values):
-                combine = np.logical_and if isinstance(op, ast.And) else np.logical_or
-                return combine.reduce(np.broadcast_arrays(*(_truth(self._value(value, columns)) for value in values)))
-            case ast.Compare(left=left, ops=ops, comparators=others):
-                terms = [self._value(term, columns) for term in (left, *others)]
-                self._refuse_mixed(terms)
-                links = [_COMPARE[type(op)](terms[i], terms[i + 1]) for i, op in enumerate(ops)]
-                return np.logical_and.reduce(np.broadcast_arrays(*links))
+                inner = self._value(operand, source, whole)
+                is_not = isinstance(op, ast.Not)
+                data = np.logical_not(_truth(inner.data)) if is_not else _UNARY[type(op)](_number(inner.data))
+                return NamedArray(inner.dims, data, inner.labels)
+            case ast.Subscript(value=value, slice=index):
+                inner = self._value(value, source, True)
+                try:
+                    return inner.picked(self._picks(index), source.rows)
+                except InputError as error:
+                    raise self._wrong(node, f"{ast.get_source_segment(self._whole, value)}: {error}") from error
             case ast.Call(func=ast.Name(id=function), args=arguments):
-                return _FUNCTIONS[function](*(_number(self._value(argument, columns)) for argument in arguments))
+                return self._call(node, function, arguments, source, whole)
+            case _:
+                return self._combined(node, source, whole)
+
+    def _call(
+        self, node: ast.expr, function: str, arguments: list[ast.expr], source: Source, whole: bool
+    ) -> NamedArray:
+        values, dims = self._arguments(node, function, arguments)
+        if function in _ONE:
+            inner = self._value(values[0], source, whole)
+            return NamedArray(inner.dims, _ONE[function](_number(inner.data)), inner.labels)
+        if len(values) > 1:
+            terms = self._aligned(node, [self._value(value, source, whole) for value in values], source)
+            data = reduce(_SEVERAL[function], (_number(term.data) for term in terms))
+            return NamedArray(terms[0].dims, data, terms[0].labels)
+        inner = self._value(values[0], source, True)
+        own = inner.without(source.rows)
+        if unknown := next((dim for dim in dims if dim not in own), None):
+            raise self._wrong(node, f"no dimension {unknown!r} here{near_match(unknown, own)}")
+        if not own:
+            raise self._wrong(node, f"{function} of a single value for each point; leave it out, or compare two values")
+        return NamedArray(inner.dims, _number(inner.data), inner.labels).reduced(_REDUCE[function], dims or own)
+
+    def _combined(self, node: ast.expr, source: Source, whole: bool) -> NamedArray:
+        """The value of an operator between values."""
+        match node:
+            case ast.BinOp(left=left, right=right):
+                parts = [left, right]
+            case ast.BoolOp(values=values):
+                parts = values
+            case ast.Compare(left=left, comparators=others):
+                parts = [left, *others]
+            case _:
+                raise AssertionError(node)
+        arrays = self._aligned(node, [self._value(part, source, whole) for part in parts], source)
+        dims, labels, terms = arrays[0].dims, arrays[0].labels, [array.data for array in arrays]
+        match node:
+            case ast.BinOp(op=op):
+                return NamedArray(dims, np.asarray(_BINARY[type(op)](*map(_number, terms))), labels)
+            case ast.BoolOp(op=op):
+                combine = np.logical_and if isinstance(op, ast.And) else np.logical_or
+                return NamedArray(dims, np.asarray(reduce(combine, map(_truth, terms))), labels)
+            case ast.Compare(ops=ops):
+                self._refuse_mixed(terms)
+                links = [np.asarray(_COMPARE[type(op)](terms[i], terms[i + 1])) for i, op in enumerate(ops)]
+                return NamedArray(dims, np.asarray(reduce(np.logical_and, links)), labels)
         raise AssertionError(node)
+
+    def _aligned(self, node: ast.expr, arrays: list[NamedArray], source: Source) -> list[NamedArray]:
+        try:
+            return aligned(arrays, source.rows, source.most)
+        except InputError as error:
+            raise self._wrong(node, error) from error
 
 
 def _truth(value: Any) -> NDArray[np.bool_]:
@@ -182,12 +349,12 @@ def _is_text(value: Any) -> bool:
     return array.dtype.kind == "U" or (array.dtype == object and all(isinstance(each, str) for each in array.flat))
 
 
-def _is_exact(value: int) -> bool:
+def _is_exact(value: float) -> bool:
     """Whether float64 holds a whole number."""
     try:
-        return int(float(value)) == value
+        return int(float(value)) == value or isinstance(value, float)
     except OverflowError:
-        return False
+        return isinstance(value, float)
 
 
 def _number(value: Any) -> Any:

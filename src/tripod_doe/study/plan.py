@@ -169,12 +169,20 @@ def _recorded_prices(study: Study, points: Points, able: NDArray[np.bool_]) -> F
     return np.array([price for price in prices if price is not None] if None not in prices else [])
 
 
+def unshown_bytes(study: Study, points: Points) -> int:
+    """Size of the outputs that formulas use and the cube leaves out, in the journal."""
+    values = study.simulator.effective({**study.base, **points.settings_of(0)})
+    outputs, beside = study.simulator.outputs, set(study.stored).difference(study.keep)
+    return points.count * sum(8 * math.prod(outputs[name].shape(values)) for name in beside & outputs.keys())
+
+
 def cube_bytes(study: Study, points: Points) -> int | None:
     """Size of outcome and outputs in the cube, texts left out; a function's outputs are not known beforehand."""
     if not study.simulator.outputs:
         return None
     values = study.simulator.effective({**study.base, **points.settings_of(0)})  # all points have the same lengths
     numbers = sum(math.prod(study.simulator.outputs[name].shape(values)) for name in study.keep)
+    numbers += sum(response.size for response in study.responses)
     return points.count * (8 * numbers + 1)
 
 

@@ -64,7 +64,7 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
     except InputError as error:
         raise study.fail(where, error) from error
     for output in getattr(settings, "outputs", ()):
-        if study.keep and output not in study.keep:
+        if study.keep and output not in (*study.keep, *(response.name for response in study.responses)):
             raise study.fail(where, f"outputs: {_not_kept(output, study)}")
     return analysis, settings
 
@@ -76,7 +76,8 @@ def _not_kept(output: str, study: Study) -> str:
         return f"{output!r} is not kept; add it to the outputs of [keep]"
     if whole in study.keep and order.isdigit():
         return f"{output!r} is one order of an output; write {whole!r}, the answer has all orders"
-    return f"unknown output {output!r}{near_match(output, study.keep)}"
+    known = [*study.keep, *(response.name for response in study.responses)]
+    return f"unknown output {output!r}{near_match(output, known)}"
 
 
 def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseModel:

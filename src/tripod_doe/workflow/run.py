@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.model_choice.pilot import pilot_results
@@ -23,6 +24,8 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.pages.study import read_analyses, write_report
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube.responses import refuse_unknown_outputs
 from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.execution import Execution
@@ -170,28 +173,48 @@ def run_on(
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
         del missing  # eight bytes a point, which the cube needs
         check_interrupt()
-        written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
-    with written as cube:
+        return summary_of(
+            asked,
+            directory,
+            f"tripod-doe run: {piloted + computed} points computed",
+            computed=piloted + computed,
+            reused=int(asked.to_compute.sum()) - left - piloted,
+            seconds=execution.seconds if piloted + computed else 0.0,
+            complete=computed == left,
+        )
+
+
+def summary_of(asked: StudyPoints, directory: ResultDirectory, action: str, **counts: Any) -> RunSummary:
+    """Write cube, analyses and report of a result directory from its finished blocks, and say what they hold.
+
+    Parameters
+    ----------
+    asked, directory
+        The study with its points, and its results.
+    action
+        The action, for the history of the files.
+    **counts
+        ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
+    """
+    study = asked.study
+    with directory.write_cube(asked, action) as cube:
         analyses = run_analyses(study, cube, directory.path)
         findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [
         sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
     ]
-    del cube, written  # the report reads its own; a cube need not be in memory twice
+    del cube  # the report reads its own; a cube need not be in memory twice
     write_report(directory.path, findings)
     return RunSummary(
         directory=directory.path,
-        computed=piloted + computed,
-        reused=int(asked.to_compute.sum()) - left - piloted,
-        seconds=execution.seconds if piloted + computed else 0.0,
         failures=failures,
         retried=bool(study.retry.changes),
         analyses=analyses,
         answers=answers,
         findings=findings,
         model_notes=notes,
-        complete=computed == left,
+        **counts,
     )
 
 
@@ -256,6 +279,8 @@ def _compute(
     ):
         for block in finished:
             directory.commit(block)
+            if not computed and (block.result.outcome == Outcome.FINISHED).any():
+                refuse_unknown_outputs(asked.study, block.result.outputs)
             computed += block.keys.size
             shown.add(block.keys.size)
             if fail_fast and not asked.good_outcomes.issuperset(block.result.outcome.tolist()):

@@ -59,7 +59,7 @@ def pilot_results(asked: StudyPoints, missing: IntArray, directory: Path) -> Ite
         ]
         if pairs:
             rows, indices = np.array(pairs).T
-            part = block.result.take(rows, study.keep)
+            part = block.result.take(rows, study.stored)
             result = untried(study.simulator, asked.columns(indices), part, study.retry)
             share = rows.size / block.keys.size
             yield FinishedBlock(block.keys[rows], result, block.cpu_seconds * share, block.wall_seconds * share, PILOT)
@@ -144,5 +144,5 @@ def _kept(study: Study, accuracy: Accuracy) -> list[str]:
     """
     if not study.simulator.outputs:
         return []
-    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)} | set(study.keep)
+    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)} | set(study.stored)
     return [name for name in study.simulator.outputs if name in wanted]

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from tripod_doe.analyses.encoding import encoded, inputs_of
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable, chosen_outputs, is_course, output_attributes, read_outputs, stacked
+from tripod_doe.analyses.outputs import OutputTable, is_course, output_attributes, read_outputs, stacked, usual_outputs
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.surrogate.learner import KINDS, learn
@@ -78,8 +78,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     """
     settings = settings or SurrogateSettings()
     cube = flat_points(cube)
-    default = "outputs" not in settings.model_fields_set and "thrust_amplitude" not in cube
-    names = chosen_outputs(cube, [] if default else settings.outputs)
+    names = usual_outputs(cube, settings.outputs, "outputs" in settings.model_fields_set)
     sample = read_sample(cube, settings, SURROGATE_DESIGNS, names)
     if sample.rows.size < _FEWEST:
         raise InputError(f"a surrogate needs at least {_FEWEST} points, {sample.rows.size} finished")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable, chosen_outputs, is_course, output_attributes, read_outputs, stacked
+from tripod_doe.analyses.outputs import OutputTable, is_course, output_attributes, read_outputs, stacked, usual_outputs
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
@@ -189,8 +189,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     """
     settings = settings or ToleranceSettings()
     cube = flat_points(cube)
-    default = "outputs" not in settings.model_fields_set and "thrust_amplitude" not in cube
-    names = chosen_outputs(cube, [] if default else settings.outputs)
+    names = usual_outputs(cube, settings.outputs, "outputs" in settings.model_fields_set)
     sample = read_sample(cube, settings, SAMPLED_DESIGNS, names)
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))

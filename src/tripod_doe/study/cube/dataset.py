@@ -25,6 +25,8 @@ from tripod_doe.simulator import (
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.cube.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
+from tripod_doe.study.cube.responses import ResponseValues, response_values
+from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import SAMPLE, Points
 from tripod_doe.study.fingerprints import KeyIndex
@@ -51,6 +53,9 @@ RECORD_ROLE = "record of the run"
 
 RESPONSE_ROLE = "result of its own"
 """Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
+
+RESPONSES = "responses"
+"""Attribute of the result of an analysis: which of its outputs are responses."""
 
 THIS_STUDY = "this study"
 """Source of a value that the study sets, in place of the paper or an assumption."""
@@ -114,11 +119,16 @@ def part_of_cube(
         table.fill(block, rows, at)
     table.detail[~points.allowed] = "excluded by a constraint"
     used = _used_columns(study, table, points)
+    own = list(response_values(study, points, table.outputs, table.coordinates, table.outcome == Outcome.FINISHED))
+    kept = {name: values for name, values in table.outputs.items() if not study.keep or name in study.keep}
+    along = {dim for dims in [*(dims for dims, _ in kept.values()), *(each.dims for each in own)] for dim in dims}
+    labels = {dim: values for dim, values in table.coordinates.items() if dim in along}
     cube = xr.Dataset(
         {
             name: _variable(study.simulator.outputs.get(name), dims, data, points, table.units[name])
-            for name, (dims, data) in table.outputs.items()
+            for name, (dims, data) in kept.items()
         }
+        | _response_variables(own, points)
         | _outcome_variables(table, points)
         | _choice_variables(table, points)
         | {
@@ -127,7 +137,7 @@ def part_of_cube(
         }
         | _used_variables(study, used, points)
         | _retry_variables(study, table, points),
-        coords=_coordinates(study, points, table.coordinates),
+        coords=_coordinates(study, points, labels),
     )
     cost = xr.Dataset(
         {
@@ -209,6 +219,18 @@ def _variable(
         if output.response:
             attrs["role"] = RESPONSE_ROLE
     return _shaped(points, dims, data, attrs)
+
+
+def _response_variables(own: Iterable[ResponseValues], points: Points) -> dict[str, xr.Variable]:
+    """Responses with their numerical errors; reports show those of one number a point."""
+    variables = {}
+    for each in own:
+        role = {} if each.dims else {"role": RESPONSE_ROLE}
+        variables[each.response.name] = _shaped(points, each.dims, each.values, each.attributes | role)
+        if each.error is not None:
+            attributes = each.error_attributes | {"role": RECORD_ROLE}
+            variables[f"{each.response.name}{ERROR}"] = _shaped(points, each.dims, each.error, attributes)
+    return variables
 
 
 def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:

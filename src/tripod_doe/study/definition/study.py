@@ -13,6 +13,7 @@ from tripod_doe.errors import InputError, first_messages, near_match
 from tripod_doe.simulator import NUMERICS, Demands, Outcome, Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.definition.accuracy import AUTO, Accuracy, check_accuracy, check_demands
 from tripod_doe.study.definition.factors import Factor, checked_factor
+from tripod_doe.study.definition.responses import Response, check_responses, stored_outputs
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan, check_retries
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import (
@@ -49,6 +50,12 @@ class Study:
     accuracy: Accuracy | None = None
     # accuracy to which runs are refined where the study names its model; None for the default of `simulator`
     demands: Demands | None = None
+    responses: tuple[Response, ...] = ()  # variables of the cube by formula, in file order
+
+    @property
+    def stored(self) -> tuple[str, ...]:
+        """Names of the outputs that runs give: those to keep, and those that formulas of responses use."""
+        return stored_outputs(self.simulator, self.keep, self.responses)
 
     @property
     def hash(self) -> str:
@@ -114,6 +121,9 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
         for name, table in tables.items()
     }
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
+    first = {name: factor.values[0] for name, factor in factors.items() if factor.values} | center
+    responses = _at(origin, "", lambda: check_responses(simulator, file.responses, {**base, **first}))
+    stored = stored_outputs(simulator, keep, responses)
     _check_run(origin, file.run)
     levels = {name: factor.values or () for name, factor in factors.items()}
     levels |= {name: (*levels[name], value) for name, value in center.items()}
@@ -128,10 +138,14 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     tabulated = "table" in (part.kind for part in _parts(file))
     unknown = simulator.parameters.keys() - base if tabulated else ()
     retry = _at(
-        origin, "[run]", lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown)
+        origin,
+        "[run]",
+        lambda: check_retries(simulator, base, levels, stored, run.retry, run.expected_outcomes, unknown),
     )
-    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy, demands)
-    warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, keep))
+    study = Study(
+        file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy, demands, responses
+    )
+    warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, stored))
     return replace(study, warnings=tuple(warnings))
 
 
@@ -170,7 +184,7 @@ def _at(origin: str, where: str, step: Any) -> Any:
     try:
         return step()
     except InputError as error:
-        raise error.at(f"{origin}: {where}") from error
+        raise error.at(f"{origin}: {where}" if where else origin) from error
 
 
 def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:

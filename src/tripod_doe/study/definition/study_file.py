@@ -154,6 +154,18 @@ class KeepTable(_Table):
     outputs: list[str] = Field([], description="names of the outputs; if omitted, all but those on request")
 
 
+class ResponseTable(_Table):
+    """[responses.NAME]: a variable of the cube that follows from outputs by a formula."""
+
+    formula: str = Field(
+        min_length=1,
+        max_length=4_000,
+        description="expression over outputs, as max(abs(thrust)) or thrust_amplitude[3]",
+    )
+    unit: str = Field("1", max_length=60, description="unit of its value, 1 without dimension")
+    meaning: str = Field("", max_length=300, description="what it is, in a few words; the formula if omitted")
+
+
 class RunTable(_Table):
     """[run]: how the points are run; only `retry` changes values."""
 
@@ -197,6 +209,7 @@ class StudyFile(_Table):
     factors: dict[str, FactorTable] = Field({}, description="what is varied")
     design: DesignTable = DesignTable()
     designs: dict[str, DesignTable] = Field({}, description="sub-designs, written [design.NAME]")
+    responses: dict[str, ResponseTable] = Field({}, description="variables by formula: [responses.NAME]")
     keep: KeepTable = KeepTable()
     run: RunTable = RunTable()
     accuracy: AccuracyTable | None = Field(
@@ -375,7 +388,9 @@ def _shown(value: object) -> str:
 
 
 def _known_keys(path: list[str]) -> list[str]:
-    table = path and {"factors": "factors.PARAMETER", "designs": "design"}.get(path[0], path[0])
+    table = path and {"factors": "factors.PARAMETER", "responses": "responses.NAME", "designs": "design"}.get(
+        path[0], path[0]
+    )
     return list(TABLES[table].model_fields) if table else [key for key in StudyFile.model_fields if key != "designs"]
 
 
@@ -383,6 +398,7 @@ TABLES: Mapping[str, type[_Table]] = {
     "study": StudyTable,
     "factors.PARAMETER": FactorTable,
     "design": DesignTable,
+    "responses.NAME": ResponseTable,
     "keep": KeepTable,
     "run": RunTable,
     "accuracy": AccuracyTable,

@@ -115,7 +115,7 @@ def make_points(study: Study) -> Points:
         study.folder.refuse_many(count, "points", "; set most_points in [design]" if most else "")
         refuse_too_many_points(count, point_bytes(study))
         points = _grid(study) if design.kind == "grid" else _list(study)
-        study.simulator.check_lengths(_length_values(study, points), study.keep)
+        study.simulator.check_lengths(_length_values(study, points), study.stored)
         allowed = _allowed(points, design.constraints)
     except InputError as error:
         raise study.fail("[design]", error) from error

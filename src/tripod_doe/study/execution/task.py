@@ -74,7 +74,7 @@ def make_task(study: Study, points: Points, chosen: IntArray) -> Task:
         study.base,
         points.at(chosen),
         chosen.size,
-        study.keep,
+        study.stored,
         study.retry,
         study.demands,
     )

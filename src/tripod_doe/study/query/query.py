@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,8 @@ from tripod_doe.errors import InputError, near_match, option, printable
 from tripod_doe.quantities import csv_cell
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.expressions import Expression
+from tripod_doe.study.expressions import MOST_VALUES, Expression
+from tripod_doe.study.named_arrays import NamedArray
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.query.selection import Chosen, Selection, labels_text, selections, taken
 from tripod_doe.study.results.result_cube import opened_cube
@@ -146,12 +147,15 @@ class _Choice:
             yield self
             return
         for slab in slabs(shape, box(shape, 1, _SLAB_CELLS)):
-            places = zip(self.target.dims, slab.place, strict=True)
-            rows = {
-                dim: self.rows[dim][place] if dim in self.rows else np.arange(place.start, place.stop)
-                for dim, place in places
-            }
-            yield replace(self, rows={**self.rows, **rows})
+            yield self._within(slab.place)
+
+    def _within(self, place: tuple[slice, ...]) -> _Choice:
+        """The cells of a box of them."""
+        rows = {
+            dim: self.rows[dim][along] if dim in self.rows else np.arange(along.start, along.stop)
+            for dim, along in zip(self.target.dims, place, strict=True)
+        }
+        return replace(self, rows={**self.rows, **rows})
 
     def columns(self, where: str | None) -> Columns:
         """The chosen cells that meet a condition, as columns of equal length."""
@@ -171,14 +175,66 @@ class _Choice:
 
     def column(self, name: str) -> NDArray[Any]:
         """A variable or a coordinate at the chosen cells, flags by their meanings."""
-        source = self.cube.variables[name] if name in self.cube.variables else self.coordinates[name]
+        source = self._source(name)
         return _decoded(self.spread(source), source.words)
 
     def meeting(self, where: str) -> NDArray[np.bool_]:
         """Cells that meet a condition."""
-        along = [name for name, other in self.cube.variables.items() if set(other.dims) <= set(self.target.dims)]
-        expression = Expression(where, [*self.coordinates, *along])
-        return expression({name: self.column(name) for name in {self.variable, *expression.used}})
+        design = self.cube.variables["outcome"].dims if "outcome" in self.cube.variables else ()
+        dims = set(self.target.dims)
+        known = [name for name, other in self.cube.variables.items() if {*design}.intersection(other.dims) <= dims]
+        expression = Expression(where, [*self.coordinates, *known])
+        used = [self._source(name).dims for name in expression.used]
+        beside = math.prod({dim: self.cube.sizes[dim] for of in used for dim in of if dim not in dims}.values())
+        if beside == 1 or math.prod(self.shape) * beside <= _SLAB_CELLS:
+            return self._meeting(expression, design)
+        meets = np.zeros(self.shape, bool)
+        for slab in slabs(self.shape, box(self.shape, beside, _SLAB_CELLS)):
+            meets[slab.place] = self._within(slab.place)._meeting(expression, design)
+        return meets
+
+    def _source(self, name: str) -> Variable:
+        return self.cube.variables[name] if name in self.cube.variables else self.coordinates[name]
+
+    def _meeting(self, expression: Expression, design: Collection[str]) -> NDArray[np.bool_]:
+        meets = expression.truths(_Cells(self, design))
+        if unknown := [dim for dim in meets.dims if dim not in self.target.dims]:
+            raise InputError(
+                f"{expression.text!r}: its values differ along {unknown[0]}, which {self.variable} does not have: "
+                f"take one, as NAME[{labels_text(self._labels(unknown[0]), self.cube.sizes[unknown[0]])}], or the max, "
+                "min, mean or sum of all"
+            )
+        data = meets.data
+        for axis, dim in enumerate(meets.dims):
+            if data.shape[axis] == self.cube.sizes[dim] and dim in self.rows and dim in meets.labels:
+                data = np.take(data, self.rows[dim], axis)
+            elif dim in meets.labels and data.shape[axis] != self.cube.sizes[dim]:
+                raise InputError(f"{expression.text!r}: its values are those of some {dim} only: take their max or min")
+        order = [meets.dims.index(dim) for dim in self.target.dims if dim in meets.dims]
+        missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in meets.dims)
+        return np.broadcast_to(np.expand_dims(data.transpose(order), missing), self.shape)
+
+    def _labels(self, dim: str) -> Variable:
+        return self.cube.coordinates.get(dim) or Variable((dim,), partial(_positions, self.cube.sizes[dim]))
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Values of names at the chosen cells; of names that are indexed or reduced all that the points have."""
+
+    choice: _Choice
+    rows: Collection[str]  # the dimensions of the design
+
+    @property
+    def most(self) -> int:
+        """As many values for each point as the target has, at least."""
+        return max(MOST_VALUES, math.prod(self.choice.shape))
+
+    def read(self, name: str, whole: bool) -> NamedArray:
+        source, rows = self.choice._source(name), self.choice.rows
+        own = {dim: rows[dim] for dim in source.dims if dim in rows and (dim in self.rows or not whole)}
+        labels = {dim: self.choice._labels(dim).values for dim in source.dims if whole and dim not in self.rows}
+        return NamedArray(source.dims, _decoded(source.at(own), source.words), labels)
 
 
 def _positions(count: int, place: tuple[slice, ...]) -> IntArray:

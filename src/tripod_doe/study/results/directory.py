@@ -25,7 +25,7 @@ from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.writing import StoredResults, write_cube
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
-from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.results.directory_lock import DirectoryLock
 from tripod_doe.study.results.result_cube import opened_cube
 from tripod_doe.study.results.stored_study import STORED, keep_sources, stored_study
@@ -141,8 +141,9 @@ class ResultDirectory:
                 f"{study.simulator.source_hash}); choose another {option('out')}"
             )
         same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
-        old = canonical(study if same else stored_study(self.path))
-        new = canonical(study)
+        before = study if same else stored_study(self.path)
+        _refuse_unstored(before, study, self.path)
+        old, new = canonical(before), canonical(study)
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
             return
@@ -237,10 +238,22 @@ class ResultDirectory:
     def _check_space(self, asked: StudyPoints) -> None:
         """Refuse (InputError) to start if cube and journal do not fit on the disk."""
         cube = cube_bytes(asked.study, asked.points) or 0
-        needed = _SPARE_BYTES + 2 * cube
+        needed = _SPARE_BYTES + 2 * cube + unshown_bytes(asked.study, asked.points)
         free = shutil.disk_usage(self.path).free
         if free < needed:
             raise InputError(
                 f"{option('out', str(self.path))}: {size(free)} free, but journal and cube need {size(needed)}; "
                 f"keep fewer outputs or choose another {option('out')}"
+            )
+
+
+def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
+    """Refuse formulas over outputs that the runs so far did not give."""
+    if not before.keep:  # a function, all of whose outputs are there
+        return
+    for response in study.responses:
+        if missing := sorted(set(response.outputs).difference(before.stored)):
+            raise InputError(
+                f"{study.origin}: [responses.{response.name}]: {', '.join(missing)}: not among the outputs that the "
+                f"results in {path} hold ({', '.join(before.stored)}); choose another {option('out')}"
             )

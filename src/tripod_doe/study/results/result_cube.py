@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
 
     from tripod_doe.study.cube.writing import StoredResults
+    from tripod_doe.study.definition.study import Study
     from tripod_doe.study.study_points import StudyPoints
 
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
@@ -190,19 +191,22 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and the places of its results."""
     from tripod_doe.study.cube.writing import StoredResults
-    from tripod_doe.study.designs import make_points
-    from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
     from tripod_doe.study.results.stored_study import stored_study
-    from tripod_doe.study.study_points import StudyPoints
 
     refuse_changed_study(path, journal)
-    study = stored_study(path)
+    asked = points_of(stored_study(path), path)
+    return asked, StoredResults(asked, journal.places())
+
+
+def points_of(study: Study, path: Path) -> StudyPoints:
+    """A study of a result directory with its points, and the models that are chosen there."""
+    from tripod_doe.study.designs import make_points
+    from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
+    from tripod_doe.study.study_points import StudyPoints
+
     points = make_points(study)
     choice = frozen_choice(study, path) if study.accuracy else None
-    if choice is not None:
-        points = chosen_points(study, points, choice)
-    asked = StudyPoints(study, points)
-    return asked, StoredResults(asked, journal.places())
+    return StudyPoints(study, points if choice is None else chosen_points(study, points, choice))
 
 
 def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:

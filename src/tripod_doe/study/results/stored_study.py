@@ -13,11 +13,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study, parse_study
-from tripod_doe.study.definition.study_file import StudyFile, parse_file, read_text
+from tripod_doe.study.definition.study_file import StudyFile, parse_file, parse_toml, read_text
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.journal import Journal, journal_path
 
@@ -61,6 +63,26 @@ class ResultFolder(StudyFolder):
 
 def _copy_name(name: str) -> str:
     return f"{hashlib.blake2b(name.encode(errors='replace'), digest_size=8).hexdigest()}.csv"
+
+
+def with_responses(directory: Path, file: Path) -> Study:
+    """Read the study of a result directory, with the responses of a file added to its own, or in place of them.
+
+    Raises
+    ------
+    InputError
+        If the file holds anything else, or a response that the study cannot have.
+    """
+    added = parse_toml(read_text(file, "file of responses"), str(file))
+    if wrong := [key for key in added if key != "responses"] or ([] if added.get("responses") else ["responses"]):
+        reason = "is missing" if wrong == ["responses"] else "only [responses.NAME] is allowed here"
+        raise InputError(f"{file}: [{wrong[0]}]: {reason}; to change anything else, run the study again")
+    if not (directory / STORED).is_file():
+        raise InputError(f"{directory}: no {STORED} here; name a result directory")
+    document: Any = tomlkit.parse(read_text(directory / STORED, "study"))
+    document["responses"] = {**document.get("responses", {}), **added["responses"]}
+    text = tomlkit.dumps(document)
+    return parse_study(text, str(file), ResultFolder(directory, False, None, _record(directory, parse_file(text, str(file)))))
 
 
 def stored_study(directory: Path, most_points: int | None = None) -> Study:

@@ -1,0 +1,29 @@
+"""Add responses to the results in a directory."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tripod_doe.cli.parser import DONE, Command, Parser
+
+
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
+    parser.add_argument("file", metavar="FILE.toml", type=Path, help="file with tables [responses.NAME]")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.derive import derive
+
+    summary = derive(options.directory, options.file)
+    for sentence in [*summary.answers, *summary.findings]:
+        print(sentence, file=sys.stderr)
+    print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
+    print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
+    return DONE
+
+
+COMMAND = Command("add variables by formula to the results in a directory; no point runs", _add_arguments, _run)

@@ -1,0 +1,45 @@
+"""Add responses to results that exist: cube, analyses and report are made again, and no point runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.results.result_cube import points_of
+from tripod_doe.study.results.stored_study import with_responses
+from tripod_doe.workflow.run import RunSummary, summary_of
+
+
+def derive(directory: str | Path, file: str | Path) -> RunSummary:
+    """Add the responses of a file to the study of a result directory, and write its cube, analyses and report again.
+
+    Parameters
+    ----------
+    directory
+        The result directory; a study that was interrupted keeps its missing points.
+    file
+        TOML file with tables ``[responses.NAME]``; one with a known name takes the place of the older one.
+
+    Raises
+    ------
+    InputError
+        If the file holds anything else, a formula is wrong, or the results do not hold an output that it uses;
+        nothing is changed.
+    StorageError
+        If writing fails; the older files stay.
+    """
+    path = Path(directory)
+    study = with_responses(path, Path(file))
+    with ResultDirectory(path) as held:
+        asked = points_of(study, path)
+        held.accept(asked)
+        missing = held.missing(asked).size
+        return summary_of(
+            asked,
+            held,
+            f"tripod-doe derive: {', '.join(response.name for response in study.responses)}",
+            computed=0,
+            reused=int(asked.to_compute.sum()) - missing,
+            seconds=0.0,
+            complete=not missing,
+        )
