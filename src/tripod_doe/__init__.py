@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from tripod_doe.study.results.result_cube import open_cube
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
+    from tripod_doe.workflow.derive import derive
     from tripod_doe.workflow.run import RunSummary, run
     from tripod_doe.workflow.workflow_file import workflow_schema
 
@@ -49,6 +50,7 @@ _HOME = {
     "compare": "analyses.comparison.comparison",
     "contribution_shares": "analyses.contribution.contribution",
     "diff": "analyses.diff.diff",
+    "derive": "workflow.derive",
     "find": "analyses.findings",
     "load_study": "study.definition.study",
     "model_point": "analyses.comparison.model_point",
@@ -81,6 +83,7 @@ __all__ = [
     "WorkflowSummary",
     "compare",
     "contribution_shares",
+    "derive",
     "diff",
     "find",
     "load_study",

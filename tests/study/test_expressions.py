@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.expressions import Expression
+from tripod_doe.study.named_arrays import NamedArray
 
 COLUMNS = {"a": np.array([1.0, 2.0, np.nan]), "b": np.array([2.0, 2.0, 2.0]), "s": np.array(["x", "y", "x"], object)}
 
@@ -134,3 +135,54 @@ def test_any_text_is_answered_or_refused(text):
 def test_values_that_cannot_be_compared():
     with pytest.raises(InputError, match="compares a number with a text"):
         Expression("s < 1", COLUMNS)(COLUMNS)
+
+
+class Grid:
+    """A cube of two points with a waveform, for formulas."""
+
+    rows, most = ("point",), 1000
+
+    def read(self, name, whole):
+        angle = np.array([0.0, 90.0, 180.0])
+        values = {"wave": (("point", "angle"), [[0, 3, -1], [0, 6, -2]]), "a": (("point",), [1, 2])}
+        dims, data = values[name]
+        return NamedArray(dims, np.array(data), {"angle": angle} if "angle" in dims else {})
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("wave[90] / a", [3, 3]),
+        ("max(wave[90:])", [3, 6]),
+        ("sum(wave) + mean(wave)", [2 + 2 / 3, 4 + 4 / 3]),
+        ("max(a * wave, 'angle')", [3, 12]),
+        ("max(a, 1.5, wave[0])", [1.5, 2]),
+        ("log10(100)", 2),
+    ],
+)
+def test_labels_and_reductions(text, expected):
+    """Exact: by hand."""
+    assert Expression(text, ["wave", "a"]).numbers(Grid()).data == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 + wave[45]", "at character 5: wave: no angle 45; it has 0, 90, 180"),
+        ("wave[90:80]", "no angle 90:80"),
+        ("wave[0, 90]", "dimension angle"),
+        ("a[0]", "one value for a point"),
+        ("wave[a]", "between brackets"),
+        ("wave[::2]", "range is two numbers"),
+        ("wave['x']", "no angle 'x'"),
+        ("mean(wave, a)", "wrong number of arguments for mean"),
+        ("mean()", "wrong number"),
+        ("sum(a)", "single value"),
+        ("wave[0:90] * wave[90:180]", "different angle"),
+        ("wave if a else 1", "not allowed"),
+        ("'text'", "a text, not a number"),
+    ],
+)
+def test_what_labels_and_reductions_cannot_do(text, message):
+    with pytest.raises(InputError, match=message):
+        Expression(text, ["wave", "a"]).numbers(Grid())

@@ -19,8 +19,9 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.derive import derive
 
     summary = derive(options.directory, options.file)
-    for sentence in [*summary.answers, *summary.findings]:
-        print(sentence, file=sys.stderr)
+    for name, reason in summary.analyses.items():
+        if reason:
+            print(f"analysis {name} failed: {reason}", file=sys.stderr)
     print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
     print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
     return DONE

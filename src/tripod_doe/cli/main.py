@@ -19,6 +19,7 @@ from tripod_doe.cli import (
     check,
     compare,
     completion,
+    derive,
     diff,
     init,
     plan,
@@ -37,6 +38,7 @@ from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupte
 COMMANDS = {
     "run": run.COMMAND,
     "plan": plan.COMMAND,
+    "derive": derive.COMMAND,
     "report": report.COMMAND,
     "workflow": workflow.COMMAND,
     "query": query.COMMAND,

@@ -34,12 +34,6 @@ def derive(directory: str | Path, file: str | Path) -> RunSummary:
         asked = points_of(study, path)
         held.accept(asked)
         missing = held.missing(asked).size
-        return summary_of(
-            asked,
-            held,
-            f"tripod-doe derive: {', '.join(response.name for response in study.responses)}",
-            computed=0,
-            reused=int(asked.to_compute.sum()) - missing,
-            seconds=0.0,
-            complete=not missing,
-        )
+        written = held.write_cube(asked, f"tripod-doe derive: {', '.join(each.name for each in study.responses)}")
+    done = int(asked.to_compute.sum()) - missing
+    return summary_of(asked, path, written, computed=0, reused=done, seconds=0.0, complete=not missing)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.model_choice.pilot import pilot_results
 from tripod_doe.analyses.model_choice.study_choice import make_choice
@@ -173,41 +175,40 @@ def run_on(
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
         del missing  # eight bytes a point, which the cube needs
         check_interrupt()
-        return summary_of(
-            asked,
-            directory,
-            f"tripod-doe run: {piloted + computed} points computed",
-            computed=piloted + computed,
-            reused=int(asked.to_compute.sum()) - left - piloted,
-            seconds=execution.seconds if piloted + computed else 0.0,
-            complete=computed == left,
-        )
+        written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
+    return summary_of(
+        asked,
+        directory.path,
+        written,
+        computed=piloted + computed,
+        reused=int(asked.to_compute.sum()) - left - piloted,
+        seconds=execution.seconds if piloted + computed else 0.0,
+        complete=computed == left,
+    )
 
 
-def summary_of(asked: StudyPoints, directory: ResultDirectory, action: str, **counts: Any) -> RunSummary:
-    """Write cube, analyses and report of a result directory from its finished blocks, and say what they hold.
+def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, **counts: Any) -> RunSummary:
+    """Write analyses and report of a result directory, and say what it holds.
 
     Parameters
     ----------
-    asked, directory
-        The study with its points, and its results.
-    action
-        The action, for the history of the files.
+    asked, path
+        The study with its points, and where its results are.
+    written
+        Its cube, which is closed.
     **counts
         ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
     """
     study = asked.study
-    with directory.write_cube(asked, action) as cube:
-        analyses = run_analyses(study, cube, directory.path)
+    with written as cube:
+        analyses = run_analyses(study, cube, path)
         findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
-    answers = [
-        sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
-    ]
-    del cube  # the report reads its own; a cube need not be in memory twice
-    write_report(directory.path, findings)
+    answers = [sentence for name, result in read_analyses(path).items() for sentence in findings_of(name, result)]
+    del cube, written  # the report reads its own; a cube need not be in memory twice
+    write_report(path, findings)
     return RunSummary(
-        directory=directory.path,
+        directory=path,
         failures=failures,
         retried=bool(study.retry.changes),
         analyses=analyses,

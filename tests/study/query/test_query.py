@@ -9,6 +9,7 @@ import xarray as xr
 from tripod_doe.errors import InputError, speaking_of_options
 from tripod_doe.simulator import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.netcdf import write_dataset
+from tripod_doe.study.query import query as query_module
 from tripod_doe.study.query import selection
 from tripod_doe.study.query.arrays import Variable, cube_arrays, opened_arrays
 from tripod_doe.study.query.query import query, records, records_text, unmet
@@ -227,3 +228,46 @@ def test_python_selects_by_name(cube):
 def test_open_ranges():
     assert parse_selection("x=:3").high == 3
     assert parse_selection("x=1:").low == 1
+
+
+@pytest.mark.parametrize("cells", [4_000_000, 3])
+@pytest.mark.parametrize(
+    ("where", "expected"),
+    [
+        ("f[3] > 2 and order == 2", [[False, False], [True, False], [False, False], [True, False]]),
+        ("max(f) == f and outcome == 'finished'", [[False, False], [False, True], [False, False], [False, True]]),
+        ("wave[90] > 1", [[False, False], [True, True], [True, True], [True, True]]),
+        ("f > mean(wave) and outcome == 'finished'", [[False, False], [True, True], [False, False], [True, True]]),
+    ],
+)
+def test_conditions_may_index_and_reduce(monkeypatch, where, expected, cells):
+    """Exact: by hand, whole and slab by slab; other orders than the selected ones may be named."""
+    monkeypatch.setattr(query_module, "_SLAB_CELLS", cells)
+    cube = xr.Dataset(
+        {
+            "f": (("point", "order"), [[np.nan, np.nan], [2.0, 3.0], [np.nan, np.nan], [4.0, 5.0]]),
+            "wave": (("point", "angle"), [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0], [0.0, 4.0]]),
+            "outcome": (("point",), np.array([1, 0, 1, 0], np.int8), OUTCOME_ATTRIBUTES),
+        },
+        coords={"order": [2, 3], "angle": [0, 90]},
+    )
+    assert query(cube, "f", where=where)["selected"].values.tolist() == expected
+    chosen = query(cube, "f", ["order=2"], where=where)["selected"].values
+    assert chosen.tolist() == [[row[0]] for row in expected]
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [("wave > 1", "differ along angle"), ("f[2:2] > 1", "some order only"), ("f[7] > 1", "no order 7; it has 2, 3")],
+)
+def test_a_condition_has_one_answer_for_each_cell(where, message):
+    cube = xr.Dataset(
+        {
+            "f": (("point", "order"), np.ones((2, 2))),
+            "wave": (("point", "angle"), np.ones((2, 3))),
+            "outcome": (("point",), np.zeros(2, np.int8), OUTCOME_ATTRIBUTES),
+        },
+        coords={"order": [2, 3]},
+    )
+    with pytest.raises(InputError, match=message):
+        query(cube, "f", where=where)

@@ -231,6 +231,7 @@ class _Cells:
         return max(MOST_VALUES, math.prod(self.choice.shape))
 
     def read(self, name: str, whole: bool) -> NamedArray:
+        """Values of a name, flags by their meanings."""
         source, rows = self.choice._source(name), self.choice.rows
         own = {dim: rows[dim] for dim in source.dims if dim in rows and (dim in self.rows or not whole)}
         labels = {dim: self.choice._labels(dim).values for dim in source.dims if whole and dim not in self.rows}

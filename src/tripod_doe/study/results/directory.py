@@ -255,5 +255,5 @@ def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
         if missing := sorted(set(response.outputs).difference(before.stored)):
             raise InputError(
                 f"{study.origin}: [responses.{response.name}]: {', '.join(missing)}: not among the outputs that the "
-                f"results in {path} hold ({', '.join(before.stored)}); choose another {option('out')}"
+                f"results in {path} hold ({', '.join(before.stored)}); run the study with it into another directory"
             )

@@ -82,7 +82,9 @@ def with_responses(directory: Path, file: Path) -> Study:
     document: Any = tomlkit.parse(read_text(directory / STORED, "study"))
     document["responses"] = {**document.get("responses", {}), **added["responses"]}
     text = tomlkit.dumps(document)
-    return parse_study(text, str(file), ResultFolder(directory, False, None, _record(directory, parse_file(text, str(file)))))
+    return parse_study(
+        text, str(file), ResultFolder(directory, False, None, _record(directory, parse_file(text, str(file))))
+    )
 
 
 def stored_study(directory: Path, most_points: int | None = None) -> Study:
