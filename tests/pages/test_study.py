@@ -10,7 +10,7 @@ import pytest
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.pages.study import make_page, write_report
-from tripod_doe.report.tables import cost_rows
+from tripod_doe.report.tables import cost_rows, fixed_rows
 from tripod_doe.study.cube.netcdf import write_dataset
 
 OWN = ("initial_skew_1_deg", "roller_width_mm")
@@ -128,6 +128,21 @@ def test_every_value_has_the_source_that_it_has(joint_page, joint_cube):
     assert all(rows[name][1][-1] == "this study" for name in factors)
     count = sum(JOINT_PARAMETERS[name].source == "assumed" for name in fixed if name not in OWN)
     assert f"{count} parameters are assumed" in " ".join(Page(joint_page).sections["setting"].split())
+
+
+def test_the_source_of_a_value_is_the_study_only_where_it_sets_it(joint_cube):
+    """Regression: groove_rolling_lever_mm was of "this study", which had set the roller radius alone."""
+    study = '[study]\nname = "m"\n[base]\nroller_radius_mm = 15\n'
+    cube = joint_cube.assign_attrs(
+        study=study,
+        fixed_parameters=json.dumps({"roller_radius_mm": 15, "groove_rolling_lever_mm": 15, "pitch_radius_mm": 21}),
+    )
+    sources = {row.name: row.source for _, rows in fixed_rows(cube) for row in rows}
+    assert sources == {
+        "roller_radius_mm": "this study",
+        "groove_rolling_lever_mm": "that of roller_radius_mm",
+        "pitch_radius_mm": "assumed",
+    }
 
 
 def test_workers_are_those_that_ran_and_the_pilot_is_none_of_them(joint_cube):

@@ -30,6 +30,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.simulator import Trust
     from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import answer_format, records, records_text, unmet
 
@@ -38,8 +39,9 @@ def _run(options: argparse.Namespace) -> int:
         return _query_netcdf(options)
     with opened_arrays(options.cube) as cube:
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
-        for note in cube.model_notes:
-            print(note, file=sys.stderr)
+        for note in cube.model_notes[:1]:  # the verdict; the report has its grounds
+            if Trust.DOUBTFUL.label in note:
+                print(note, file=sys.stderr)
         if columns[options.variable].size == 0:
             print(unmet(cube, options.select), file=sys.stderr)
     text = records_text(columns, form)

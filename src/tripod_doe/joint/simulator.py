@@ -16,7 +16,7 @@ from tripod_doe.joint.accuracy import Goal
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, errors_at, similar_errors
-from tripod_doe.joint.known_errors.operating_ratios import operating_ratios
+from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
@@ -99,12 +99,19 @@ class JointSimulator(Simulator):
             quantities = own | ratios | {SHARE: vibration_share(vibration)}
             for left in model.valid:
                 inside = (quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high)
-                beyond = ~inside & (own["joint_angle_deg"] > 0)  # a straight joint has no thrust, in any model
+                beyond = ~inside & ~has_no_thrust(ratios)
                 outside = np.zeros(count, bool)
                 outside[rows] = beyond
                 departures.append(Departure(model.name, left, outside, quantities[left.quantity][beyond]))
         models_of = np.asarray(points["model"], object)
         return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures)
+
+    def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
+        """Relative numerical error of the third order, where the run reports it; zero of an order that is zero."""
+        if not {"thrust_amplitude", "thrust_amplitude_error"} <= outputs.keys():
+            return None
+        size, error = (outputs[name][:, 3] for name in ("thrust_amplitude", "thrust_amplitude_error"))
+        return np.asarray(np.divide(error, size, out=np.zeros_like(error), where=size > 0))
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
         """Errors of the second and third order against `needles` at measured points like these."""

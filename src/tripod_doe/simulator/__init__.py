@@ -7,11 +7,13 @@ from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values, commo
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.counted_time import counted_time, not_counted
 from tripod_doe.simulator.demand import Demand, Demands
-from tripod_doe.simulator.known_error import NOTABLE_ERROR, Departure, ModelErrors, ModelSummary, ValidRange
+from tripod_doe.simulator.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
+from tripod_doe.simulator.model_summary import ModelSummary
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set
 from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
+from tripod_doe.simulator.trust import TRUST_ATTRIBUTES, Trust
 
 __all__ = [
     "DETAIL_ATTRIBUTES",
@@ -19,6 +21,7 @@ __all__ = [
     "NUMERICS",
     "OUTCOME_ATTRIBUTES",
     "OUTCOME_MEANINGS",
+    "TRUST_ATTRIBUTES",
     "WORK",
     "BlockResult",
     "Candidate",
@@ -34,6 +37,7 @@ __all__ = [
     "Parameter",
     "Retries",
     "Simulator",
+    "Trust",
     "ValidRange",
     "Value",
     "Values",

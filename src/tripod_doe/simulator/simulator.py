@@ -15,7 +15,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.demand import Demands
-from tripod_doe.simulator.known_error import ModelErrors, ModelSummary
+from tripod_doe.simulator.known_error import ModelErrors
+from tripod_doe.simulator.model_summary import ModelSummary
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set
@@ -160,6 +161,16 @@ class Simulator(ABC):
         ----------
         points
             Every parameter by name, as for `simulate`.
+        """
+        return None
+
+    def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
+        """Relative numerical error that runs report of the quantity of `model_errors`, shape (point,); None without.
+
+        Parameters
+        ----------
+        outputs
+            Outputs by name, each of shape (point, ...).
         """
         return None
 
@@ -311,8 +322,10 @@ class Simulator(ABC):
             yield str(model), self.methods({"model": model})
 
 
-def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> list[str]:
-    """Sentences about the models of some points, their known errors, and the ranges that the points leave.
+def model_notes(
+    simulator: Simulator, points: Mapping[str, NDArray[Any]], outputs: Mapping[str, NDArray[Any]]
+) -> list[str]:
+    """Sentences about some points: how far they can be trusted, known errors of their models, ranges that they leave.
 
     Parameters
     ----------
@@ -320,13 +333,15 @@ def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> lis
         The simulator of the points.
     points
         Every parameter by name, as for `Simulator.simulate`.
+    outputs
+        Their outputs, each of shape (point, ...).
     """
     errors = simulator.model_errors(points)
     if errors is None:
         return []
     summary = ModelSummary()
-    summary.add(errors)
-    return [*summary.error_texts, *summary.departure_texts]
+    summary.add(errors, simulator.numerical_errors(outputs))
+    return summary.texts
 
 
 def _distance(values: Mapping[str, Value], others: Mapping[str, Value]) -> float:

@@ -88,7 +88,7 @@ class Plan:
             whole = f", {size(self.written_bytes)} with factors and costs" if self.written_bytes else ""
             lines.append(f"cube         {size(self.cube_bytes)} of results{whole}, before compression")
         lines += [f"design       {text}" for text in self.design]
-        lines += [f"model        {text.removeprefix('Model ')}" for text in self.models]
+        lines += [f"{text.split()[0].lower():12} {text.split(maxsplit=1)[1]}" for text in self.models]
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
 
 
@@ -116,7 +116,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
-    models = model_records(study, points)
+    models = model_records(study, points, able)
     if prices.size:
         total = count / 3600
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
@@ -134,7 +134,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         chosen=study.accuracy is not None,
         warnings=(*study.warnings, *models.warnings),
         foreseen=tuple(foreseen),
-        models=tuple(models.error_sentences),
+        models=(*models.verdict, *models.error_sentences),
         design=points.notes,
         memory_bytes=points.count * point_bytes(study),
         written_bytes=_written_bytes(study, points),
@@ -198,7 +198,7 @@ def _written_bytes(study: Study, points: Points) -> int | None:
         design = _WORD + sum(map(_stored_bytes, (*points.columns.values(), *points.labels.values())))
     cube, cost = design + _WORD, design + _WORD + _COSTS * 8  # with outcome_detail, and with worker
     if study.accuracy is None and study.simulator.model_errors(StudyPoints(study, points).columns(np.arange(1))):
-        cube += 2 * 8  # the error to expect, and its limit
+        cube += 2 * 8 + 1  # the error to expect, its limit, and the verdict
     if study.retry.changes:
         cube += 2 + _WORD  # attempt, first_outcome and its detail
     return results + points.count * (cube + cost + points.has_excluded)

@@ -27,9 +27,6 @@ from tripod_doe.study.execution.task import Task, run_task
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
-_NOT_SIMULATED = (Outcome.OUT_OF_RANGE, Outcome.JAMMED, Outcome.NOT_APPLICABLE)
-"""Outcomes of points without an answer whose error could be stated."""
-
 
 @dataclass(frozen=True)
 class SimulatedPoint:
@@ -44,8 +41,8 @@ class SimulatedPoint:
     outcome: Outcome
     detail: str
     cost: Mapping[str, float]  # CPU and wall seconds without compilation, steps, force evaluations
-    # the model with the error that is known for such points, and the ranges of the model that the point leaves; none
-    # where no model can run the point
+    # how far the point can be trusted, the model with the error that is known for such points, and the ranges of the
+    # model that the point leaves; none where it did not finish
     model_notes: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
@@ -93,6 +90,7 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
     values = _checked(simulator, parameters, keep)
     result, cpu, wall = run_task(Task(scene, None, None, simulator.source_hash, values, {}, 1, keep))
     outcome = Outcome(int(result.outcome[0]))
+    outputs = {name: values.data for name, values in result.outputs.items()}
     return SimulatedPoint(
         simulator,
         simulator.effective(values)
@@ -107,7 +105,7 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
             "steps": int(result.steps[0]),
             "force_evaluations": int(result.force_evaluations[0]),
         },
-        () if outcome in _NOT_SIMULATED else tuple(model_notes(simulator, simulator.columns(values, {}, 1))),
+        tuple(model_notes(simulator, simulator.columns(values, {}, 1), outputs)) if outcome is Outcome.FINISHED else (),
     )
 
 
@@ -125,7 +123,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     -------
     xarray.Dataset
         Every output of the model but those on request, ``outcome`` and ``outcome_detail``; the attributes
-        ``parameters`` (all values that were used), ``model_notes`` (the model and the error known for it) and ``cost``
+        ``parameters`` (all values that were used), ``model_notes`` (how far to trust it, and why) and ``cost``
         (CPU and wall seconds without compilation, steps, force evaluations). Outputs are missing where the point did
         not finish.
 

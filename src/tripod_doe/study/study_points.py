@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
@@ -15,8 +16,6 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.fingerprints import KeyIndex, point_keys
-
-_CHUNK = 100_000  # points whose settings are held at once
 
 
 @dataclass(frozen=True)
@@ -71,14 +70,20 @@ class StudyPoints:
         """All parameters of some points, each of shape (len(chosen),)."""
         return self.study.simulator.columns(self.study.base, self.points.at(chosen), chosen.size)
 
+    def kinds(self, chosen: IntArray) -> IntArray | None:
+        """Number of the combination of words (models, methods) of each of some points; None where all have the same.
+
+        The words decide what is compiled, and most of the price of a point.
+        """
+        kinds: IntArray | None = None
+        for name in self.points.setting_names:
+            column = self.points.chosen[name] if name in self.points.chosen else self.points.columns[name]
+            if column.dtype == object:
+                codes, words = pd.factorize(column[chosen])
+                kinds = codes if kinds is None else kinds * len(words) + codes
+        return kinds
+
     def of_each_kind(self, chosen: IntArray) -> IntArray:
-        """One of the chosen points for each combination of words (models, methods), which decide what is compiled."""
-        first: dict[tuple[Any, ...], int] = {}
-        for start in range(0, chosen.size, _CHUNK):
-            rows = chosen[start : start + _CHUNK]
-            words = [column.tolist() for column in self.points.at(rows).values() if column.dtype == object]
-            if not words:
-                return chosen[:1]
-            for row, kind in zip(rows.tolist(), zip(*words, strict=True), strict=True):
-                first.setdefault(kind, row)
-        return np.array(list(first.values()), np.int64)
+        """One of the chosen points for each combination of words (models, methods)."""
+        kinds = self.kinds(chosen)
+        return chosen[:1] if kinds is None else chosen[np.sort(np.unique(kinds, return_index=True)[1])]

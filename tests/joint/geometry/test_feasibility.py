@@ -94,3 +94,21 @@ def test_a_held_roller_does_not_slide_on_its_trunnion(joint_assembly, joint_valu
     travel = np.ptp((arm * attitude.apply([1, 0, 0])).sum(axis=1))
     asked = 2 * values.pitch_radius * (1 / np.cos(values.joint_angle) - 1)
     assert least < travel / asked < most
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_rollers_overlap_where_points_of_one_lie_in_its_neighbour(internal_points, seed):
+    """Exact geometry, against points of a grid: two spheres of one radius between planes, their axes 120 deg apart."""
+    random = np.random.default_rng(seed)
+    pitch, radius, width = random.uniform(8, 26), random.uniform(12, 26), random.uniform(6, 50)
+    along, across = np.meshgrid(np.linspace(-1, 1, 801) * min(width / 2, radius), np.linspace(-1, 1, 801) * radius)
+    inside = along**2 + across**2 < radius**2
+    x, y = pitch + along[inside], across[inside]
+    turned = x * np.cos(2 * np.pi / 3) + y * np.sin(2 * np.pi / 3) - pitch  # along the neighbour's trunnion
+    other = -x * np.sin(2 * np.pi / 3) + y * np.cos(2 * np.pi / 3)
+    both = (np.abs(turned) < width / 2) & (turned**2 + other**2 < radius**2)
+    told = reasons(internal_points, pitch_radius_mm=pitch, roller_radius_mm=radius, roller_width_mm=width)
+    overlap = [text for text in told if "overlap" in text]
+    reach = np.sqrt(3) * y - 3 * x  # beyond the plane between them
+    if abs(reach.max()) > 0.3:  # the grid is as fine as that
+        assert bool(overlap) == bool(both.any())

@@ -55,7 +55,7 @@ def test_a_balance_states_what_vibration_may_make_of_its_error(model):
     assert unknown[0] or limit[0] > 0.53
     (share,) = vibration_share(vibration_errors(block))
     assert share > 0.5
-    assert any(SHARE in told for told in model_notes(simulator, block))
+    assert any(SHARE in told for told in model_notes(simulator, block, {}))
 
 
 def test_joints_of_little_friction_keep_their_errors_and_their_range():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.simulator import Departure, ModelErrors, ModelSummary, ValidRange
+from tripod_doe.simulator import Departure, ModelErrors, ModelSummary, Trust, ValidRange
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study import parse_study
@@ -195,7 +196,9 @@ def test_a_cube_names_its_model_and_the_error_known_for_it():
     points = make_points(study)
     cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
     assert cube.attrs["models"] == "kinetostatic"
-    assert cube.attrs["model_notes"].startswith("Model kinetostatic: typical error of the third order")
+    verdict, errors, *_ = cube.attrs["model_notes"].splitlines()
+    assert verdict.startswith("Verdict on the third order: sure at 1, ")
+    assert errors.startswith("Model kinetostatic: typical error of the third order")
     assert "error not known at 1 of 3 points (33 %): joint_angle_deg is outside" in cube.attrs["model_notes"]
     assert np.isfinite(cube["model_error"].values).tolist() == [True, True, False]
     assert (cube["model_error"] <= cube["model_error_limit"]).values.tolist() == [True, True, False]
@@ -210,6 +213,36 @@ def test_notes_on_the_models_of_an_ablation_are_those_with_all_mechanisms_on():
     (message,) = [note for note in cube.attrs["model_notes"].splitlines() if "not known" in note]
     assert message.startswith("Model kinetostatic with all mechanisms on: typical error of the third order")
     assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in message
+
+
+def test_a_joint_whose_parts_do_not_fit_has_neither_error_nor_verdict(tmp_path):
+    """Regression: "typical error 0.12 %" stood beside rollers that overlap."""
+    text = (
+        '[study]\nname = "m"\n[base]\nmodel = "equilibrium"\n[factors]\nroller_radius_mm = {values = [16, 28]}\n'
+        '[keep]\noutputs = ["thrust_amplitude"]\n'
+    )
+    (tmp_path / "m.toml").write_text(text)
+    td.run(tmp_path / "m.toml", out=tmp_path / "m", workers=0, progress=False)
+    cube = td.open_cube(tmp_path / "m")
+    assert cube["outcome"].values.tolist() == [td.Outcome.FINISHED, td.Outcome.JAMMED]
+    assert np.isnan(cube["model_error"].values).tolist() == [False, True]
+    assert cube["trust"].values[1] == Trust.NOT_KNOWN
+    assert cube["trust"].values[0] != Trust.NOT_KNOWN
+    assert not re.search(r"of 2 points|all 2 points", cube.attrs["model_notes"])
+    planned = td.plan(tmp_path / "m.toml", timing=False)
+    assert not re.search(r"of 2 points|all 2 points", "".join(planned.models))
+
+
+def test_values_that_follow_from_a_factor_are_not_fixed():
+    """Regression: of a list whose first and last point agree, a value in between was not seen."""
+    text = (
+        '[study]\nname = "m"\n[factors]\nroller_radius_mm = {values = [16, 15, 16]}\n'
+        'model = {values = ["equilibrium", "rollers", "equilibrium"]}\n[design]\nkind = "zip"\n'
+    )
+    fixed = json.loads(cube_of(text)[0].attrs["fixed_parameters"])
+    assert not {"groove_rolling_lever_mm", "method", "model"} & fixed.keys()
+    own = text.replace("[factors]", "[base]\ngroove_rolling_lever_mm = 14\n[factors]")
+    assert json.loads(cube_of(own)[0].attrs["fixed_parameters"])["groove_rolling_lever_mm"] == 14
 
 
 @pytest.mark.parametrize(

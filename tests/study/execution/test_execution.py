@@ -158,10 +158,10 @@ def test_what_a_simulator_raises_reaches_the_caller(monkeypatch):
 def test_blocks_grow_towards_a_second_and_shrink_at_the_end():
     queue = BlockQueue(np.arange(1000))
     assert queue.take(4).tolist() == [0]
-    queue.learn(0.001, 1)
+    queue.learn(0.001, np.arange(1))
     assert queue.seconds_left == 0  # one point of a millisecond is no measure of the others
     assert queue.take(4).size == 32
-    queue.learn(0.32, 32)
+    queue.learn(0.32, np.arange(32))
     assert queue.seconds_left == pytest.approx(9.67)
     sizes = []
     while (block := queue.take(4)) is not None:
@@ -174,12 +174,30 @@ def test_blocks_grow_towards_a_second_and_shrink_at_the_end():
 def test_blocks_on_a_cluster_last_longer_and_none_has_large_results():
     queue = BlockQueue(np.arange(100_000), seconds=5.0)
     queue.take(1)
-    queue.learn(0.5, 100)
+    queue.learn(0.5, np.arange(100))
     assert queue.take(1).size == 1000
-    queue.learn(0.5, 100, size=100 * 64_000)
+    queue.learn(0.5, np.arange(100), size=100 * 64_000)
     assert queue.take(1).size == 500
-    queue.learn(2.001, 1)
+    queue.learn(2.001, np.arange(1))
     assert queue.take(1).size == 3  # two would be 4 s
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_block_holds_points_of_one_kind_and_each_point_once(seed):
+    """Invariance: of any order of kinds and points, all are taken once, and the size of a kind's blocks is its own."""
+    random = np.random.default_rng(seed)
+    waiting = np.flatnonzero(random.random(400) < 0.7)
+    kinds = random.integers(0, random.integers(1, 6), waiting.size)
+    of, queue = dict(zip(waiting.tolist(), kinds.tolist(), strict=True)), BlockQueue(waiting, kinds=kinds)
+    taken, price = [], {kind: 10.0 ** -random.integers(0, 4) for kind in range(6)}
+    while (block := queue.take(2)) is not None:
+        own = {of[point] for point in block.tolist()}
+        assert len(own) == 1
+        assert block.size == 1 or block.size * price[own.pop()] <= 1.001
+        taken += block.tolist()
+        queue.learn(block.size * price[of[block[0]]], block)
+    assert sorted(taken) == waiting.tolist()
+    assert len(queue) == 0
 
 
 def test_a_block_that_comes_back_is_run_in_halves():

@@ -11,6 +11,10 @@ a lasting dent. It cannot move where that alone holds the roller on its trunnion
 slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
 survive.
 
+Rollers are spheres of radius R_s between two planes, w apart, at R_p from the axis. Neighbours have the plane at 60 deg
+to both trunnions between them, and overlap where the edge of the inner face, or the sphere between the faces, reaches
+beyond it.
+
 At rest friction may have any value below its limit, so there is no thrust to compute; that of a quasi-static joint is
 the thrust at a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
 law fades out, and the thrust with it.
@@ -19,6 +23,7 @@ law fades out, and the thrust with it.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
@@ -79,6 +84,10 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
         ),
         (bore >= 2 * points.roller_radius, "the bore is larger than the roller: raise roller_radius_mm"),
         (
+            _rollers_overlap(points),
+            "neighbouring rollers overlap: raise pitch_radius_mm, or reduce roller_radius_mm or roller_width_mm",
+        ),
+        (
             pressure > _STATIC_PRESSURE,
             f"the preload of the needles exceeds a contact pressure of {_STATIC_PRESSURE:g} MPa: raise "
             "bearing_radial_clearance_mm",
@@ -94,6 +103,13 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
         for k, skew in enumerate(points.initial_skews, 1)
     ]
     return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
+
+
+def _rollers_overlap(points: JointValues[FloatArray]) -> NDArray[np.bool_]:
+    """Whether a roller reaches beyond the plane between it and its neighbour, without joint angle."""
+    half, radius, pitch = points.roller_width / 2, points.roller_radius, points.pitch_radius
+    inner = np.minimum(half, np.sqrt(3) / 2 * radius)  # of the plane that the roller touches, from its middle
+    return np.asarray(np.sqrt(radius**2 - inner**2) > np.sqrt(3) * (pitch - inner))
 
 
 def most_needles(diameter: FloatArray | float, pitch_diameter: FloatArray | float) -> FloatArray:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
-from tripod_doe.joint.known_errors.operating_ratios import RATIOS, operating_ratios
+from tripod_doe.joint.known_errors.operating_ratios import RATIOS, has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import number
@@ -199,9 +199,11 @@ def errors_at(
         rows = np.flatnonzero(within)[may]
         expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, ALIKE * by_vibration.shape[1]))
     unknown = np.full(count, "", object)
+    nothing = has_no_thrust(ratios)  # there all models agree
+    expected[nothing], limit[nothing] = 0.0, 0.0
     unknown[np.isnan(expected)] = _NO_ANSWER
     for ratio in range(len(measured.names))[::-1]:  # of several reasons, the first counts
-        unknown[~inside[:, ratio]] = measured.outside(ratio)
+        unknown[~inside[:, ratio] & ~nothing] = measured.outside(ratio)
     return expected, limit, unknown
 
 

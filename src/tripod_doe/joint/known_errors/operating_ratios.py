@@ -53,3 +53,9 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
             "inertia_ratio": orbit / values.groove_load,
             "crown_ratio": 1 + values.needle_crown / (carried / values.needle_stiffness) ** 0.9,
         }
+
+
+def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
+    """Whether a point has no thrust force in any model: without angle, torque or sliding friction of the grooves."""
+    still = (ratios["joint_angle_deg"] == 0) | (ratios["groove_friction"] == 0)
+    return np.asarray(still | ~np.isfinite(ratios["inertia_ratio"]))  # a force over that of the torque

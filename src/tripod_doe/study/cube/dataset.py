@@ -16,13 +16,14 @@ from tripod_doe.errors import CubeError
 from tripod_doe.simulator import (
     DETAIL_ATTRIBUTES,
     OUTCOME_ATTRIBUTES,
+    TRUST_ATTRIBUTES,
     BlockResult,
     Outcome,
     Output,
     Parameter,
     common_unit,
 )
-from tripod_doe.study.cube.model_records import ModelRecords
+from tripod_doe.study.cube.model_records import TRUST, ModelRecords
 from tripod_doe.study.cube.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
 from tripod_doe.study.cube.responses import ResponseValues, response_values
@@ -132,8 +133,13 @@ def part_of_cube(
         | _outcome_variables(table, points)
         | _choice_variables(table, points)
         | {
-            name: _shaped(points, (), values, {"long_name": meaning, "units": "1", "role": RECORD_ROLE})
-            for name, (values, meaning) in models.of(points, used).items()
+            name: _shaped(points, (), values, _record_attributes(name, meaning))
+            for name, (values, meaning) in models.of(
+                points,
+                used,
+                np.isin(table.outcome, (Outcome.FINISHED, Outcome.NOT_RUN)),
+                {name: data for name, (_, data) in table.outputs.items() if data.ndim == 2},
+            ).items()
         }
         | _used_variables(study, used, points)
         | _retry_variables(study, table, points),
@@ -149,6 +155,11 @@ def part_of_cube(
     )
     _check_schema(study, cube)
     return cube, cost
+
+
+def _record_attributes(name: str, meaning: str) -> dict[str, Any]:
+    own = TRUST_ATTRIBUTES if name == TRUST else {"units": "1"}
+    return {**own, "long_name": meaning, "role": RECORD_ROLE}
 
 
 class _Table:

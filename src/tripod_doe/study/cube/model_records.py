@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.simulator import ModelErrors, ModelSummary
+from tripod_doe.array_types import IntArray
+from tripod_doe.simulator import ModelErrors, ModelSummary, Trust
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 
-MODEL_ERROR, MODEL_ERROR_LIMIT = "model_error", "model_error_limit"
-"""Variables of a cube: the error to expect of each point's model, and its limit."""
+MODEL_ERROR, MODEL_ERROR_LIMIT, TRUST = "model_error", "model_error_limit", "trust"
+"""Variables of a cube: the error to expect of each point's model, its limit, and how far the point can be trusted."""
 
-Columns = dict[str, tuple[FloatArray, str]]
+Columns = dict[str, tuple[NDArray[Any], str]]
 
 _CHUNK = 10_000
 """Points whose parameters are in memory at once."""
@@ -27,7 +27,7 @@ _PART = 100_000
 
 
 class ModelRecords:
-    """Models of the points of a study that no constraint excludes, collected part by part.
+    """Models of the points of a study with a result, collected part by part.
 
     Sentences about an ablation count the points with all mechanisms on, whose thrust is broken down.
 
@@ -40,7 +40,13 @@ class ModelRecords:
     def __init__(self, study: Study) -> None:
         self._study, self._every, self._on = study, ModelSummary(), ModelSummary("with all mechanisms on")
 
-    def of(self, points: Points, used: Mapping[str, NDArray[Any]]) -> Columns:
+    def of(
+        self,
+        points: Points,
+        used: Mapping[str, NDArray[Any]],
+        answered: NDArray[np.bool_],
+        outputs: Mapping[str, NDArray[Any]],
+    ) -> Columns:
         """Add some points, and return the known errors of their models.
 
         Parameters
@@ -49,31 +55,38 @@ class ModelRecords:
             The points.
         used
             Parameters that a pilot or retries changed at each point; an empty word where they are unchanged.
+        answered
+            Points that have a result, or may get one, shape (point,). No error is stated of the others.
+        outputs
+            Outputs of the points, each of shape (point, ...).
 
         Returns
         -------
         dict
-            Error and limit of every point, shape (point,) each, with their meanings; empty if no error is known.
+            Error, limit and trust of every point, shape (point,) each, with their meanings; empty if nothing is known.
         """
-        rows = np.flatnonzero(points.allowed)
+        rows = np.flatnonzero(points.allowed & answered)
         if self._study.accuracy is not None and "model" not in used:
             return {}
         expected, limit = np.full((2, points.count), np.nan)
-        of = ""
+        trust, of = np.full(points.count, Trust.NOT_KNOWN, np.int8), ""
         for start in range(0, rows.size, _CHUNK):
             chosen = rows[start : start + _CHUNK]
             columns = self._parameters(points, used, chosen)
             errors = self._study.simulator.model_errors(columns)
             if errors is None:
                 return {}
-            self._every.add(errors)
+            numerical = self._study.simulator.numerical_errors({name: data[chosen] for name, data in outputs.items()})
+            trust[chosen] = self._every.add(errors, numerical)
             if switches := self._study.switches:
-                self._on.add(errors.of(np.all([columns[name] == 1 for name in switches], axis=0)))
+                on = np.all([columns[name] == 1 for name in switches], axis=0)
+                self._on.add(errors.of(on), None if numerical is None else numerical[on])
             expected[chosen], limit[chosen] = errors.expected, errors.limit
             of = _meaning(errors)
+        judged = {TRUST: (trust, "how far the point can be trusted")} if rows.size else {}
         if not np.isfinite(expected).any():
-            return {}
-        return {
+            return judged
+        return judged | {
             MODEL_ERROR: (expected, f"{of}: median of similar points"),
             MODEL_ERROR_LIMIT: (limit, f"{of}: 90th percentile of similar points"),
         }
@@ -89,6 +102,11 @@ class ModelRecords:
     def _summary(self) -> ModelSummary:
         """The points that sentences count: those with all mechanisms on, else all."""
         return self._on if self._on.models else self._every
+
+    @property
+    def verdict(self) -> list[str]:
+        """How far the points can be trusted, in one sentence; none without points."""
+        return self._summary.verdict_texts
 
     @property
     def error_sentences(self) -> list[str]:
@@ -110,7 +128,7 @@ class ModelRecords:
         missing = {name: reason for name, reason in lacking[0].items() if all(name in other for other in lacking)}
         return {
             "models": ", ".join(models),
-            "model_notes": "\n".join([*self.error_sentences, *self.warnings]),
+            "model_notes": "\n".join(self._summary.texts),
             "missing_effects": json.dumps(missing),
         }
 
@@ -119,9 +137,10 @@ def _meaning(errors: ModelErrors) -> str:
     return f"relative error of the {errors.quantity} by the model, against {errors.reference}"
 
 
-def model_records(study: Study, points: Points) -> ModelRecords:
-    """Records of the models of all points before any has run."""
+def model_records(study: Study, points: Points, able: NDArray[np.bool_]) -> ModelRecords:
+    """Records of the models of all points that may get a result, shape (point,), before any has run."""
     records = ModelRecords(study)
     for start in range(0, points.count, _PART):
-        records.of(points.part(start, min(start + _PART, points.count)), {})
+        stop = min(start + _PART, points.count)
+        records.of(points.part(start, stop), {}, able[start:stop], {})
     return records

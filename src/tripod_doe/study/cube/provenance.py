@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 
 from tripod_doe.simulator import Value
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
+from tripod_doe.study.study_points import StudyPoints
 
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib", "pydoe")
 
@@ -59,19 +59,12 @@ def _package_versions() -> str:
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:
     """Values that all points share, without values that follow from a factor (spin friction from sliding)."""
-    rows = [0, -1, *_first_of_each(points.chosen)]
-    samples = [study.simulator.effective({**study.base, **points.settings_of(row)}) for row in rows]
-    first, varied = samples[0], points.setting_names
+    rows = StudyPoints(study, points).of_each_kind(np.arange(points.count))
+    samples = [study.simulator.effective({**study.base, **points.settings_of(row)}) for row in rows.tolist()]
+    first, varied, parameters = samples[0], points.setting_names, study.simulator.parameters
+    following = [name for name, each in parameters.items() if each.follows in varied and name not in study.base]
     return {
         name: value
         for name, value in first.items()
-        if name not in varied and value is not None and all(other[name] == value for other in samples)
+        if name not in (*varied, *following) and value is not None and all(other[name] == value for other in samples)
     }
-
-
-def _first_of_each(columns: Mapping[str, NDArray[Any]]) -> list[int]:
-    """The first row of every combination of values."""
-    rows: dict[tuple[Any, ...], int] = {}
-    for at, values in enumerate(zip(*(column.tolist() for column in columns.values()), strict=True)):
-        rows.setdefault(values, at)
-    return list(rows.values())

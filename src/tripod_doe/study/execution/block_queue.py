@@ -1,4 +1,7 @@
-"""The queue of points to compute, cut into blocks of about equal duration."""
+"""The queue of points to compute, cut into blocks of about equal duration, each of one kind of points.
+
+A block has one CPU time, which its points share: those of a cheap model would take a part of the price of another.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +29,20 @@ class BlockQueue:
         Points per block; None sizes blocks by the duration of the finished ones.
     seconds
         Smallest duration of a block to aim at.
+    kinds
+        Number of the kind of each waiting point (its model and method), shape (waiting,); None where all are alike.
     """
 
-    def __init__(self, waiting: IntArray, block: int | None = None, seconds: float = 1.0) -> None:
+    def __init__(
+        self, waiting: IntArray, block: int | None = None, seconds: float = 1.0, kinds: IntArray | None = None
+    ) -> None:
         self._target = seconds
+        self._kinds = np.zeros(waiting.size, np.int64)
+        if kinds is not None and waiting.size:
+            order = np.argsort(kinds, kind="stable")
+            waiting, self._kinds = waiting[order], kinds[order]
+        self._kind_of: dict[int, int] = {}  # of the blocks at work, by their first point
+        self._start = 0
         self._waiting = waiting
         self._returned: list[IntArray] = []
         self._fixed = block
@@ -37,25 +50,37 @@ class BlockQueue:
         self._seconds_per_point: float | None = None
 
     def __len__(self) -> int:
-        return self._waiting.size + sum(block.size for block in self._returned)
+        return self._waiting.size - self._start + sum(block.size for block in self._returned)
 
     def take(self, slots: int) -> IntArray | None:
         """The next block, None from an empty queue; the last ones are small, so that all slots become free together."""
         if self._returned:
             return self._returned.pop()
-        if self._waiting.size == 0:
+        left = self._waiting.size - self._start
+        if left == 0:
             return None
-        share = -(-self._waiting.size // slots)
-        size = self._fixed or max(min(self._size, share), self._size // _SMALLEST_SHARE, 1)
-        block, self._waiting = self._waiting[:size], self._waiting[size:]
+        size = self._fixed or max(min(self._size, -(-left // slots)), self._size // _SMALLEST_SHARE, 1)
+        begin, kind = self._start, self._kinds[self._start]
+        border = int(np.searchsorted(self._kinds, kind, side="right"))
+        self._start = min(begin + size, border)
+        if self._start == border < self._waiting.size and not self._fixed:
+            self._size = _FIRST_BLOCK  # the next kind has another price
+        block = self._waiting[begin : self._start]
+        self._kind_of[int(block[0])] = int(kind)
         return block
 
     def halve(self, block: IntArray) -> None:
         """Put a block back as two halves."""
-        self._returned.extend(half for half in np.array_split(block, 2) if half.size)
+        kind = self._kind_of.pop(int(block[0]), 0)
+        for half in (half for half in np.array_split(block, 2) if half.size):
+            self._kind_of[int(half[0])] = kind
+            self._returned.append(half)
 
-    def learn(self, seconds: float, count: int, size: int = 0) -> None:
-        """Size the next blocks by the time of a block of `count` points, and by the bytes of its results."""
+    def learn(self, seconds: float, block: IntArray, size: int = 0) -> None:
+        """Size the next blocks by the time of a block, and by the bytes of its results."""
+        kind, count = self._kind_of.pop(int(block[0]), 0), block.size
+        if self._start < self._waiting.size and kind != self._kinds[self._start]:
+            return  # no measure of the next blocks, which are of another kind
         if seconds >= _FAIR_SAMPLE_SECONDS:
             self._seconds_per_point = seconds / count
         if self._fixed is None and seconds > 0:

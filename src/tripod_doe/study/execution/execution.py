@@ -102,7 +102,8 @@ class Execution:
         """
         self.seconds = 0.0
         study = asked.study
-        queue = BlockQueue(missing, study.file.run.block, _REMOTE_SECONDS if self._scheduler else _SECONDS)
+        seconds = _REMOTE_SECONDS if self._scheduler else _SECONDS
+        queue = BlockQueue(missing, study.file.run.block, seconds, asked.kinds(missing))
         starts_here = self._starts_here(careful or study.file.study.function is not None)
         study.simulator.prepare(asked.columns(asked.of_each_kind(missing)))
         if not starts_here:
@@ -156,7 +157,7 @@ class Execution:
                     queue.halve(block)
                     continue
                 finished = _finished_block(asked.keys[block], answer)
-                queue.learn(finished.wall_seconds, block.size, finished.result.nbytes)
+                queue.learn(finished.wall_seconds, block, finished.result.nbytes)
                 yield finished
         finally:
             self.seconds += time.perf_counter() - started
