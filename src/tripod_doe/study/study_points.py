@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
@@ -75,6 +74,8 @@ class StudyPoints:
 
         The words decide what is compiled, and most of the price of a point.
         """
+        import pandas as pd  # slow to import: a plan does without
+
         kinds: IntArray | None = None
         for name in self.points.setting_names:
             column = self.points.chosen[name] if name in self.points.chosen else self.points.columns[name]
