@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
+from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.fingerprints import KeyIndex, point_keys
+
+_LOOKED_AT = 1000  # points that are looked at together until one can run
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,23 @@ class StudyPoints:
     def undone(self, done: NDArray[np.bool_]) -> IntArray:
         """Indices of the points to compute, each different one once, without the points of `done`, shape (point,)."""
         return np.flatnonzero(self.to_compute & ~done)
+
+    def refuse_impossible(self) -> None:
+        """Refuse (InputError) a study whose every point is known to be jammed, unless it expects that."""
+        if Outcome.JAMMED in self.good_outcomes or self.study.accuracy:  # a pilot completes the values of points
+            return
+        chosen, ends = np.flatnonzero(self.points.allowed), Counter[str]()
+        for start in range(0, chosen.size, _LOOKED_AT):
+            rows = chosen[start : start + _LOOKED_AT]
+            foreseen = self.study.simulator.foreseen(self.columns(rows))
+            jammed = [reason for _, outcome, reason in foreseen if outcome is Outcome.JAMMED]
+            if len(jammed) < rows.size:
+                return
+            ends.update(jammed)
+        if ends:
+            (reason, _), *_ = ends.most_common(1)
+            which = "the point" if chosen.size == 1 else f"all {chosen.size:,} points"
+            raise InputError(f"parts do not fit or cannot move at {which} of the study, so nothing is run: {reason}")
 
     def columns(self, chosen: IntArray) -> dict[str, NDArray[Any]]:
         """All parameters of some points, each of shape (len(chosen),)."""

@@ -143,6 +143,7 @@ def run(
             fail_fast=fail_fast,
             progress=progress,
             take_over=take_over,
+            alone=True,
         )
 
 
@@ -155,11 +156,17 @@ def run_on(
     fail_fast: bool = False,
     progress: bool = True,
     take_over: bool = False,
+    alone: bool = False,
 ) -> RunSummary:
-    """`run` on an execution that several studies share, with its worker processes."""
+    """`run` on an execution that several studies share, with its worker processes.
+
+    A study that runs `alone` is refused where no point can exist; in a workflow it becomes a step that failed.
+    """
     study = study if isinstance(study, Study) else load_study(study)
     check_analyses(study)
     asked = StudyPoints(study, make_points(study))
+    if alone:
+        asked.refuse_impossible()
     with ResultDirectory(out, take_over) as directory:
         if study.accuracy:
             asked = _choose_models(asked, directory, execution, progress, take_over)

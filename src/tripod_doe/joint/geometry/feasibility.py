@@ -11,9 +11,7 @@ a lasting dent. It cannot move where that alone holds the roller on its trunnion
 slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
 survive.
 
-Rollers are spheres of radius R_s between two planes, w apart, at R_p from the axis. Neighbours have the plane at 60 deg
-to both trunnions between them, and overlap where the edge of the inner face, or the sphere between the faces, reaches
-beyond it.
+Solid parts in each other's place are in `overlaps`.
 
 At rest friction may have any value below its limit, so there is no thrust to compute; that of a quasi-static joint is
 the thrust at a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
@@ -23,9 +21,9 @@ law fades out, and the thrust with it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.quantities import rounded_up
@@ -73,43 +71,78 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     points
         The points.
     """
-    pitch, needle = points.needle_pitch_diameter, points.needle_diameter
-    bore = pitch + needle + 2 * points.bearing_radial_clearance
+    conflicts = [*_rings(points), *overlaps(points), *_preloads(points), *_skewed(points)]
+    return [(i, each.reason(i)) for each in conflicts for i in map(int, np.flatnonzero(each.bad))]
+
+
+def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
+    """Needles that do not fit between trunnion and bore."""
+    pitch, needle, spacing = points.needle_pitch_diameter, points.needle_diameter, _spacing(points, 0.0)
+
+    def no_trunnion(i: int) -> str:
+        return (
+            "the trunnion has no diameter: needle_diameter_mm must be below needle_pitch_diameter_mm "
+            f"({needle[i]:.4g} and {pitch[i]:.4g})"
+        )
+
+    def too_many(i: int) -> str:
+        most = int(most_needles(needle[i], pitch[i]))
+        return (
+            "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm, or raise "
+            f"needle_pitch_diameter_mm ({points.needle_count[i]:g} needles of {needle[i]:.4g} mm are "
+            f"{spacing[i]:.4g} mm apart; at most {most} fit)"
+        )
+
+    def no_wall(i: int) -> str:
+        return (
+            "the bore is larger than the roller: raise roller_radius_mm, or reduce needle_pitch_diameter_mm or "
+            f"needle_diameter_mm (radii {points.bore_radius[i]:.4g} and {points.roller_radius[i]:.4g} mm)"
+        )
+
+    return [
+        Overlap(needle >= pitch, no_trunnion),
+        Overlap(spacing < needle, too_many),
+        Overlap(points.bore_radius >= points.roller_radius, no_wall),
+    ]
+
+
+def _preloads(points: JointValues[FloatArray]) -> list[Overlap]:
+    """Bearings that are preloaded so much that they are dented or do not move."""
     load, held, pressure = _preload(points)
-    reasons = [
-        (needle >= pitch, "the trunnion has no diameter: needle_diameter_mm must be below needle_pitch_diameter_mm"),
-        (
-            _spacing(points, 0.0) < needle,
-            "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm",
-        ),
-        (bore >= 2 * points.roller_radius, "the bore is larger than the roller: raise roller_radius_mm"),
-        (
-            _rollers_overlap(points),
-            "neighbouring rollers overlap: raise pitch_radius_mm, or reduce roller_radius_mm or roller_width_mm",
-        ),
-        (
-            pressure > _STATIC_PRESSURE,
+
+    def dents(i: int) -> str:
+        return (
             f"the preload of the needles exceeds a contact pressure of {_STATIC_PRESSURE:g} MPa: raise "
-            "bearing_radial_clearance_mm",
-        ),
-        (
-            (held > load) & (load > 0),
+            f"bearing_radial_clearance_mm (at {points.bearing_radial_clearance[i]:.4g} the pressure is "
+            f"{pressure[i]:.4g} MPa)"
+        )
+
+    def holds(i: int) -> str:
+        return (
             "the sliding friction of the preloaded needles exceeds the mean contact force of a groove, so the rollers "
-            "cannot move on their trunnions: raise bearing_radial_clearance_mm or torque_n_m",
-        ),
-    ]
-    reasons += [
-        (_spacing(points, skew) < needle, f"needles skewed by initial_skew_{k}_deg do not fit beside each other")
-        for k, skew in enumerate(points.initial_skews, 1)
-    ]
-    return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
+            "cannot move on their trunnions: raise bearing_radial_clearance_mm or torque_n_m "
+            f"({held[i]:.4g} and {load[i]:.4g} N)"
+        )
+
+    return [Overlap(pressure > _STATIC_PRESSURE, dents), Overlap((held > load) & (load > 0), holds)]
 
 
-def _rollers_overlap(points: JointValues[FloatArray]) -> NDArray[np.bool_]:
-    """Whether a roller reaches beyond the plane between it and its neighbour, without joint angle."""
-    half, radius, pitch = points.roller_width / 2, points.roller_radius, points.pitch_radius
-    inner = np.minimum(half, np.sqrt(3) / 2 * radius)  # of the plane that the roller touches, from its middle
-    return np.asarray(np.sqrt(radius**2 - inner**2) > np.sqrt(3) * (pitch - inner))
+def _skewed(points: JointValues[FloatArray]) -> list[Overlap]:
+    """Needles that are skewed into each other."""
+
+    def crossed(k: int, skew: FloatArray) -> Overlap:
+        spacing = _spacing(points, skew)
+
+        def reason(i: int) -> str:
+            return (
+                f"needles skewed by initial_skew_{k}_deg do not fit beside each other: reduce it, or needle_count "
+                f"(at {np.degrees(skew[i]):.4g} deg their axes are {spacing[i]:.4g} mm apart, and needle_diameter_mm "
+                f"is {points.needle_diameter[i]:.4g})"
+            )
+
+        return Overlap(spacing < points.needle_diameter, reason)
+
+    return [crossed(k, skew) for k, skew in enumerate(points.initial_skews, 1)]
 
 
 def most_needles(diameter: FloatArray | float, pitch_diameter: FloatArray | float) -> FloatArray:
