@@ -74,6 +74,7 @@ def _run(options: argparse.Namespace) -> int:
         tls_ca_file=options.tls_ca_file,
         tls_cert=options.tls_cert,
         tls_key=options.tls_key,
+        refuse_impossible=True,
     )
     for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
         print(sentence, file=sys.stderr)

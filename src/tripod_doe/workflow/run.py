@@ -89,6 +89,7 @@ def run(
     tls_ca_file: str | Path | None = None,
     tls_cert: str | Path | None = None,
     tls_key: str | Path | None = None,
+    refuse_impossible: bool = False,
 ) -> RunSummary:
     """Run the missing points of a study, then make cube, costs, analyses and report.
 
@@ -119,6 +120,8 @@ def run(
         Take the lock of a process that is known to be dead.
     tls_ca_file, tls_cert, tls_key
         PEM files for a scheduler that talks TLS: certificates of its authority and of this client, and its key.
+    refuse_impossible
+        Refuse a study at all of whose points parts do not fit or cannot move, unless it expects that.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def run(
             fail_fast=fail_fast,
             progress=progress,
             take_over=take_over,
-            alone=True,
+            refuse_impossible=refuse_impossible,
         )
 
 
@@ -156,16 +159,13 @@ def run_on(
     fail_fast: bool = False,
     progress: bool = True,
     take_over: bool = False,
-    alone: bool = False,
+    refuse_impossible: bool = False,
 ) -> RunSummary:
-    """`run` on an execution that several studies share, with its worker processes.
-
-    A study that runs `alone` is refused where no point can exist; in a workflow it becomes a step that failed.
-    """
+    """`run` on an execution that several studies share, with its worker processes."""
     study = study if isinstance(study, Study) else load_study(study)
     check_analyses(study)
     asked = StudyPoints(study, make_points(study))
-    if alone:
+    if refuse_impossible:
         asked.refuse_impossible()
     with ResultDirectory(out, take_over) as directory:
         if study.accuracy:
