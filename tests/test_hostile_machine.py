@@ -115,7 +115,9 @@ def test_a_damaged_study_beside_its_results_is_told_or_harmless(bench, stored, c
         assert code in (0, 2), content
         assert "Traceback" not in told
         if code == 2:
-            assert "put the file that was run in its place" in told or "the study differs from that of" in told, content
+            assert "put the file that was run in its place" in told or "the study differs from the study of" in told, (
+                content
+            )
 
 
 @pytest.mark.slow

@@ -10,8 +10,7 @@ from threadpoolctl import ThreadpoolController
 
 def one_thread() -> AbstractContextManager[object]:
     """Keep NumPy's and SciPy's linear algebra to one thread within a ``with`` block."""
-    limited: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
-    return limited
+    return _libraries().limit(limits=1, user_api="blas")
 
 
 @cache

@@ -196,8 +196,7 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
 
 def wrapped_phases(degrees: FloatArray) -> FloatArray:
     """Phases above -180 and up to 180 deg."""
-    wrapped: FloatArray = 180 - (180 - degrees) % 360
-    return wrapped
+    return 180 - (180 - degrees) % 360
 
 
 def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:

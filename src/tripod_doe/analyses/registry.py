@@ -248,7 +248,7 @@ def _load(place: str) -> Callable[..., Any]:
     """The function at a place of this registry."""
     module, _, name = place.partition(":")
     home = module if module.startswith("tripod_doe.") else f"tripod_doe.analyses.{module}"
-    return getattr(import_module(home), name)  # type: ignore[no-any-return]
+    return getattr(import_module(home), name)
 
 
 def findings_of(name: str, data: xr.Dataset) -> list[str]:
@@ -259,7 +259,7 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
         data: A study's cube or the result of an analysis; one of an unknown kind has no sentences.
     """
     if is_study(data):
-        return _load("findings:find")(data)  # type: ignore[no-any-return]
+        return _load("findings:find")(data)
     row = ANALYSES.get(kind_of(data))
     return _load(row.sentences)(data, name) if row and row.sentences else []
 

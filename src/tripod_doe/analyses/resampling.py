@@ -43,5 +43,4 @@ def random_halves(count: int, resamples: int, seed: int) -> list[IntArray]:
 
 def half_width(estimates: FloatArray, confidence: float) -> FloatArray:
     """Half width of an interval from estimates of resamples along the first axis."""
-    width: FloatArray = NormalDist().inv_cdf(0.5 + confidence / 2) * np.asarray(estimates).std(axis=0, ddof=1)
-    return width
+    return NormalDist().inv_cdf(0.5 + confidence / 2) * np.asarray(estimates).std(axis=0, ddof=1)

@@ -115,7 +115,7 @@ def _run_command(arguments: Sequence[str]) -> int:
             damaged = f"a netCDF file of these results is damaged ({error}); tripod-doe check DIR names it"
             print(f"tripod-doe: {damaged}", file=sys.stderr)
             return WRONG_INPUT
-        return _told(error)
+        return _printed(error)
 
 
 def _flushed(code: int) -> int:
@@ -123,12 +123,12 @@ def _flushed(code: int) -> int:
     try:
         sys.stdout.flush()
     except OSError as error:
-        return _told(error)
+        return _printed(error)
     return code
 
 
-def _told(error: Exception) -> int:
-    """Say on standard error what went wrong on this machine, or in this program; returns the exit code."""
+def _printed(error: Exception) -> int:
+    """Print the reason of an error on standard error; returns the exit code."""
     try:
         if reason := _reason(error):
             print(f"tripod-doe: {reason}", file=sys.stderr)

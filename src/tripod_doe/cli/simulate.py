@@ -15,7 +15,7 @@ from tripod_doe.quantities import duration
 if TYPE_CHECKING:
     from tripod_doe.simulator import Parameter, Simulator
 
-_LONG = 1.0  # CPU seconds of a point from which on its price is told before it is simulated
+_LONG = 1.0  # CPU seconds of a point above which its price is printed first
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:

@@ -97,8 +97,8 @@ def _add_error_answers(app: FastAPI) -> None:
         return answer(request, RefusedError(503, str(error)))
 
     async def busy(request: Request, error: Exception) -> Response:
-        told = "all workers are at work: ask again in a moment"
-        return answer(request, RefusedError(503, told, headers={"retry-after": "5"}))
+        message = "all workers are at work: ask again in a moment"
+        return answer(request, RefusedError(503, message, headers={"retry-after": "5"}))
 
     async def failed(request: Request, error: Exception) -> Response:
         known = error if not isinstance(error, WorkerFailedError) else None

@@ -1,4 +1,4 @@
-"""What one request, one study and the queue may ask for; every limit is told beforehand, at ``GET /api/v1/limits``."""
+"""Limits of a request, a study and the queue; ``GET /api/v1/limits`` lists them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest values that the service takes; see `MEANINGS` for what each is."""
+    """Largest values that the service takes; `MEANINGS` says what each limits."""
 
     body_bytes: int = 256 * 1024
     measurement_bytes: int = 16 * 1024 * 1024
@@ -26,7 +26,7 @@ class Limits:
     streams: int = 1_000
     connections: int = 1_500
 
-    def told(self) -> list[dict[str, Any]]:
+    def described(self) -> list[dict[str, Any]]:
         """All limits with their meanings, for programs and for the page."""
         return [{"name": name, "value": value, "meaning": MEANINGS[name]} for name, value in asdict(self).items()]
 
@@ -48,4 +48,4 @@ MEANINGS = {
     "streams": "event streams open at the same time",
     "connections": "connections open at the same time; fewer where the system allows fewer open files",
 }
-"""What each limit is."""
+"""Meaning of each limit."""

@@ -1,7 +1,7 @@
-"""What the server says on standard error: bounded in number and in length, and without control characters.
+"""The log of the server on standard error: bounded in number and in length, without control characters.
 
-Clients decide how often something goes wrong and what stands in a message; neither may fill a disk or write to a
-terminal as it likes.
+Clients decide how often an error occurs and what its message holds; neither may fill a disk or control a terminal.
+
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _CONTROL = re.compile(r"[^\S \n\t]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Bounded(logging.Filter):
-    """Passes so many messages in a minute.
+    """Passes a limited number of messages a minute.
 
     Args:
         clock: Seconds that never run backwards.
@@ -34,7 +34,7 @@ class Bounded(logging.Filter):
         self._passed = self._held = 0
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a message is passed; the first of a minute also tells how many were held back before."""
+        """Whether a message is passed; the first of a minute also counts the messages held back before."""
         held = 0
         if self._clock() >= self._until:
             held, self._until = self._held, self._clock() + _MINUTE

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.errors import ForbiddenError, InputError, TooLargeError
 
 _MESSAGE = re.compile(
-    r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<told>.*)", re.DOTALL
+    r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<message>.*)", re.DOTALL
 )
 _NAMED = re.compile(r"unknown (?:key|parameter|output|name) '([^']+)'|^([\w.-]+) is (?:missing|both)|^([\w.-]+): ")
 _STEP = re.compile(r"^\[steps\.[^\]]+\]: ")
@@ -67,9 +67,9 @@ def form_problem(item: Mapping[str, Any]) -> Problem:
     place = [str(part) for part in item["loc"] if part not in ("body", "query", "path", "header")]
     key = ".".join(place)[:_LONGEST] or None
     value = item.get("input")
-    told = item["msg"].removeprefix("Value error, ")
-    told = told[0].lower() + told[1:]
-    return Problem(message=f"{key}: {told}" if key else told, key=key, value=_plain(value))
+    message = item["msg"].removeprefix("Value error, ")
+    message = message[0].lower() + message[1:]
+    return Problem(message=f"{key}: {message}" if key else message, key=key, value=_plain(value))
 
 
 def _plain(value: Any) -> Any:
@@ -99,12 +99,12 @@ def problems_of(error: InputError | str, texts: Mapping[str, str]) -> list[Probl
     return problems
 
 
-def _problem(told: str, file: str | None, texts: Mapping[str, str]) -> Problem:
-    while (name := next((name for name in texts if _STEP.sub("", told).startswith(f"{name}: ")), None)) is not None:
-        file, told = name, _STEP.sub("", told).removeprefix(f"{name}: ")  # a workflow's goes on with its study's
-    match = _MESSAGE.fullmatch(told)
+def _problem(message: str, file: str | None, texts: Mapping[str, str]) -> Problem:
+    while (name := next((name for name in texts if _STEP.sub("", message).startswith(f"{name}: ")), None)) is not None:
+        file, message = name, _STEP.sub("", message).removeprefix(f"{name}: ")  # a workflow's goes on with its study's
+    match = _MESSAGE.fullmatch(message)
     assert match is not None
-    table, key, value, rest = match["table"], match["key"], match["value"], match["told"]
+    table, key, value, rest = match["table"], match["key"], match["value"], match["message"]
     if key is None and (named := _NAMED.search(rest)):
         key = next(name for name in named.groups() if name)
     path = [*(table.split(".") if table else []), *(key.split(".") if key else [])]
@@ -113,10 +113,10 @@ def _problem(told: str, file: str | None, texts: Mapping[str, str]) -> Problem:
     elif table and not key:
         key = path[-1]
     path[:1] = [_TABLES.get(name, name) for name in path[:1]]
-    line, column = _place(told, texts.get(file or ""), path)
+    line, column = _place(message, texts.get(file or ""), path)
     near = _NEAR.search(rest)
     return Problem(
-        message=told,
+        message=message,
         key=key,
         value=_value(value),
         line=line,
@@ -127,11 +127,11 @@ def _problem(told: str, file: str | None, texts: Mapping[str, str]) -> Problem:
     )
 
 
-def _place(told: str, text: str | None, path: list[str]) -> tuple[int | None, int | None]:
+def _place(message: str, text: str | None, path: list[str]) -> tuple[int | None, int | None]:
     place: Place | None = None
-    if at := _AT.search(told):
+    if at := _AT.search(message):
         place = Place(int(at[1]), int(at[2]))
-    elif text is not None and told.endswith("(at end of document)"):
+    elif text is not None and message.endswith("(at end of document)"):
         lines = text.split("\n")
         place = Place(len(lines), len(lines[-1]) + 1)
     elif text is not None and path:

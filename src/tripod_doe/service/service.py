@@ -1,4 +1,4 @@
-"""What the service does, for its routes and for its pages: one object that a server owns."""
+"""The service behind routes and pages: one object that a server owns."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Service:
         self._started = self._closed = False
 
     def start(self) -> None:
-        """Find runs, and start what answers; once is enough."""
+        """Read the table of runs, and start workers; a second call does nothing."""
         if self._started:
             return
         self._started = True
@@ -60,10 +60,10 @@ class Service:
             for left in self.settings.folder.glob(f"{_UPLOADS}*"):
                 shutil.rmtree(left, ignore_errors=True)
         self.runs.start()
-        threading.Thread(target=self._find, name="finding", daemon=True).start()
+        threading.Thread(target=self._adopt_directories, name="directories", daemon=True).start()
 
-    def _find(self) -> None:
-        """Show the directories that the command line filled; one that cannot be shown is told on standard error."""
+    def _adopt_directories(self) -> None:
+        """Show the directories that the command line filled; name those that cannot be shown on standard error."""
         self._pool.warm()
         limits = self.settings.limits
         for path in result_directories(self.settings.folder, self.runs.known_places()):
@@ -75,11 +75,11 @@ class Service:
                 if self._closed:
                     return
                 log.warning("%s is not shown: %s", path.name, error)
-            except Exception:  # one that cannot be shown keeps no other away
+            except Exception:  # the others are still to be shown
                 log.exception("%s is not shown", path.name)
 
     def close(self) -> None:
-        """End everything but the runs."""
+        """End supervision and workers; runs go on."""
         self._closed = True
         self.runs.close()
         self._pool.close()
@@ -93,14 +93,14 @@ class Service:
         return pool.ask(f"{_QUESTIONS}:plan", seconds, as_json, body=body, limits=limits)
 
     def submit(self, body: bytes, key: str | None = None) -> Run:
-        """Check a study or a workflow, and put it into the queue."""
+        """Check a study or a workflow, and queue it."""
         with self._upload_folder() as upload:
             plan, digest = self.ask_body("check", body, folder=str(upload))
             return self.runs.submit(upload, plan, key, digest)
 
     @contextmanager
     def _upload_folder(self) -> Iterator[Path]:
-        """A folder to be made in the folder of runs; what is not taken from there is removed at the end."""
+        """Name a new folder beside the runs; what is not moved from there is removed at the end."""
         folder = self.settings.folder
         try:
             place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=folder))
@@ -113,13 +113,11 @@ class Service:
 
     def simulate(self, body: bytes) -> bytes:
         """One point, as ``simulate --format json`` gives it."""
-        answer: bytes = self._compute("simulate", body, as_json=True)
-        return answer
+        return self._compute("simulate", body, as_json=True)
 
     def simulated(self, body: bytes) -> dict[str, Any]:
         """One point with figures of all its outputs."""
-        answer: dict[str, Any] = self._compute("simulated", body)
-        return answer
+        return self._compute("simulated", body)
 
     def _compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
         limits = self.settings.limits
@@ -135,7 +133,7 @@ class Service:
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:
-        """Best and worst point of a run; None where its cube cannot tell."""
+        """Best and worst point of a run; None where its cube lacks the order."""
         try:
             path = str(self.directory(run.id))
             extremes: dict[str, Any] | None = self.ask("explorer.questions:extremes", path=path, order=order)
@@ -156,7 +154,7 @@ class Service:
     ) -> bytes:
         """Cells of a run's cube, of a workflow's step or of an analysis: JSON or CSV text, or a netCDF file."""
         path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
-        answer: bytes = self.ask(
+        return self.ask(
             f"{_QUESTIONS}:query",
             path=str(path),
             variable=variable,
@@ -166,23 +164,20 @@ class Service:
             form=form,
             cells=self.settings.limits.cells,
         )
-        return answer
 
     def write_cube_so_far(self, run_id: str, step: str | None, folder: Path) -> None:
         """Write the cube of the points that a run has finished into a folder."""
         self.ask(f"{_QUESTIONS}:cube", path=str(self.results(run_id, step)), folder=str(folder))
 
     def describe(self, run_id: str, step: str | None = None, analysis: str | None = None) -> bytes:
-        """What a run's cube holds, as JSON; see `descriptions.describe_cube`."""
+        """Contents of a run's cube, as JSON; see `descriptions.describe_cube`."""
         path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
-        answer: bytes = self.ask(f"{_QUESTIONS}:describe", as_json=True, path=str(path))
-        return answer
+        return self.ask(f"{_QUESTIONS}:describe", as_json=True, path=str(path))
 
     def analyses(self, run_id: str, step: str | None = None) -> bytes:
         """Results of a run's analyses, as JSON; of a workflow, those of its steps."""
         paths = self.analysis_files(run_id, step)
-        answer: bytes = self.ask(f"{_QUESTIONS}:analyses", as_json=True, paths=paths)
-        return answer
+        return self.ask(f"{_QUESTIONS}:analyses", as_json=True, paths=paths)
 
     def analysis_files(self, run_id: str, step: str | None = None) -> dict[str, str]:
         """Files of a run's analyses by name; of a workflow, those of its steps."""
@@ -195,7 +190,7 @@ class Service:
         return {path.stem: str(path) for path in sorted((self.results(run_id, step) / "analysis").glob("*.nc"))}
 
     def studies_behind(self, run_id: str, name: str, step: str | None = None) -> dict[str, str]:
-        """Directories of the studies that an analysis has read, by step; that of the run itself, without a name."""
+        """Directories of the studies that an analysis has read, by step; the step of a single study is empty."""
         run = self.runs.find(run_id)
         if run.kind != "workflow" or step:
             return {step or "": str(self.results(run_id, step))}
@@ -212,19 +207,18 @@ class Service:
     def compare(self, run_id: str, body: bytes, step: str | None) -> bytes:
         """A measurement beside a point of a run's cube, as ``compare --format json`` gives it."""
         path = str(self.results(run_id, step))
-        answer: bytes = self.ask_body("compare", body, as_json=True, path=path)
-        return answer
+        return self.ask_body("compare", body, as_json=True, path=path)
 
     def plan_of(self, run_id: str) -> dict[str, Any]:
-        """The price that a run had when it was submitted, and the choice of its models where a pilot makes it."""
+        """The price of a run when it was submitted, and the choice of its models where a pilot makes it."""
         run, directory = self.runs.find(run_id), self.directory(run_id)
-        told = dict(run.plan)
+        plan = dict(run.plan)
         if run.plan.get("model_chosen_by_pilot"):
-            told["choice"] = self.ask(f"{_QUESTIONS}:choice", folder=str(directory / UPLOAD), path=str(directory))
-        return told
+            plan["choice"] = self.ask(f"{_QUESTIONS}:choice", folder=str(directory / UPLOAD), path=str(directory))
+        return plan
 
     def upload_of(self, run_id: str) -> dict[str, Any]:
-        """What was submitted as a run: its study or workflow, and its files."""
+        """The study or workflow that was submitted as a run, and its files."""
         run = self.runs.find(run_id)
         folder = self.directory(run_id) / UPLOAD
         if run.place:
@@ -232,11 +226,17 @@ class Service:
         texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
 
+    def submitted_texts(self, run_id: str) -> dict[str, str]:
+        """The texts of an upload by file name, the study or the workflow first."""
+        upload = self.upload_of(run_id)
+        kind = next(name for name in upload if name != "files")
+        return {main_file(kind): upload[kind], **upload["files"]}
+
     def extend(self, run_id: str, body: bytes) -> Run:
-        """Put a run into the queue with a study that grew: what is there is kept, and only new points run.
+        """Queue a run with a study that grew: its results are kept, and only new points run.
 
         Raises:
-            RefusedError: 409 if the run is not at rest, or is that of a workflow.
+            RefusedError: 409 if the run is not at rest, or runs a workflow.
         """
         if self.runs.find(run_id).kind == "workflow":
             raise RefusedError(409, "only the run of a study can be extended, by a study")
@@ -246,17 +246,17 @@ class Service:
             return self.runs.extend(run_id, upload, plan)
 
     def directory(self, run_id: str) -> Path:
-        """The directory of a run, from which something is to be delivered.
+        """The directory of a run, for delivery.
 
         Raises:
-            RefusedError: 404 if there is no such run, 403 if its directory holds what must not be delivered.
+            RefusedError: 404 if there is no such run, 403 if its directory holds a file that must not be delivered.
         """
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
         check_delivered(directory, bool(run.place))
         return directory
 
     def results(self, run_id: str, step: str | None = None) -> Path:
-        """The directory with a run's cube; that of one of its steps for a workflow.
+        """The directory with the cube of a run, or of a step of a workflow.
 
         Raises:
             RefusedError: 404 if there is no such run or step, 409 where a workflow needs a step.

@@ -71,7 +71,9 @@ def read_token(path: Path) -> str:
 def _make_token(path: Path) -> None:
     """Make a file with a new token; one that somebody else makes meanwhile stays, and is looked at as any other."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    number, fresh = tempfile.mkstemp(dir=path.parent, prefix=".token-")  # a name that nobody can have taken before
+    number, fresh = tempfile.mkstemp(
+        dir=path.parent, prefix=".token-"
+    )  # a name that no other user can have taken before
     try:
         with open(number, "w", encoding="ascii") as stream:
             stream.write(secrets.token_urlsafe(32) + "\n")

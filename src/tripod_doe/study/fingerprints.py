@@ -34,8 +34,7 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
     def fingerprint(row: FloatArray) -> bytes:
         digest = start.copy()
         digest.update(row)
-        done: bytes = digest.digest()
-        return done
+        return digest.digest()
 
     keys = np.empty(points.count, "V16")
     rows = np.repeat(_numbers(fixed, rest, 1), min(_CHUNK, points.count), axis=0)

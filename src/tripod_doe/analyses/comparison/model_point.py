@@ -133,8 +133,7 @@ def model_orders(point: xr.Dataset) -> ComplexArray:
     """Complex amplitudes of the model, shape (order,)."""
     if "thrust_amplitude" in point and "thrust_phase_deg" in point:
         return complex_orders(point)
-    orders: ComplexArray = complex_amplitudes(point["thrust"].values.reshape(2, -1)).mean(axis=0)
-    return orders
+    return complex_amplitudes(point["thrust"].values.reshape(2, -1)).mean(axis=0)
 
 
 def model_waveform(point: xr.Dataset, model: ComplexArray, wave: ComplexArray) -> FloatArray:

@@ -121,8 +121,7 @@ def _revolutions(rotation_deg: FloatArray) -> FloatArray:
             f"the record covers {span / 360:.2f} revolutions; at least two whole ones are needed to compute "
             f"the scatter between revolutions: measure longer, or check {option('pulses_per_revolution')}"
         )
-    bounds: FloatArray = rotation_deg[0] + 360.0 * np.arange(count + 1)
-    return bounds
+    return rotation_deg[0] + 360.0 * np.arange(count + 1)
 
 
 def _fit(angle_deg: FloatArray, force: FloatArray) -> ComplexArray:
@@ -171,8 +170,7 @@ def resample(rotation_deg: FloatArray, thrust_n: FloatArray) -> FloatArray:
 def _integral_at(at: FloatArray, angle: FloatArray, force: FloatArray, integral: FloatArray) -> FloatArray:
     """The integral of the straight lines between samples, at any angle among them."""
     row = np.clip(np.searchsorted(angle, at, side="right") - 1, 0, angle.size - 1)
-    answer: FloatArray = integral[row] + (at - angle[row]) * (force[row] + np.interp(at, angle, force)) / 2
-    return answer
+    return integral[row] + (at - angle[row]) * (force[row] + np.interp(at, angle, force)) / 2
 
 
 def _meaning(unit: str, meaning: str) -> dict[str, str]:

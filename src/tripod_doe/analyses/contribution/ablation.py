@@ -70,8 +70,7 @@ class Projections:
         return np.array([self._row.get((at, combination), -1) for at in range(self._points)], np.int64)
 
     def _amplitudes(self, combination: int) -> ComplexArray:
-        amplitudes: ComplexArray = self._values[self._rows(combination)]
-        return amplitudes
+        return self._values[self._rows(combination)]
 
     def missing(self, combination: int) -> NDArray[np.bool_]:
         """Whether a combination has no result at all, of each operating point."""
@@ -88,15 +87,13 @@ class Projections:
         """Parts of A_all in percent, (point, part, own dimensions) -> (operating point, part, own dimensions)."""
         square = np.where(self.weak, np.nan, self.total)[:, None] ** 2
         there = np.concatenate([parts, np.full_like(parts[:1], np.nan)])[self._rows(self.all_on)]
-        projected: FloatArray = 100 * (there * self._reference[:, None].conj()).real / square + 0.0
-        return projected
+        return 100 * (there * self._reference[:, None].conj()).real / square + 0.0
 
 
 def _largest(values: ComplexArray) -> FloatArray:
     """Largest magnitude of each point over its own dimensions, zero where it has none."""
     magnitude: FloatArray = np.nan_to_num(np.abs(values).reshape(len(values), -1))
-    largest: FloatArray = magnitude.max(axis=1, initial=0.0)
-    return largest
+    return magnitude.max(axis=1, initial=0.0)
 
 
 def has_all_combinations(cube: xr.Dataset) -> bool:

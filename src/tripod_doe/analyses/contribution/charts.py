@@ -81,8 +81,7 @@ def _usual(shares: FloatArray) -> FloatArray:
         return np.zeros(1)
     lower, upper = np.quantile(known, (0.25, 0.75))
     reach = _FENCE * (upper - lower)
-    usual: FloatArray = known[(known >= lower - reach) & (known <= upper + reach)]
-    return usual
+    return known[(known >= lower - reach) & (known <= upper + reach)]
 
 
 def _draw_spread(axes: Axes, row: int, known: FloatArray, low: float, high: float) -> None:

@@ -57,8 +57,7 @@ def parameter_differences(a: xr.Dataset, b: xr.Dataset, leave_out: Collection[st
 
 def fixed_parameters(cube: xr.Dataset) -> dict[str, Any]:
     """Parameters that have one value in all points of a cube."""
-    fixed: dict[str, Any] = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
-    return fixed
+    return json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
 
 
 def _parsed(text: str) -> dict[str, Any]:

@@ -121,8 +121,7 @@ def diff_json(found: Diff) -> str:
 
 def diff_object(found: Diff) -> dict[str, Any]:
     """All differences as plain lists and objects."""
-    plain: dict[str, Any] = json.loads(diff_json(found))
-    return plain
+    return json.loads(diff_json(found))
 
 
 def diff_csv(found: Diff) -> str:

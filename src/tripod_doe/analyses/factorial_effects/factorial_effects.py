@@ -133,8 +133,7 @@ def _pseudo_error(effects: FloatArray) -> FloatArray:
     small = np.where(size < 2.5 * rough, size, np.nan)
     with np.errstate(invalid="ignore"):
         middle = np.nanmedian(np.where(np.isfinite(small).any(axis=0), small, 0.0), axis=0)
-    error: FloatArray = 1.5 * middle
-    return error
+    return 1.5 * middle
 
 
 def _fit(terms: Terms, values: FloatArray, confidence: float) -> dict[str, FloatArray]:

@@ -56,8 +56,7 @@ def curve_shapes(curves: FloatArray, error: float) -> IntArray:
 
 def _largest_rise(curves: FloatArray) -> FloatArray:
     """Largest rise from any value to a later one, shape (curve,)."""
-    rise: FloatArray = (curves - np.minimum.accumulate(curves, axis=1)).max(axis=1)
-    return rise
+    return (curves - np.minimum.accumulate(curves, axis=1)).max(axis=1)
 
 
 def _falls_then_rises(curves: FloatArray, error: float) -> NDArray[np.bool_]:
@@ -68,15 +67,13 @@ def _falls_then_rises(curves: FloatArray, error: float) -> NDArray[np.bool_]:
     before, after = np.where(at <= lowest, curves, bottom), np.where(at >= lowest, curves, bottom)
     one_way = (_largest_rise(before) <= error) & (_largest_rise(-after) <= error)
     higher = (curves[:, [0, -1]] - bottom > error).all(axis=1)
-    turned: NDArray[np.bool_] = one_way & higher
-    return turned
+    return one_way & higher
 
 
 def extreme_levels(level: FloatArray, curve: FloatArray, shape: Shape, error: float) -> FloatArray:
     """The levels of the optimum of a valley or a peak: those whose values do not differ from the extreme one."""
     extreme = curve.max() if shape is Shape.PEAK else curve.min()
-    chosen: FloatArray = level[np.abs(curve - extreme) <= error]
-    return chosen
+    return level[np.abs(curve - extreme) <= error]
 
 
 def mirror_level(level: FloatArray, curve: FloatArray, error: float) -> float | None:

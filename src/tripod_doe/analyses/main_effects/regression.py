@@ -72,8 +72,7 @@ def _basis(column: Column) -> FloatArray:
     basis = _encoded(column)
     if is_numeric(column) and np.unique(column).size > 2:
         basis = np.concatenate([basis, basis**2], axis=1)
-    centred: FloatArray = basis - basis.mean(axis=0)
-    return centred
+    return basis - basis.mean(axis=0)
 
 
 def _others(columns: Mapping[str, Column], factor: str) -> FloatArray:
@@ -89,8 +88,7 @@ def _products(columns: Mapping[str, Column]) -> FloatArray:
     if not products:
         return np.empty((len(next(iter(columns.values()))), 0))
     stacked = np.stack(products, axis=1)
-    centred: FloatArray = stacked - stacked.mean(axis=0)
-    return centred
+    return stacked - stacked.mean(axis=0)
 
 
 def _explained(column: FloatArray, by: FloatArray) -> float:

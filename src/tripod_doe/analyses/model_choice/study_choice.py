@@ -139,10 +139,10 @@ def describe_choice(study: Study, directory: Path | None) -> str:
                 *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
             ]
         )
-    return "\n".join(_told(choice))
+    return "\n".join(_summary(choice))
 
 
-def _told(choice: xr.Dataset) -> list[str]:
+def _summary(choice: xr.Dataset) -> list[str]:
     """A choice in lines: what it takes, what each candidate missed in the pilot, and what it costs."""
     attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
     if not pilot:

@@ -213,7 +213,6 @@ def _quotient(answer: FloatArray, influences: list[FloatArray], alone: FloatArra
     index = answer[at] / answer[1]
 
     def scatter(part: FloatArray) -> FloatArray:
-        both: FloatArray = (part[at] - index * part[1]) / answer[1]
-        return both
+        return (part[at] - index * part[1]) / answer[1]
 
     return Estimate(float(index), *_spread([scatter(part) for part in influences]), float(scatter(alone).var(ddof=1)))

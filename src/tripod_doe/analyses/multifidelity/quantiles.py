@@ -65,14 +65,12 @@ def _places(values: list[FloatArray]) -> FloatArray:
     largest = np.concatenate([seen[0], seen[-1]])
     tails = np.geomspace(1e-4, 0.1, 40)
     levels = np.unique(np.concatenate([[0, 1], tails, 1 - tails, np.linspace(0.1, 0.9, _LEVELS - 80)]))
-    places: FloatArray = np.unique(np.concatenate([seen[0], np.quantile(largest, levels)]))
-    return places
+    return np.unique(np.concatenate([seen[0], np.quantile(largest, levels)]))
 
 
 def _at_most(values: FloatArray, at: FloatArray) -> FloatArray:
     """Share of the points that are at most as large, shape (place,)."""
-    shares: FloatArray = np.searchsorted(np.sort(values.ravel()), at, side="right") / values.size
-    return shares
+    return np.searchsorted(np.sort(values.ravel()), at, side="right") / values.size
 
 
 def _distribution(values: list[FloatArray], at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -155,8 +153,7 @@ def _variance_of_truth(residual: FloatArray, below: NDArray[np.bool_]) -> FloatA
     centred = residual - residual.mean(axis=(0, 1))
     wrong = (np.abs(centred) > 0.5).sum(axis=(0, 1))
     share = (wrong + _ADDED) / (count + 2 * _ADDED)
-    least: FloatArray = np.maximum(scatter, share * (1 - share) / count)
-    return least
+    return np.maximum(scatter, share * (1 - share) / count)
 
 
 def _variance_of_others(

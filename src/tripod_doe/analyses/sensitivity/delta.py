@@ -44,8 +44,7 @@ def _density(values: FloatArray, at: FloatArray) -> FloatArray:
     """Gaussian kernel density with Silverman's width."""
     width = values.std(ddof=1) * (values.size * 3 / 4) ** -0.2
     scaled = (at[:, None] - values) / width
-    density: FloatArray = np.exp(-0.5 * scaled**2).sum(axis=1) / (values.size * width * np.sqrt(2 * np.pi))
-    return density
+    return np.exp(-0.5 * scaled**2).sum(axis=1) / (values.size * width * np.sqrt(2 * np.pi))
 
 
 def _indices(values: FloatArray, factors: FloatArray) -> FloatArray:

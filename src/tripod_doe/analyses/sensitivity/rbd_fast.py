@@ -54,8 +54,7 @@ def _ordered_indices(parts: FloatArray, orders: list[IntArray]) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         index = own / (centred**2).mean(axis=1).sum(axis=0)
     share = 2 * _RBD_HARMONICS / count
-    unbiased: FloatArray = index - share / (1 - share) * (1 - index)
-    return unbiased
+    return index - share / (1 - share) * (1 - index)
 
 
 METHOD = Method(_rbd_fast, designs=SAMPLED_DESIGNS, ranked="S1", meanings={"S1": "first-order Sobol' index"})

@@ -36,8 +36,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
     weights = np.concatenate([np.full((1, count), 1 / count), draws])  # the first row is the estimate itself
 
     def mean(products: FloatArray) -> FloatArray:
-        averaged: FloatArray = weights @ products.sum(axis=0)
-        return averaged
+        return weights @ products.sum(axis=0)
 
     middle = weights @ ((a + b) / 2)  # (part, resample, component)
     variance = mean((a**2 + b**2) / 2) - (middle**2).sum(axis=0)

@@ -305,7 +305,7 @@ def _case_variables(
         "default_method": ("case", [case.default_method for case in cases], {"long_name": "default method"}),
         "reference": (
             "case",
-            [_told(reference) for reference in referred],
+            [_described(reference) for reference in referred],
             {"long_name": "reference run, and the method that agrees with it best"},
         ),
         "reference_error": (
@@ -332,7 +332,7 @@ def _case_variables(
     }
 
 
-def _told(reference: _Reference | None) -> str:
+def _described(reference: _Reference | None) -> str:
     if reference is None:
         return ""
     return f"{reference.run.described}, with {reference.witness}"

@@ -227,8 +227,7 @@ def _output(cube: xr.Dataset, settings: StabilitySettings) -> FloatArray:
     if values.dims != cube["outcome"].dims:
         left = [str(dim) for dim in values.dims if dim not in cube["outcome"].dims]
         raise InputError(f"{settings.output} has one value per {left[0]}; choose one with select")
-    column: FloatArray = values.values.ravel().astype(float)
-    return column
+    return values.values.ravel().astype(float)
 
 
 def _references(runs: _Runs) -> tuple[FloatArray, FloatArray, FloatArray, list[str]]:

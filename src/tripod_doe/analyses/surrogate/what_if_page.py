@@ -59,8 +59,7 @@ class Quantity:
     def unwrapped(self, components: FloatArray) -> FloatArray:
         """The number, a phase beyond 180 deg where others lie near."""
         chosen = components[:, self.parts]
-        number: FloatArray = chosen[:, 0] if len(self.parts) == 1 else np.hypot(chosen[:, 0], chosen[:, 1])
-        return number
+        return chosen[:, 0] if len(self.parts) == 1 else np.hypot(chosen[:, 0], chosen[:, 1])
 
 
 @dataclass(frozen=True)

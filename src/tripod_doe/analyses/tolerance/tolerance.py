@@ -82,8 +82,7 @@ def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
     if scatter is None:
         return np.full(column.size, np.nan)
     x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
-    weights: FloatArray = 2 * scatter.density(scatter.centre + 2 * (x - scatter.centre)) / scatter.density(x)
-    return weights
+    return 2 * scatter.density(scatter.centre + 2 * (x - scatter.centre)) / scatter.density(x)
 
 
 def _gains(

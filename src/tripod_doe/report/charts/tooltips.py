@@ -41,13 +41,13 @@ def mark_points(figure: Figure) -> dict[str, list[str]]:
         for line in axes.lines:
             if line.get_marker() not in ("None", "", " ", None):
                 places = [place for place in np.asarray(line.get_xydata(), float).tolist() if math.isfinite(sum(place))]
-                mark(line, [_told(scales, line.get_label(), place) for place in places])
+                mark(line, [_tooltip(scales, line.get_label(), place) for place in places])
         for bars in axes.containers:
             across = getattr(bars, "orientation", "") == "horizontal"
             for bar in getattr(bars, "patches", ()):
                 x, y = bar.get_x() + bar.get_width() / 2, bar.get_y() + bar.get_height() / 2
                 place = [bar.get_width(), round(y)] if across else [round(x), bar.get_height()]
-                mark(bar, [_told(scales, bars.get_label(), place)])
+                mark(bar, [_tooltip(scales, bars.get_label(), place)])
     return texts if sum(map(len, texts.values())) <= _MOST else {}
 
 
@@ -66,7 +66,7 @@ class _Scale:
         return f"{self.label}: {text}" if self.label else text
 
 
-def _told(scales: list[_Scale], series: object, place: list[float]) -> str:
+def _tooltip(scales: list[_Scale], series: object, place: list[float]) -> str:
     """Both coordinates, after the name of the series if it has one."""
     name = [] if str(series).startswith("_") else [str(series)]
     return "; ".join(name + [scale.text(value) for scale, value in zip(scales, place, strict=True)])

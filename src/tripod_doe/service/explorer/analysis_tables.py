@@ -22,7 +22,7 @@ from tripod_doe.service.explorer.view import View
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 _MOST_ROWS = 200
-_BESIDE = ("_conf", "_low", "_high", "_error", "_flag")  # endings of what is told beside a number, or not at all
+_SIDE_NUMBERS = ("_conf", "_low", "_high", "_error", "_flag")  # endings of numbers shown beside another, or not at all
 _OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of the analysis, not about the joint
 
 
@@ -33,10 +33,10 @@ def results(paths: Mapping[str, str], order: int | None) -> Any:
         For each: ``name``, ``kind``, ``findings``, the ``orders`` that it has, its ``text`` table (heads, rows, points
         of each row) where its kind has one, and ``tables`` of its numbers.
     """
-    return [_told(name, read_dataset(Path(path)), order) for name, path in paths.items()]
+    return [_result(name, read_dataset(Path(path)), order) for name, path in paths.items()]
 
 
-def _told(name: str, result: xr.Dataset, order: int | None) -> dict[str, Any]:
+def _result(name: str, result: xr.Dataset, order: int | None) -> dict[str, Any]:
     orders = result["order"].values.tolist() if "order" in result.coords and result["order"].dims else []
     chosen = order if order in orders else 3 if 3 in orders else next(iter(orders), None)
     text = table_of(result)
@@ -57,7 +57,7 @@ def _tables(result: xr.Dataset, order: int | None) -> Iterator[dict[str, Any]]:
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, variable in result.data_vars.items():
         about_method = str(name) in _OF_METHOD or "samples" in variable.dims
-        if variable.dtype.kind == "f" and variable.dims and not about_method and not str(name).endswith(_BESIDE):
+        if variable.dtype.kind == "f" and variable.dims and not about_method and not str(name).endswith(_SIDE_NUMBERS):
             groups.setdefault(tuple(map(str, variable.dims)), []).append(str(name))
     for dims, names in groups.items():
         rows = [dim for dim in dims if dim != "order"]
@@ -192,8 +192,8 @@ def _of_run(result: xr.Dataset, at: Mapping[str, Any]) -> dict[str, Any]:
 def _output(cube: xr.Dataset, result: xr.Dataset, at: Mapping[str, Any]) -> str:
     """The output that a number is about; the first one that the cube shows where the analysis names none of it."""
     known = [choice.name for choice in choices(cube)]
-    told = str(result.attrs.get("outputs", "")).split(", ")
-    wanted = [at.get("output"), *told, *(name for name in known if name == result.attrs.get("output"))]
+    declared = str(result.attrs.get("outputs", "")).split(", ")
+    wanted = [at.get("output"), *declared, *(name for name in known if name == result.attrs.get("output"))]
     return next((str(name) for name in wanted if name in known), "")
 
 

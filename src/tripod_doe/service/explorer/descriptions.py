@@ -36,26 +36,26 @@ def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
 def describe_analysis(name: str, result: xr.Dataset) -> dict[str, Any]:
     """The result of an analysis: what it is, what it found in sentences, its table, and its variables."""
     table = table_of(result)
-    told = describe_cube(result)
+    description = describe_cube(result)
     return {
         "name": name,
         "kind": kind_of(result),
         "findings": findings_of(name, result),
         "table": None if table is None else {"heads": table[0], "rows": table[1]},
-    } | told
+    } | description
 
 
 def _meaning(array: xr.DataArray) -> dict[str, Any]:
     attributes = array.attrs
-    told: dict[str, Any] = {
+    description: dict[str, Any] = {
         "dims": [str(dim) for dim in array.dims],
         "units": str(attributes.get("units", "")),
         "long_name": str(attributes.get("long_name", "")),
     }
     if {"flag_values", "flag_meanings"} <= attributes.keys():
         values = np.atleast_1d(attributes["flag_values"]).tolist()
-        told["flags"] = dict(zip(map(str, values), str(attributes["flag_meanings"]).split(), strict=False))
-    return told
+        description["flags"] = dict(zip(map(str, values), str(attributes["flag_meanings"]).split(), strict=False))
+    return description
 
 
 def _listed(value: Any) -> Any:

@@ -62,8 +62,7 @@ def compared_upload(
 
 def compare_upload(path: str, measurement: str, **settings: Any) -> dict[str, Any]:
     """The same as the object of ``compare --format json``."""
-    told: dict[str, Any] = json.loads(comparison_json(compared_upload(path, measurement, **settings)))
-    return told
+    return json.loads(comparison_json(compared_upload(path, measurement, **settings)))
 
 
 def lay_over(path: str, measurement: str, **settings: Any) -> Any:

@@ -145,13 +145,13 @@ def failures(path: str) -> Any:
 def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
     names, lost = factor_names(cube), np.flatnonzero(is_failed(cube).values.ravel())
     ends = cube[["outcome", "outcome_detail"]].load()
-    dims, told = cube["outcome"].dims, lost[:_MOST_ROWS]
-    factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*dims).values.ravel()[told] for name in names]
+    dims, listed = cube["outcome"].dims, lost[:_MOST_ROWS]
+    factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*dims).values.ravel()[listed] for name in names]
     inputs = zip(*([_word(value) for value in column.tolist()] for column in factors), strict=True)
-    outcomes, details = (ends[name].values.ravel()[told] for name in ("outcome", "outcome_detail"))
+    outcomes, details = (ends[name].values.ravel()[listed] for name in ("outcome", "outcome_detail"))
     rows = [
         {"number": at, "values": list(values), "outcome": Outcome(code).label, "reason": str(reason)}
-        for at, values, code, reason in zip(told.tolist(), inputs, outcomes.tolist(), details, strict=True)
+        for at, values, code, reason in zip(listed.tolist(), inputs, outcomes.tolist(), details, strict=True)
     ]
     return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}
 
@@ -197,13 +197,13 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
         "price": _price(found),
         "number": number_of_point,
         "count": cube["outcome"].size,
-        "factors": [{"label": label_of(cube[name]), "name": name, "value": _told(found[name])} for name in factors],
+        "factors": [{"label": label_of(cube[name]), "name": name, "value": _as_text(found[name])} for name in factors],
         "outcome": Outcome(int(found["outcome"])).label,
         "reason": reason,
         "scalars": [
             {
                 "label": label_of(found[name]),
-                "value": _told(found[name]),
+                "value": _as_text(found[name]),
                 "meaning": str(found[name].attrs.get("long_name", "")),
             }
             for name in scalars
@@ -229,7 +229,7 @@ def _price(found: xr.Dataset) -> str:
     return f"This point took {duration(seconds)} of CPU time." if np.isfinite(seconds) else ""
 
 
-def _told(value: xr.DataArray) -> str:
+def _as_text(value: xr.DataArray) -> str:
     item = value.item()
     text = number(float(item), 6) if isinstance(item, int | float) else str(item)
     return with_unit(text, unit_text(str(value.attrs.get("units", "1"))))

@@ -107,13 +107,13 @@ def _note(data: xr.Dataset) -> str:
     parts = []
     if failed.any():
         kinds, counts = np.unique(codes[failed], return_counts=True)
-        told = listed(
+        reasons = listed(
             [
                 f"{count:,} {Outcome(int(kind)).label.replace('_', ' ')}"
                 for kind, count in zip(kinds, counts, strict=True)
             ]
         )
-        parts.append(f"{int(failed.sum()):,} of {count_of(codes.size, 'point')} failed: {told}.")
+        parts.append(f"{int(failed.sum()):,} of {count_of(codes.size, 'point')} failed: {reasons}.")
     if waiting:
         parts.append(f"{waiting:,} of {count_of(codes.size, 'point')} not computed.")
     return " ".join(parts)
@@ -202,11 +202,11 @@ def parallel_axes(data: xr.Dataset) -> Figure:
 
 def _parallel_axis(column: xr.DataArray) -> dict[str, Any]:
     values = column.values.ravel()
-    told: dict[str, Any] = {"name": str(column.name), "label": label_of(column)}
+    column_data: dict[str, Any] = {"name": str(column.name), "label": label_of(column)}
     if values.dtype.kind in "fiub":
-        return told | {"values": packed(values.astype(float))}
+        return column_data | {"values": packed(values.astype(float))}
     known, which = np.unique(values.astype(str), return_inverse=True)
-    return told | {"words": known.tolist(), "values": packed(which.astype(float))}
+    return column_data | {"words": known.tolist(), "values": packed(which.astype(float))}
 
 
 class _Numbers(BackendArray):

@@ -53,9 +53,9 @@ class View:
 
     def items(self) -> list[tuple[str, str]]:
         """What an address says of it."""
-        told = [(name, getattr(self, name)) for name in _WORDS if getattr(self, name)]
+        texts = [(name, getattr(self, name)) for name in _WORDS if getattr(self, name)]
         limits = [(name, f"{value:g}") for name, value in (("low", self.low), ("high", self.high)) if value is not None]
-        return told + limits + [("select", text) for text in self.select]
+        return texts + limits + [("select", text) for text in self.select]
 
     @property
     def address(self) -> str:

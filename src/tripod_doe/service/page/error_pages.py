@@ -1,4 +1,4 @@
-"""Errors as pages, where a person asked for one."""
+"""Errors as pages for browsers, as JSON for programs."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ _OF_PROGRAMS = ("/api/", "/assets/", "/parts/")
 
 
 def refusal_answer(request: HTTPConnection, refusal: RefusedError, settings: Settings, root: str) -> Response:
-    """What is wrong: a page where a person asked for one, else JSON; `root` is empty without a session."""
+    """The answer to a refused request: a page for a browser, else JSON; `root` is empty without a session."""
     if not _is_page(request):
         return JSONResponse(refusal.answer(), refusal.status, refusal.headers)
-    told = "; ".join(problem.message for problem in refusal.problems)
-    page = show("error.html", settings, root=root, status=refusal.status, told=told)
+    message = "; ".join(problem.message for problem in refusal.problems)
+    page = show("error.html", settings, root=root, status=refusal.status, message=message)
     page.status_code = refusal.status
     page.headers.update(refusal.headers)
     return page
 
 
 def _is_page(request: HTTPConnection) -> bool:
-    """Whether a person opens this address in a browser, in place of a program or a script of the page."""
+    """Whether a browser opens this address, and not a program or a script of the page."""
     path = str(request.scope["path"]).removeprefix(request.scope["root_path"])
     return "text/html" in request.headers.get("accept", "") and not path.startswith(_OF_PROGRAMS)

@@ -1,4 +1,4 @@
-"""Addresses of the page: the list of runs, one run, and the parts that scripts fetch anew."""
+"""Pages of runs: the list, one run, and the parts that scripts fetch again."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _TABS = (
 _WORKFLOW_TABS = (("steps", "Steps"), *_TABS[:3], _TABS[4])
 
 
-Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose extremes are told")]
+Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose extremes are shown")]
 
 
 @router.get("/")
@@ -127,21 +127,21 @@ def point(run_id: str, number: int, service: AnyService, step: str | None = None
 @router.get("/parts/parameters")
 def parameters(scene: str, service: AnyService) -> HTMLResponse:
     """Parameters of a scene as a list to choose from."""
-    return HTMLResponse(part("parameters.html", parameters=answers.parameters(service, scene)))
+    return HTMLResponse(part("parameters.html", parameters=service.ask("explorer.questions:parameters", scene=scene)))
 
 
 @router.post("/parts/price-of-point")
 def price_of_point(body: Body, service: AnyService) -> dict[str, str]:
     """The price of one point in words, before it is simulated."""
-    found = answers.price_of_point(service, body)
-    return {"told": part("price_of_point.txt", **found)}
+    found = service.ask_body("price_of_point", body)
+    return {"text": part("price_of_point.txt", **found)}
 
 
 @router.post("/parts/simulate")
 def simulate(body: Body, service: AnyService) -> dict[str, Any]:
     """One point simulated, in words and figures."""
     found = service.simulated(body)
-    return {"told": part("simulated.txt", **found), "figures": found["figures"]}
+    return {"text": part("simulated.txt", **found), "figures": found["figures"]}
 
 
 @router.get("/runs/{run_id}/numbers")
@@ -156,7 +156,7 @@ def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
 def analyses(run_id: str, service: AnyService, order: int | None = None, step: str | None = None) -> HTMLResponse:
     """What the analyses of a run found; each number leads to its points."""
     run = service.runs.find(run_id)
-    found = answers.results(service, run_id, order, step)
+    found = service.ask("explorer.analysis_tables:results", paths=service.analysis_files(run_id, step), order=order)
     return _run_page("analyses.html", service, run, "Analyses", analyses=found, step=step, order=order)
 
 
@@ -181,7 +181,9 @@ def report(run_id: str, service: AnyService) -> HTMLResponse:
 def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLResponse:
     """Points that failed, with their reasons."""
     run = service.runs.find(run_id)
-    rows = answers.failures(service, run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
+    rows = {"heads": [], "rows": [], "count": 0}
+    if run.counts.failed:
+        rows = service.ask("explorer.questions:failures", path=str(service.results(run_id, step)))
     return _run_page("failed.html", service, run, "Failed points", **rows)
 
 
@@ -189,7 +191,7 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
 def study(run_id: str, service: AnyService) -> HTMLResponse:
     """The text that was submitted."""
     run = service.runs.find(run_id)
-    return _run_page("study.html", service, run, "Study", texts=answers.submitted(service, run_id))
+    return _run_page("study.html", service, run, "Study", texts=service.submitted_texts(run_id))
 
 
 @router.get("/runs/{run_id}/steps")
@@ -213,7 +215,7 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
 @router.post("/parts/runs/{run_id}/compare")
 def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
     """A measurement over a point, in words and figures."""
-    found = answers.lay_over(service, run_id, body)
+    found = service.ask_body("lay_over", body, path=str(service.results(run_id)))
     return {"html": part("laid_over.html", **found), "figures": found["figures"]}
 
 

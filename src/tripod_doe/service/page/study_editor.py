@@ -7,7 +7,6 @@ import json
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
-from tripod_doe.service import answers
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.requests.gallery import gallery, gallery_upload
 from tripod_doe.service.routes.dependencies import Body, WritingService
@@ -26,11 +25,13 @@ def new(
 ) -> HTMLResponse:
     """Write a study: from the gallery, from an earlier run, or on the contributions at a point of one."""
     if contributions:
-        upload = {"study": answers.contribution_study(service, contributions, point, step), "files": {}}
+        path = str(service.results(contributions, step))
+        study_text = service.ask("explorer.what_if:contribution_study", path=path, number_of_point=point)
+        upload = {"study": study_text, "files": {}}
     else:
         upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")
     text = str(upload["study" if "study" in upload else "workflow"])
-    form = answers.study_form(service, json.dumps({"study": text}).encode()) if "study" in upload else None
+    form = service.ask_body("study_form", json.dumps({"study": text}).encode()) if "study" in upload else None
     return show(
         "new.html",
         service.settings,
@@ -46,13 +47,13 @@ def new(
 @router.post("/parts/form")
 def form(body: Body, service: WritingService) -> HTMLResponse:
     """The form of a text."""
-    return HTMLResponse(part("study_form.html", form=answers.study_form(service, body)))
+    return HTMLResponse(part("study_form.html", form=service.ask_body("study_form", body)))
 
 
 @router.post("/parts/change")
 def change(body: Body, service: WritingService) -> dict[str, str]:
     """The text after a field was changed."""
-    return {"study": answers.changed_text(service, body)}
+    return {"study": service.ask_body("changed_text", body)}
 
 
 @router.post("/parts/price")

@@ -53,8 +53,8 @@ def read_json(body: bytes, nesting: int) -> Any:
     except UnicodeError as error:
         raise RefusedError(422, "the body is not UTF-8 text") from error
     except json.JSONDecodeError as error:
-        told = f"the body is not JSON: {error.msg[0].lower()}{error.msg[1:]}"
-        raise RefusedError(422, Problem(message=told, line=error.lineno, column=error.colno)) from error
+        message = f"the body is not JSON: {error.msg[0].lower()}{error.msg[1:]}"
+        raise RefusedError(422, Problem(message=message, line=error.lineno, column=error.colno)) from error
 
 
 def _refuse_constant(text: str) -> NoReturn:

@@ -1,4 +1,4 @@
-"""What to start from: the templates, and the studies and workflows that come with the project, as they can be sent."""
+"""Studies to start from: templates, and the studies and workflows of the project, ready to be submitted."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
 @cache
 def gallery() -> list[dict[str, str]]:
     """Everything to start from: ``id``, ``kind``, ``name`` and ``question`` of each."""
-    found = [_told(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
+    found = [_entry(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
     for name, path in _files().items():
         text = path.read_text(encoding="utf-8")
         if "function" not in tomllib.loads(text).get("study", {}):
-            found.append(_told(name, text))
+            found.append(_entry(name, text))
     return found
 
 
@@ -57,7 +57,7 @@ def _plain_text(path: Path, texts: dict[str, str]) -> str:
     """The text of a file that names others by their plain names; their texts are added to `texts`."""
 
     def plain(found: re.Match[str]) -> str:
-        places = (path.parent, path.parent.parent / "studies")  # a table in a workflow is that of a study
+        places = (path.parent, path.parent.parent / "studies")  # a workflow may name a table of a study
         other = next((place / found[3] for place in places if (place / found[3]).is_file()), None)
         if other is None:
             return found[0]
@@ -79,7 +79,7 @@ def _template(kind: str) -> str:
     return text.replace("NAME", "my_joint")
 
 
-def _told(name: str, text: str) -> dict[str, str]:
+def _entry(name: str, text: str) -> dict[str, str]:
     kind = _kind(text)
     head = tomllib.loads(text)[kind]
     return {"id": name, "kind": kind, "name": head["name"], "question": head.get("question", "")}

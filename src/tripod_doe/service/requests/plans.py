@@ -50,7 +50,7 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
         steps[name] = {"kind": step.table.kind, "inputs": list(step.inputs)}
         if step.study is not None:
             plans[name] = _plan_within(step.study, limits, timing=False)
-            steps[name] |= _told(step.study, plans[name])
+            steps[name] |= _described(step.study, plans[name])
     head, hours = workflow.file.workflow, WorkflowPlan(plans).cpu_hours
     studies = [step for step in steps.values() if "points" in step]
     whole: dict[str, Any] = {"name": head.name, "question": head.question, "kind": "workflow", "steps": steps}
@@ -66,7 +66,7 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
 
 def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
     """Counts and price of one study; see `plan_upload`."""
-    return _told(study, _plan_within(study, limits, timing))
+    return _described(study, _plan_within(study, limits, timing))
 
 
 def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
@@ -80,7 +80,7 @@ def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     return price
 
 
-def _told(study: Study, price: Plan) -> dict[str, Any]:
+def _described(study: Study, price: Plan) -> dict[str, Any]:
     """A plan as JSON."""
     return {
         "name": study.file.study.name,

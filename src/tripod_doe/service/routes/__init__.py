@@ -1,1 +1,1 @@
-"""Routes of the interface, one module for each kind of thing that is asked for."""
+"""Routes of the HTTP interface, a module for each kind of resource."""

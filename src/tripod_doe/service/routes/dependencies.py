@@ -1,4 +1,4 @@
-"""What routes share: the service behind them, and the answers that any of them may give."""
+"""Dependencies of all routes: the service, the body of a request, and the errors that any of them may give."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ CHANGES = errors_at(403, 408, 409, 415)
 
 
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
-    service: Service = request.app.state.service
-    return service
+    return request.app.state.service
 
 
 async def _body(request: Request) -> bytes:

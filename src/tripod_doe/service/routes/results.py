@@ -42,7 +42,7 @@ def query(
 
 @router.get("/cube.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
-    """The cube as a netCDF file; while the study runs, that of the points that are finished."""
+    """The cube as a netCDF file; while the study runs, with the points that are finished."""
     directory = service.results(run_id, step)
     if is_shown(directory):
         return _file(directory / "cube.nc")
@@ -80,7 +80,7 @@ def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> 
 
 
 class _TemporaryFile(FileResponse):
-    """A file that is sent piece by piece, and goes with its folder when it is sent, or when nobody listens any more."""
+    """A file that is sent in pieces, then removed with its folder, also where the client has gone."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send it."""

@@ -23,7 +23,7 @@ async def health() -> Health:
 @router.get("/limits")
 async def limits(service: AnyService) -> dict[str, Any]:
     """What requests, studies and the queue may ask for."""
-    return {"limits": service.settings.limits.told()}
+    return {"limits": service.settings.limits.described()}
 
 
 @router.get("/schema/study")

@@ -15,7 +15,7 @@ router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 
 
 @router.get("/figure", response_class=Response)
 def figure(run_id: str, request: Request, service: AnyService, step: str | None = None) -> Response:
-    """A view of a cube as a figure for Plotly; the query is that of the explorer's page."""
+    """A view of a cube as a figure for Plotly; the query is the one of the explorer's page."""
     items = list(request.query_params.multi_items())
     return Response(answers.figure(service, run_id, items, step), media_type="application/json")
 

@@ -132,8 +132,8 @@ def run_log(directory: Path) -> str:
             text = log.read().decode("utf-8", "replace")
     except OSError:
         return ""
-    for word, told in ((f"--out {directory}", "the folder of this run"), (" or choose another --out", "")):
-        text = text.replace(word, told)
+    for word, replacement in ((f"--out {directory}", "the folder of this run"), (" or choose another --out", "")):
+        text = text.replace(word, replacement)
     return text.replace(f"{directory}{os.sep}", "").replace(str(directory), "")
 
 

@@ -58,12 +58,12 @@ class RunProgress:
     def _read_steps(self) -> tuple[Mapping[str, Any], ...]:
         """What the chain said of its steps, the others as waiting, in the order in which they run."""
         try:
-            told = {step["name"]: step for step in json.loads(self._steps.read_text(encoding="utf-8"))}
+            stored = {step["name"]: step for step in json.loads(self._steps.read_text(encoding="utf-8"))}
         except (OSError, ValueError):
-            told = {}
+            stored = {}
         waiting = {"state": "waiting", "seconds": None, "detail": ""}
         return tuple(
-            {"name": name, "kind": step["kind"], "inputs": step["inputs"]} | waiting | told.get(name, {})
+            {"name": name, "kind": step["kind"], "inputs": step["inputs"]} | waiting | stored.get(name, {})
             for name, step in self._plan["steps"].items()
         )
 

@@ -51,13 +51,13 @@ def _is_full(directory: Path) -> bool:
 
 
 def has_report(directory: Path) -> bool:
-    """Whether the page is there, which is written last: after the cube of a study, after the last step of a chain."""
+    """Whether the page exists, which is written last: after the cube of a study, or the last step of a workflow."""
     return _report(directory).is_file()
 
 
 def remove_report(directory: Path) -> None:
-    """Take the page away before a run goes on, so that it tells again when all is done; no clock is asked for that."""
-    with suppress(OSError):  # a folder that cannot be written is told by the run
+    """Remove the page before a run goes on: the new page then marks its end, without comparing times."""
+    with suppress(OSError):  # the run reports a folder that cannot be written
         _report(directory).unlink()
 
 

@@ -153,7 +153,7 @@ class Supervisor:
         """Put a checked upload into the queue.
 
         Args:
-            upload: Folder with its files, on the file system of the folder of runs; it becomes that of the run.
+            upload: Folder with its files, on the file system of the folder of runs; it is moved to the run.
             plan: What `plans.plan_upload` said.
             key, digest: The client's Idempotency-Key, and the hash of what it submitted.
 

@@ -1,4 +1,4 @@
-"""Runs: what is known of each, in one SQLite table that outlives the server, and as clients see it."""
+"""The table of runs, an SQLite file that outlives the server; a run as clients see it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLE = "service.sqlite"
 
 
 class State(StrEnum):
-    """What a run is doing."""
+    """State of a run."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -30,7 +30,7 @@ class State(StrEnum):
 
     @property
     def at_rest(self) -> bool:
-        """Whether no process is meant to be at work, and none is waited for."""
+        """Whether no process is at work or waited for."""
         return self in (State.STOPPED, State.FINISHED, State.FAILED)
 
     @property
@@ -84,7 +84,7 @@ class Run:
 
     def record(self) -> dict[str, Any]:
         """The run as clients see it."""
-        told: dict[str, Any] = {
+        record: dict[str, Any] = {
             "id": self.id,
             "name": self.name,
             "found": bool(self.place),
@@ -105,8 +105,8 @@ class Run:
             "updated": self.updated,
         }
         if self.kind == "workflow":
-            told["steps"] = [dict(step) for step in self.steps]
-        return told
+            record["steps"] = [dict(step) for step in self.steps]
+        return record
 
     def changed(self, **values: Any) -> Run:
         """The run with other values, updated now."""
@@ -119,7 +119,7 @@ def now() -> str:
 
 
 def stamp(time: datetime) -> str:
-    """A time in UTC as runs tell it."""
+    """A time in UTC as runs show it."""
     return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -220,7 +220,7 @@ def _opened_for_reading(path: Path) -> sqlite3.Connection:
     try:
         connection = sqlite3.connect(f"{address}?mode=ro", uri=True, check_same_thread=False)
         connection.execute("SELECT count(*) FROM run").fetchone()
-    except sqlite3.OperationalError:  # a folder in which SQLite cannot make its shared memory: nobody writes there
+    except sqlite3.OperationalError:  # SQLite cannot make its shared memory in this folder, so no process writes there
         connection = sqlite3.connect(f"{address}?immutable=1", uri=True, check_same_thread=False)
         connection.execute("SELECT count(*) FROM run").fetchone()
     return connection
@@ -237,10 +237,10 @@ def _from_row(id: str, key: str | None, text: str) -> Run:
         run = _from_text(text)
         json.dumps(run.record(), allow_nan=False)  # as it is shown
     except Exception as error:  # whatever stands there: the other runs are to be shown
-        told = (
+        message = (
             f"its row in {TABLE} is damaged ({type(error).__name__}: {error}); its results are kept until it is deleted"
         )
-        return Run(str(id), "study", str(id), "", State.FAILED, told, key=key)
+        return Run(str(id), "study", str(id), "", State.FAILED, message, key=key)
     return run
 
 

@@ -78,24 +78,24 @@ class LimitedProtocol(HttpToolsProtocol):
         super().on_headers_complete()
 
     def on_response_complete(self) -> None:
-        """End the connection where the rest of a body is still to come, which nobody wants now."""
+        """End the connection where the rest of a body is still to come."""
         if self.cycle is not None and self.cycle.more_body and not self.pipeline:
             self.transport.close()
         super().on_response_complete()
 
     def send_400_response(self, msg: str) -> None:
-        """Refuse what is no request; what has been refused already hears nothing more."""
+        """Refuse an invalid request, once."""
         self._stop_clocks()
         if not self.transport.is_closing():
             super().send_400_response(msg)
 
     def pause_writing(self) -> None:
-        """Wait until the client has read what it was sent, for a while."""
+        """Wait for the client to read, for a limited time."""
         super().pause_writing()
         self._answer_due = self.loop.call_later(_READ_SECONDS, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """Go on."""
+        """Continue."""
         if self._answer_due is not None:
             self._answer_due.cancel()
             self._answer_due = None
@@ -117,7 +117,7 @@ class LimitedProtocol(HttpToolsProtocol):
         self._refuse(what, f"address and headers are larger than {_HEADER_BYTES:,} bytes, which is the limit here")
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
-        """Say why, and end the connection; one that has sent nothing just ends."""
+        """Answer with the reason, and end the connection."""
         self._stop_clocks()
         if self.transport.is_closing():
             return
@@ -143,7 +143,7 @@ class LimitedProtocol(HttpToolsProtocol):
 
 
 def limited_protocol(wanted: int) -> type[LimitedProtocol]:
-    """The protocol of a server with at most so many connections, fewer where the system allows fewer open files."""
+    """The protocol of a server with a largest number of connections, fewer where the system allows fewer open files."""
     files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     need = wanted + max(_LEAST_FILES, wanted // 4)
     if files != resource.RLIM_INFINITY and files < need:

@@ -17,9 +17,9 @@ def check_delivered(directory: Path, found: bool) -> None:
     """Refuse a result directory from which a client could get what its owner keeps elsewhere, or keeps private.
 
     The server runs as one user and answers others who have the token. It delivers regular files that this user owns,
-    from directories that nobody else can change: what is checked here is then still there when it is opened. Nothing is
-    delivered through a symbolic link. Where a directory that the command line filled is open to other users of the
-    machine, a file that is closed to them was closed on purpose.
+    from directories that no other user can change, so that a checked file is still the same when it is opened.
+    Nothing is delivered through a symbolic link. Where a directory that the command line filled is open to other users
+    of the machine, a file that is closed to them was closed on purpose.
 
     Args:
         directory: The result directory.
@@ -31,14 +31,14 @@ def check_delivered(directory: Path, found: bool) -> None:
     try:
         top = os.lstat(directory)
         for path, state in _entries(directory):
-            if trouble := _trouble(state, top, found):
-                raise RefusedError(403, f"{path.relative_to(directory.parent)}: {trouble}")
+            if reason := _refusal(state, top, found):
+                raise RefusedError(403, f"{path.relative_to(directory.parent)}: {reason}")
     except OSError:  # it is being deleted, or not yet there: what reads it says so
         return
 
 
-def _trouble(state: os.stat_result, top: os.stat_result, found: bool) -> str:
-    """Why an entry of a directory is not delivered; empty where it is."""
+def _refusal(state: os.stat_result, top: os.stat_result, found: bool) -> str:
+    """The reason for which an entry is not delivered; empty if it is."""
     if stat.S_ISLNK(state.st_mode):
         return "a symbolic link, and none is followed: put the file itself there"
     if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode)):
@@ -62,7 +62,7 @@ def is_open_to_change(state: os.stat_result) -> bool:
 
 @cache
 def _is_own_group(group: int) -> bool:
-    """Whether a group is that of the user alone, as many systems make one for each user."""
+    """Whether a group has this user as its only member, as many systems make one for each user."""
     try:
         entry, own = grp.getgrgid(group), pwd.getpwuid(os.geteuid())
     except KeyError:

@@ -1,8 +1,8 @@
-"""Who may ask what: host, token, origin, content type and size of every request are checked before anything reads it.
+"""The guard of every request: host, token, origin, content type and size are checked before anything reads it.
 
-A browser on this machine also shows pages of strangers. They can send requests here, so every route checks the name by
-which it is called (a name that is bound anew would make their page ours), a token that they do not know, and for
-changes the page from which the request comes.
+A browser on this machine also shows pages of strangers, which can send requests here. So every route checks the name by
+which it is called (a name that a stranger rebinds would make his page ours), a token that strangers lack, and for
+changes the page that sends the request.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ def _equal(given: str, secret: str) -> bool:
 
 
 def _is_address(name: str) -> bool:
-    """Whether a host is a plain address, which nobody can bind anew."""
+    """Whether a host is a plain address, which no name server can change."""
     try:
         ipaddress.ip_address(name)
     except ValueError:

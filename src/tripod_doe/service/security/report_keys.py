@@ -12,11 +12,11 @@ _ADDRESS = re.compile(r"/api/v1/runs/([^/]+)/pages/([0-9a-f]{32})/.+")
 
 
 def report_key(settings: Settings, run_id: str) -> str:
-    """The key to the pages of a run, good until the server ends; it opens nothing else."""
+    """The key to the pages of one run, valid until the server ends."""
     return hmac.new(settings.token.encode(), f"{settings.key} {run_id}".encode(), hashlib.sha256).hexdigest()[:32]
 
 
 def is_report_address(path: str, settings: Settings) -> bool:
-    """Whether an address is that of a page with the right key."""
+    """Whether an address leads to a page with the right key."""
     found = _ADDRESS.fullmatch(path)
     return found is not None and hmac.compare_digest(found[2], report_key(settings, found[1]))

@@ -47,7 +47,7 @@ class Sessions:
         return value
 
     def is_open(self, value: str) -> bool:
-        """Whether a cookie's value is that of a session that has not ended."""
+        """Whether a cookie's value belongs to an open session."""
         return self._ends.get(_hash(value), self._clock()) > self._clock()
 
     def close(self) -> None:

@@ -67,14 +67,14 @@ def _start(module: str, words: list[str], log: Path, lock: int, niceness: int) -
         process = context.Process(target=_detach, args=(module, words, str(log), reduction.DupFd(lock), niceness))
         process.start()
         process.join()
-        trouble = f"exit code {process.exitcode}" if process.exitcode else ""
+        reason = f"exit code {process.exitcode}" if process.exitcode else ""
     except (OSError, EOFError) as error:
-        trouble = str(error)
+        reason = str(error)
     finally:
         os.close(lock)
-    if trouble:
+    if reason:
         with suppress(OSError), log.open("a", encoding="utf-8") as stream:
-            stream.write(f"tripod-doe: cannot start a process: {trouble}\n")
+            stream.write(f"tripod-doe: cannot start a process: {reason}\n")
 
 
 def lead_group() -> None:

@@ -60,7 +60,9 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
             with _plain_names(Path(folder)):
                 _refuse_changes(Path(folder), Path(path))
         except InputError as error:
-            changed = f"the study differs from that of the results in {path}; choose another {option('out')}, or undo"
+            changed = (
+                f"the study differs from the study of the results in {path}; choose another {option('out')}, or undo"
+            )
             here = "the study may only grow; submit it as a run of its own, or undo"
             raise InputError(str(error).replace(changed, here).replace(path, "this run")) from error
     return counted

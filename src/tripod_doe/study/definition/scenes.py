@@ -36,8 +36,7 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: St
     if function is None:
         if scene not in SCENES:
             raise InputError(f"scene = {scene!r}: unknown scene{near_match(scene, SCENES)}")
-        simulator: Simulator = _import_object(SCENES[scene])
-        return simulator
+        return _import_object(SCENES[scene])
     if folder:
         if (recorded := folder.recorded_function(function)) is not None:
             return recorded

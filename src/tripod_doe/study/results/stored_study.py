@@ -120,8 +120,7 @@ def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
     if journal_path(directory).is_file():
         with Journal(directory, read_only=True) as journal:
             if (note := journal.recall(FUNCTION)) is not None:
-                record: dict[str, Any] = json.loads(note)
-                return record
+                return json.loads(note)
     return {"arguments": dict.fromkeys([*file.base, *file.factors])}
 
 

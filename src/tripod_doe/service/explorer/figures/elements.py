@@ -43,8 +43,8 @@ def packed(values: NDArray[Any]) -> dict[str, str] | list[Any]:
         return [str(value) for value in array.ravel()]
     kind = "f8" if array.dtype.kind == "f" or array.dtype.itemsize == 8 else "i4"
     array = np.ascontiguousarray(array, "<" + kind)
-    told = {"dtype": kind, "bdata": base64.b64encode(array.tobytes()).decode()}
-    return told | ({"shape": ", ".join(map(str, array.shape))} if array.ndim > 1 else {})
+    typed = {"dtype": kind, "bdata": base64.b64encode(array.tobytes()).decode()}
+    return typed | ({"shape": ", ".join(map(str, array.shape))} if array.ndim > 1 else {})
 
 
 def shown(data: xr.Dataset) -> xr.DataArray:
@@ -126,12 +126,12 @@ def is_failed(data: xr.Dataset) -> xr.DataArray:
 def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
     """Why a cell holds no number, of the shape of the outcome; empty where it holds one."""
     codes = data["outcome"].values
-    told = np.full(codes.shape, "", object)
+    texts = np.full(codes.shape, "", object)
     for at in zip(*np.nonzero(codes != Outcome.FINISHED), strict=True):
         outcome = Outcome(int(codes[at]))
         reason = str(data["outcome_detail"].values[at]) if "outcome_detail" in data else ""
-        told[at] = f"{outcome.label}: {reason or OUTCOME_MEANINGS[outcome]}"
-    return told
+        texts[at] = f"{outcome.label}: {reason or OUTCOME_MEANINGS[outcome]}"
+    return texts
 
 
 def is_numbered(data: xr.Dataset) -> bool:

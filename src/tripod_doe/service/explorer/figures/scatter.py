@@ -1,4 +1,4 @@
-"""Points: one quantity over another, each point by itself while they can be told apart, else their density."""
+"""Points: one quantity over another, each point by itself where few enough to see, else their density."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
         }
     numbers = point_numbers(data).ravel() if is_numbered(data) else np.full(heights.shape, -1)
     marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
-    told = "%{x}: <b>%{y:.4~g}</b>"
+    hover = "%{x}: <b>%{y:.4~g}</b>"
     if colour:
         values = data[colour].broadcast_like(variable).transpose(*variable.dims).values.ravel()[known]
         marker |= _colours(values, label_of(data[colour]))
-        told += f"<br>{label_of(data[colour])} %{{text}}"
+        hover += f"<br>{label_of(data[colour])} %{{text}}"
     trace = {
         "type": "scatter",
         "mode": "markers",
@@ -67,7 +67,7 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
         "y": packed(heights[known]),
         "customdata": packed(numbers[known]),
         "marker": marker,
-        "hovertemplate": told + "<extra></extra>",
+        "hovertemplate": hover + "<extra></extra>",
     }
     if colour:
         trace["text"] = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values.tolist()]

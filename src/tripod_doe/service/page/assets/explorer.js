@@ -12,9 +12,9 @@ const controls = document.getElementById("controls");
 const place = document.getElementById("figure");
 const api = explorer.dataset.api;
 const page = location.pathname.replace(/\/$/, "");
-const main = makeFrame(place, { chosen: open, hovered: markAll, told: note });
+const main = makeFrame(place, { chosen: open, hovered: markAll, describe: note });
 const second = makeFrame(document.getElementById("second-figure"), {
-  chosen: open, hovered: markAll, told: (text) => { document.getElementById("second-note").textContent = text; },
+  chosen: open, hovered: markAll, describe: (text) => { document.getElementById("second-note").textContent = text; },
 });
 let asked = null;
 

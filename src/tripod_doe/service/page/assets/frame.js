@@ -2,10 +2,10 @@
 
 import { drawMatrix } from "./matrix.js";
 import { drawParallel } from "./parallel.js";
-import { told as wordsOf, unpacked } from "./points_canvas.js";
+import { wordsOf, unpacked } from "./points_canvas.js";
 import { settings, themed } from "./theme.js";
 
-export function makeFrame(place, { chosen, hovered, told }) {
+export function makeFrame(place, { chosen, hovered, describe }) {
   const ring = Object.assign(document.createElement("div"), { className: "ring", hidden: true });
   const tip = Object.assign(document.createElement("div"), { className: "tip", hidden: true });
   place.after(ring, tip);
@@ -19,10 +19,10 @@ export function makeFrame(place, { chosen, hovered, told }) {
     place.classList.toggle("parallel", Boolean(figure.axes));
     if (figure.axes || before?.axes) Plotly.purge(place);
     if (figure.axes) {
-      state.canvas = (figure.matrix ? drawMatrix : drawParallel)(place, figure, { chosen, hovered: pointed, told });
+      state.canvas = (figure.matrix ? drawMatrix : drawParallel)(place, figure, { chosen, hovered: pointed, describe });
     } else {
       await drawPlot(figure, before);
-      told(figure.note || "");
+      describe(figure.note || "");
     }
     place.dataset.drawn = String(Number(place.dataset.drawn || 0) + 1);
   }

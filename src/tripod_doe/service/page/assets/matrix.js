@@ -7,10 +7,10 @@ import { colour } from "./theme.js";
 
 const MOST_AXES = 7, LEFT = 58, BOTTOM = 40, TOP = 8, GAP = 10, LEAST = 84, TALLEST = 150, BINS = 48, CLASSES = 20, REACH = 9;
 
-export function drawMatrix(place, figure, { chosen, hovered, told }) {
+export function drawMatrix(place, figure, { chosen, hovered, describe }) {
   const points = pointsOf(figure), left = points.axes.length - MOST_AXES;
   const axes = left > 0 ? [...points.axes.slice(0, MOST_AXES - 1), points.axes.at(-1)] : points.axes;
-  const state = { ...points, ...layers(place), axes, left_out: Math.max(left, 0), chosen, hovered, told, brush: null };
+  const state = { ...points, ...layers(place), axes, left_out: Math.max(left, 0), chosen, hovered, describe, brush: null };
   place.points = state;
   state.redraw = () => paint(state, place);
   takePointer(state);
@@ -162,7 +162,7 @@ function tell(state) {
   const total = state.numbers.length, count = state.inside ? state.inside.reduce((sum, one) => sum + one, 0) : total;
   const few = count === total ? `${total.toLocaleString("en")} points` : `${count.toLocaleString("en")} of ${total.toLocaleString("en")} points within the mark`;
   const rest = state.left_out ? ` ${state.left_out} more factors are not drawn.` : "";
-  state.told(`${few}.${rest} Drag a frame in a panel to see its points in all, click a mark for its point.`);
+  state.describe(`${few}.${rest} Drag a frame in a panel to see its points in all, click a mark for its point.`);
 }
 
 function panelUnder(state, x, y) {

@@ -7,10 +7,10 @@ import { colour } from "./theme.js";
 
 const BINS = 120, ROOM = 20, TOP = 44, BOTTOM = 40, SIDE = 56, LEAST = 92, GRIP = 22, HEIGHT = 440;
 
-export function drawParallel(place, figure, { chosen, hovered, told }) {
+export function drawParallel(place, figure, { chosen, hovered, describe }) {
   const before = place.points;
   const kept = before?.brushes && names(before.figure) === names(figure);
-  const state = { ...pointsOf(figure), ...layers(place), figure, chosen, hovered, told, brushes: kept ? before.brushes : new Map() };
+  const state = { ...pointsOf(figure), ...layers(place), figure, chosen, hovered, describe, brushes: kept ? before.brushes : new Map() };
   place.points = state;
   state.redraw = () => paint(state, place);
   takePointer(state);
@@ -142,7 +142,7 @@ function write(pen, word, x, y) {  // on lines, so with a rim of paper
 function tell(state, count) {
   const total = state.numbers.length;
   const few = count === total ? `${total.toLocaleString("en")} points` : `${count.toLocaleString("en")} of ${total.toLocaleString("en")} points within the marks`;
-  state.told(`${few}. Drag along an axis to narrow them down, click the axis to clear it, click a line for its point.`);
+  state.describe(`${few}. Drag along an axis to narrow them down, click the axis to clear it, click a line for its point.`);
 }
 
 function valueAt(state, axis, height) {

@@ -10,15 +10,15 @@ let figures = {}, again = {};
 
 export async function showPoint(place, explorer, number, { open, close }) {
   const step = document.getElementById("step")?.value;
-  let told;
+  let answer;
   try {
-    told = await askJson(`${location.pathname.replace(/\/$/, "")}/points/${number}${step ? `?step=${encodeURIComponent(step)}` : ""}`);
+    answer = await askJson(`${location.pathname.replace(/\/$/, "")}/points/${number}${step ? `?step=${encodeURIComponent(step)}` : ""}`);
   } catch (error) {
     complain(error);
     return;
   }
-  [figures, again] = [told.figures, {}];
-  place.innerHTML = told.html;
+  [figures, again] = [answer.figures, {}];
+  place.innerHTML = answer.html;
   place.hidden = false;
   for (const button of place.querySelectorAll("[data-point]")) button.addEventListener("click", () => open(Number(button.dataset.point)));
   place.querySelector("[data-close]").addEventListener("click", close);
@@ -59,7 +59,7 @@ function asked(form) {
 function takeAgain(place) {
   const form = place.querySelector("#again");
   if (!form) return;
-  const told = form.querySelector(".told"), button = form.querySelector("[type=submit]");
+  const status = form.querySelector(".status"), button = form.querySelector("[type=submit]");
   let waiting = null, pricing = null;
   form.addEventListener("input", () => {
     clearTimeout(waiting);
@@ -67,9 +67,9 @@ function takeAgain(place) {
       pricing?.abort();
       pricing = new AbortController();
       try {
-        told.textContent = (await (await post(`${root}/parts/price-of-point`, asked(form), { signal: pricing.signal })).json()).told;
+        status.textContent = (await (await post(`${root}/parts/price-of-point`, asked(form), { signal: pricing.signal })).json()).text;
       } catch (error) {
-        if (error.name !== "AbortError") told.textContent = error.message;
+        if (error.name !== "AbortError") status.textContent = error.message;
       }
     }, PAUSE);
   });
@@ -78,13 +78,13 @@ function takeAgain(place) {
     clearTimeout(waiting);
     pricing?.abort();
     button.disabled = true;
-    told.textContent = "Simulating \u2026";
+    status.textContent = "Simulating \u2026";
     try {
       const answer = await (await post(`${root}/parts/simulate`, asked(form))).json();
-      told.textContent = answer.told;
+      status.textContent = answer.text;
       lay(place, answer.figures);
     } catch (error) {
-      told.textContent = error.message;
+      status.textContent = error.message;
     } finally {
       button.disabled = false;
     }

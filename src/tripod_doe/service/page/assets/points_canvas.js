@@ -95,7 +95,7 @@ export function wordAt(axis, row) {
   return Number.isNaN(value) ? "no value" : axis.words ? axis.words[value] : text(value);
 }
 
-export function told(axes, row) {
+export function wordsOf(axes, row) {
   return axes.map((axis) => `${axis.label}: ${wordAt(axis, row)}`);
 }
 
