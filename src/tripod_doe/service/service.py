@@ -111,15 +111,8 @@ class Service:
         except OSError as error:
             raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 
-    def simulate(self, body: bytes) -> bytes:
-        """One point, as ``simulate --format json`` gives it."""
-        return self._compute("simulate", body, as_json=True)
-
-    def simulated(self, body: bytes) -> dict[str, Any]:
-        """One point with figures of all its outputs."""
-        return self._compute("simulated", body)
-
-    def _compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
+    def compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
+        """Ask a question of `workers.questions` that may take the time of a simulated point."""
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
         return self._computing.ask(place, limits.simulate_seconds, as_json, body=body, limits=limits)
@@ -141,43 +134,9 @@ class Service:
             return None
         return extremes
 
-    def query(
-        self,
-        run_id: str,
-        variable: str,
-        select: list[str],
-        nearest: bool = False,
-        where: str | None = None,
-        form: str = "json",
-        step: str | None = None,
-        analysis: str | None = None,
-    ) -> bytes:
-        """Cells of a run's cube, of a workflow's step or of an analysis: JSON or CSV text, or a netCDF file."""
-        path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
-        return self.ask(
-            f"{_QUESTIONS}:query",
-            path=str(path),
-            variable=variable,
-            select=select,
-            nearest=nearest,
-            where=where,
-            form=form,
-            cells=self.settings.limits.cells,
-        )
-
-    def write_cube_so_far(self, run_id: str, step: str | None, folder: Path) -> None:
-        """Write the cube of the points that a run has finished into a folder."""
-        self.ask(f"{_QUESTIONS}:cube", path=str(self.results(run_id, step)), folder=str(folder))
-
-    def describe(self, run_id: str, step: str | None = None, analysis: str | None = None) -> bytes:
-        """Contents of a run's cube, as JSON; see `descriptions.describe_cube`."""
-        path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
-        return self.ask(f"{_QUESTIONS}:describe", as_json=True, path=str(path))
-
-    def analyses(self, run_id: str, step: str | None = None) -> bytes:
-        """Results of a run's analyses, as JSON; of a workflow, those of its steps."""
-        paths = self.analysis_files(run_id, step)
-        return self.ask(f"{_QUESTIONS}:analyses", as_json=True, paths=paths)
+    def cube_path(self, run_id: str, step: str | None, analysis: str | None) -> str:
+        """Path of the results of a run, of a step of a workflow, or of an analysis."""
+        return str(self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step))
 
     def analysis_files(self, run_id: str, step: str | None = None) -> dict[str, str]:
         """Files of a run's analyses by name; of a workflow, those of its steps."""
@@ -203,11 +162,6 @@ class Service:
             else:
                 wanted += steps.get(other, {}).get("inputs", ())
         return found
-
-    def compare(self, run_id: str, body: bytes, step: str | None) -> bytes:
-        """A measurement beside a point of a run's cube, as ``compare --format json`` gives it."""
-        path = str(self.results(run_id, step))
-        return self.ask_body("compare", body, as_json=True, path=path)
 
     def plan_of(self, run_id: str) -> dict[str, Any]:
         """The price of a run when it was submitted, and the choice of its models where a pilot makes it."""

@@ -82,20 +82,6 @@ def _integrate(
     On one thread of linear algebra: on several, LU factors are rounded differently, and results must not depend on
     the process that computes them.
     """
-    with one_thread():
-        return _step_to_end(solver, tables, work, positions, velocities, clock, end, settings)
-
-
-def _step_to_end(
-    solver: str,
-    tables: Tables,
-    work: Work,
-    positions: FloatArray,
-    velocities: FloatArray,
-    clock: FloatArray,
-    end: float,
-    settings: Settings,
-) -> int:
     rates = np.empty(13 * (positions.shape[0] - 1))
 
     def right_hand_side(time: float, y: FloatArray) -> FloatArray:
@@ -107,20 +93,21 @@ def _step_to_end(
     options: dict[str, Any] = {"rtol": settings.tolerance, "atol": _tolerances(tables, settings.tolerance)}
     start, solved = _pack(positions, velocities), int(work.counters[FACTORISATIONS])
     try:
-        stepper = getattr(scipy.integrate, solver)(right_hand_side, clock[0], start, end, **options)
-        while stepper.status == "running":
-            before = stepper.t
-            with np.errstate(all="ignore"):
-                stepper.step()
-            if stepper.status == "failed" or not np.all(np.isfinite(stepper.y)):
-                work.failure[0] = 0
-                return DIVERGED
-            right_hand_side(stepper.t, stepper.y)
-            work.counters[FACTORISATIONS] = solved + stepper.nlu
-            step = stepper.t - before
-            status = int(accept(tables, work, positions, velocities, clock, stepper.t, step, settings))
-            if status != FINISHED:
-                return status
+        with one_thread():
+            stepper = getattr(scipy.integrate, solver)(right_hand_side, clock[0], start, end, **options)
+            while stepper.status == "running":
+                before = stepper.t
+                with np.errstate(all="ignore"):
+                    stepper.step()
+                if stepper.status == "failed" or not np.all(np.isfinite(stepper.y)):
+                    work.failure[0] = 0
+                    return DIVERGED
+                right_hand_side(stepper.t, stepper.y)
+                work.counters[FACTORISATIONS] = solved + stepper.nlu
+                step = stepper.t - before
+                status = int(accept(tables, work, positions, velocities, clock, stepper.t, step, settings))
+                if status != FINISHED:
+                    return status
     except _BudgetSpentError:
         return EVALUATION_LIMIT
     except (ValueError, np.linalg.LinAlgError):  # SciPy refuses a Jacobian that is not finite

@@ -27,6 +27,7 @@ MEASUREMENT = "measurement.csv"
 def compared_upload(
     path: str,
     measurement: str,
+    *,
     select: Sequence[str],
     nearest: bool,
     columns: Mapping[str, str],

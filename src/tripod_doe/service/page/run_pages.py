@@ -140,7 +140,7 @@ def price_of_point(body: Body, service: AnyService) -> dict[str, str]:
 @router.post("/parts/simulate")
 def simulate(body: Body, service: AnyService) -> dict[str, Any]:
     """One point simulated, in words and figures."""
-    found = service.simulated(body)
+    found = service.compute("simulated", body)
     return {"text": part("simulated.txt", **found), "figures": found["figures"]}
 
 

@@ -35,7 +35,16 @@ def query(
     analysis: Annotated[str | None, Query(description="analysis of the study, in place of its cube")] = None,
 ) -> Response:
     """Cells of a cube or of an analysis: the same records as `tripod-doe query`."""
-    data = service.query(run_id, variable, select, nearest, where, format, step, analysis)
+    data = service.ask(
+        "workers.questions:query",
+        path=service.cube_path(run_id, step, analysis),
+        variable=variable,
+        select=select,
+        nearest=nearest,
+        where=where,
+        form=format,
+        cells=service.settings.limits.cells,
+    )
     headers = {"content-disposition": 'attachment; filename="answer.nc"'} if format == "netcdf" else {}
     return Response(data, media_type=_TYPES[format], headers=headers)
 
@@ -48,7 +57,7 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
         return _file(directory / "cube.nc")
     folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
     try:
-        service.write_cube_so_far(run_id, step, folder)
+        service.ask("workers.questions:cube", path=str(directory), folder=str(folder))
         return _TemporaryFile(folder / "cube.nc", media_type=_TYPES["netcdf"], filename="cube.nc")
     except BaseException:
         shutil.rmtree(folder)
@@ -58,19 +67,22 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
 @router.get("/cube", response_model=dict[str, Any])
 def describe(run_id: str, service: AnyService, step: Step = None, analysis: str | None = None) -> Response:
     """What the cube holds: dimensions, coordinates with their values, variables with units and flags."""
-    return Response(service.describe(run_id, step, analysis), media_type=_TYPES["json"])
+    path = service.cube_path(run_id, step, analysis)
+    return Response(service.ask("workers.questions:describe", as_json=True, path=path), media_type=_TYPES["json"])
 
 
 @router.get("/analyses", response_model=list[dict[str, Any]])
 def analyses(run_id: str, service: AnyService, step: Step = None) -> Response:
     """Analyses with their kind, sentences and table."""
-    return Response(service.analyses(run_id, step), media_type=_TYPES["json"])
+    paths = service.analysis_files(run_id, step)
+    return Response(service.ask("workers.questions:analyses", as_json=True, paths=paths), media_type=_TYPES["json"])
 
 
 @router.post("/compare", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(Comparison))
 def compare(run_id: str, body: Body, service: AnyService, step: Step = None) -> Response:
     """A measurement beside a point of the cube: the object of `tripod-doe compare --format json`."""
-    return Response(service.compare(run_id, body, step), media_type=_TYPES["json"])
+    path = str(service.results(run_id, step))
+    return Response(service.ask_body("compare", body, as_json=True, path=path), media_type=_TYPES["json"])
 
 
 @router.get("/analysis/{name}.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))

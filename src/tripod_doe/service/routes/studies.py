@@ -51,4 +51,4 @@ def plan(body: Body, service: AnyService) -> Response:
 @router.post("/simulate", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(None))
 def simulate(body: Body, service: AnyService) -> Response:
     """One point by its parameters, with ``scene`` for another scene than the joint."""
-    return Response(service.simulate(body), media_type="application/json")
+    return Response(service.compute("simulate", body, as_json=True), media_type="application/json")
