@@ -105,10 +105,8 @@ class OutputTable:
 def chosen_outputs(cube: xr.Dataset, asked: Iterable[str]) -> list[str]:
     """Names of the outputs to analyse: those asked for, else all that are results.
 
-    Raises
-    ------
-    InputError
-        If an output is not in the cube, or no point finished.
+    Raises:
+        InputError: If an output is not in the cube, or no point finished.
     """
     outputs = [
         str(name)
@@ -126,19 +124,13 @@ def chosen_outputs(cube: xr.Dataset, asked: Iterable[str]) -> list[str]:
 def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: IntArray) -> Iterator[OutputTable]:
     """Outputs as tables, each read when it is its turn.
 
-    Parameters
-    ----------
-    cube
-        A cube whose points lie along ``point``.
-    names
-        Its outputs.
-    rows
-        Points to take, at which the outputs are finite.
+    Args:
+        cube: A cube whose points lie along ``point``.
+        names: Its outputs.
+        rows: Points to take, at which the outputs are finite.
 
-    Raises
-    ------
-    InputError
-        If an output does not fit into the free memory.
+    Raises:
+        InputError: If an output does not fit into the free memory.
     """
     for name in names:
         yield _table(cube, name, rows)
@@ -154,12 +146,9 @@ def answered_in_parts(
 ) -> xr.Dataset:
     """Answers of one output, part by part along its last dimension, so that a course of many points fits into memory.
 
-    Parameters
-    ----------
-    cube, name, rows
-        As for `read_outputs`.
-    answer
-        Answers, under the labels of the output, for each component by itself.
+    Args:
+        cube, name, rows: As for `read_outputs`.
+        answer: Answers, under the labels of the output, for each component by itself.
     """
     parts = [answer(_table(part, name, rows)) for part in _parts(cube, name, rows.size)]
     if len(parts) == 1:
@@ -226,12 +215,9 @@ def side_by_side(cube: xr.Dataset, names: Sequence[str]) -> list[str]:
 def stacked(parts: Mapping[str, xr.Dataset], joint: Sequence[str]) -> xr.Dataset:
     """The answers of several outputs: some along ``output``, each other one as variables OUTPUT_ANSWER.
 
-    Parameters
-    ----------
-    parts
-        Answers of each output.
-    joint
-        Outputs that stand side by side; one alone has no dimension ``output``.
+    Args:
+        parts: Answers of each output.
+        joint: Outputs that stand side by side; one alone has no dimension ``output``.
     """
     together = [parts[name] for name in joint]
     result = together[0] if together else xr.Dataset()

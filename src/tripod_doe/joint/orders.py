@@ -16,14 +16,11 @@ ORDERS = np.arange(13)
 def complex_amplitudes(signal: FloatArray) -> ComplexArray:
     """Complex amplitudes A_k exp(i p_k) of a signal over whole revolutions.
 
-    Parameters
-    ----------
-    signal
-        Shape (..., samples of one revolution).
+    Args:
+        signal: Shape (..., samples of one revolution).
 
-    Returns
-    -------
-    ndarray, shape (..., order)
+    Returns:
+        ndarray, shape (..., order)
     """
     spectrum: ComplexArray = np.fft.rfft(signal)[..., : ORDERS.size] / signal.shape[-1]
     spectrum[..., 1:] *= 2
@@ -33,12 +30,9 @@ def complex_amplitudes(signal: FloatArray) -> ComplexArray:
 def ahead(signal: FloatArray, angle: float) -> FloatArray:
     """A signal f(phi) over a whole revolution as f(phi + angle), exact for all orders that its samples resolve.
 
-    Parameters
-    ----------
-    signal
-        Shape (..., samples of one revolution).
-    angle
-        In rad.
+    Args:
+        signal: Shape (..., samples of one revolution).
+        angle: In rad.
     """
     count = signal.shape[-1]
     spectrum = np.fft.rfft(signal)

@@ -115,10 +115,8 @@ class Run:
 def method_named(name: str) -> Method:
     """Find a method of the registry.
 
-    Raises
-    ------
-    InputError
-        If there is none of this name.
+    Raises:
+        InputError: If there is none of this name.
     """
     if name not in METHODS:
         raise InputError(f"method {name!r}: unknown{near_match(name, METHODS)}")
@@ -152,32 +150,21 @@ def run(
 ) -> Run:
     """Simulate a scene from its start, or from another state.
 
-    Parameters
-    ----------
-    assembly
-        The scene.
-    method
-        Name of a method of the registry.
-    duration
-        Simulated time.
-    step
-        Step of a method without step control; it is shortened to divide the time between samples.
-    samples
-        Number of equal parts of the duration, each of which ends in a sample.
-    settings
-        Numerics.
-    limits
-        Bounds within which it counts as finished.
-    start
-        State to go on from, at its own time; that of the scene unless given.
-    every_step
-        Whether to return the states after all steps in place of samples. A method that controls its steps cuts them at
-        samples, which are few then: they serve the energy balance alone.
+    Args:
+        assembly: The scene.
+        method: Name of a method of the registry.
+        duration: Simulated time.
+        step: Step of a method without step control; it is shortened to divide the time between samples.
+        samples: Number of equal parts of the duration, each of which ends in a sample.
+        settings: Numerics.
+        limits: Bounds within which it counts as finished.
+        start: State to go on from, at its own time; that of the scene unless given.
+        every_step: Whether to return the states after all steps in place of samples. A method that controls its steps
+            cuts them at samples, which are few then: they serve the energy balance alone.
 
-    Raises
-    ------
-    InputError
-        If the method is unknown or needs a step, the duration is not positive, or the start violates a constraint.
+    Raises:
+        InputError: If the method is unknown or needs a step, the duration is not positive, or the start violates a
+            constraint.
     """
     chosen = method_named(method)
     if not (0 < duration < math.inf and samples >= 1):

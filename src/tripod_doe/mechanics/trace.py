@@ -19,12 +19,9 @@ States = tuple[FloatArray, FloatArray, FloatArray]
 class Trace:
     """All states of a run, the first of them included.
 
-    Parameters
-    ----------
-    memory
-        Memory of the run; without room for a trace nothing is taken from it.
-    state
-        Where it starts.
+    Args:
+        memory: Memory of the run; without room for a trace nothing is taken from it.
+        state: Where it starts.
     """
 
     def __init__(self, memory: Work, state: State) -> None:

@@ -31,14 +31,10 @@ class OutputPart(NamedTuple):
 def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> list[OutputPart]:
     """The third and second order of the thrust, and the responses of the study; of a function, its first four outputs.
 
-    Parameters
-    ----------
-    result
-        Of an analysis of all outputs at once.
-    key
-        Its answer; parts in which it has no number are left out.
-    over
-        Dimensions of the answer that are not those of the output.
+    Args:
+        result: Of an analysis of all outputs at once.
+        key: Its answer; parts in which it has no number are left out.
+        over: Dimensions of the answer that are not those of the output.
     """
     several = [str(name) for name in result["output"].values] if "output" in result.dims else []
     outputs = several or str(result.attrs.get("outputs", _UNNAMED)).split(", ")[:1]

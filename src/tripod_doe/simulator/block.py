@@ -31,10 +31,8 @@ class Values:
 def common_unit(name: str, unit: str, other: str) -> str:
     """The common unit of an output at two sets of points; an empty unit agrees with any.
 
-    Raises
-    ------
-    InputError
-        If points have different units.
+    Raises:
+        InputError: If points have different units.
     """
     if unit and other and unit != other:
         raise InputError(f"{name}: points have different units {unit!r} and {other!r}")
@@ -117,21 +115,14 @@ class BlockResult:
     def put(self, name: str, dims: tuple[str, ...], rows: Rows, data: NDArray[Any], unit: str = "") -> None:
         r"""Set one output of some points; the others stay NaN.
 
-        Parameters
-        ----------
-        name, dims
-            The output and its dimensions.
-        rows
-            The points.
-        data
-            Their values, shape (rows, \*dims), or the values of a single point for a single row.
-        unit
-            From a user's function.
+        Args:
+            name, dims: The output and its dimensions.
+            rows: The points.
+            data: Their values, shape (rows, \*dims), or the values of a single point for a single row.
+            unit: From a user's function.
 
-        Raises
-        ------
-        InputError
-            If points have values of different shapes or units.
+        Raises:
+            InputError: If points have values of different shapes or units.
         """
         shape = data.shape if isinstance(rows, int) else data.shape[1:]
         if name not in self.outputs:

@@ -49,10 +49,8 @@ def _widened(ends: tuple[float, float], values: FloatArray) -> tuple[float, floa
 class ModelSummary:
     """The models of many points, counted block by block for the sentences about them, in constant memory.
 
-    Parameters
-    ----------
-    which
-        A phrase for the points, which follows the name of a model in a sentence.
+    Args:
+        which: A phrase for the points, which follows the name of a model in a sentence.
     """
 
     def __init__(self, which: str = "") -> None:
@@ -66,12 +64,9 @@ class ModelSummary:
     def add(self, errors: ModelErrors, numerical: FloatArray | None = None) -> NDArray[np.int8]:
         """Add some points: known errors of their models, and ranges that they leave; return the `Trust` of each.
 
-        Parameters
-        ----------
-        errors
-            Known errors of the models.
-        numerical
-            Relative numerical error of the same quantity, shape (point,); NaN or None where it is not known.
+        Args:
+            errors: Known errors of the models.
+            numerical: Relative numerical error of the same quantity, shape (point,); NaN or None where it is not known.
         """
         self._of = errors.quantity, errors.reference
         for model in dict.fromkeys(errors.models):

@@ -55,10 +55,8 @@ class Parameter:
     def check(self, value: object) -> Value:
         """Return `value` as this parameter's type.
 
-        Raises
-        ------
-        InputError
-            If the value has the wrong type, is not finite or lies outside the range.
+        Raises:
+            InputError: If the value has the wrong type, is not finite or lies outside the range.
         """
         if value is None:
             if self.default is None:
@@ -124,10 +122,8 @@ def is_set(value: object) -> bool:
 def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:
     """Check given values against their parameters.
 
-    Raises
-    ------
-    InputError
-        For every unknown name (with the nearest known one) and every value that its parameter refuses.
+    Raises:
+        InputError: For every unknown name (with the nearest known one) and every value that its parameter refuses.
     """
     checked: dict[str, Value] = {}
     wrong: list[str] = []

@@ -55,36 +55,27 @@ class Simulator(ABC):
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points.
 
-        Parameters
-        ----------
-        points
-            Every parameter by name, as `columns` gives them, each of shape (point,); NaN or None where unset.
-        keep
-            Names of the outputs to return.
+        Args:
+            points: Every parameter by name, as `columns` gives them, each of shape (point,); NaN or None where unset.
+            keep: Names of the outputs to return.
 
-        Returns
-        -------
-        BlockResult
+        Returns:
             In the order of the points; no point's values depend on the others in the block.
         """
 
     def refined_to(self, demands: Demands) -> Simulator:
         """The same simulator with runs that are refined to the accuracy of a study.
 
-        Raises
-        ------
-        InputError
-            If runs cannot be refined to a quantity.
+        Raises:
+            InputError: If runs cannot be refined to a quantity.
         """
         raise InputError(f"{self.name}: runs of this scene do not adapt their tolerance; leave [accuracy] out")
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points that are known to fail without a run: position, outcome, reason; each point once.
 
-        Parameters
-        ----------
-        points
-            As `simulate` takes them.
+        Args:
+            points: As `simulate` takes them.
         """
         return []
 
@@ -135,20 +126,14 @@ class Simulator(ABC):
     ) -> list[str]:
         """Check values against each other, and return warnings.
 
-        Parameters
-        ----------
-        base
-            Values that were given, the same for all points.
-        factors
-            Values that each factor takes; none where it is sampled.
-        keep
-            Outputs to keep.
+        Args:
+            base: Values that were given, the same for all points.
+            factors: Values that each factor takes; none where it is sampled.
+            keep: Outputs to keep.
 
-        Raises
-        ------
-        InputError
-            If a base value sets a method that no model in play has, or numerics that no method in play uses, or if
-            points would have outputs of different lengths.
+        Raises:
+            InputError: If a base value sets a method that no model in play has, or numerics that no method in play
+                uses, or if points would have outputs of different lengths.
         """
         self._check_numerics(base, factors)
         self.check_lengths(factors, keep)
@@ -157,36 +142,27 @@ class Simulator(ABC):
     def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors | None:
         """Known errors of the models at some points, and where the models hold; None with a single model.
 
-        Parameters
-        ----------
-        points
-            Every parameter by name, as for `simulate`.
+        Args:
+            points: Every parameter by name, as for `simulate`.
         """
         return None
 
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
         """Relative numerical error that runs report of the quantity of `model_errors`, shape (point,); None without.
 
-        Parameters
-        ----------
-        outputs
-            Outputs by name, each of shape (point, ...).
+        Args:
+            outputs: Outputs by name, each of shape (point, ...).
         """
         return None
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
         """Recorded errors of the models at points similar to the given ones, for the quantities of a study.
 
-        Parameters
-        ----------
-        points
-            Every parameter by name, as for `simulate`.
-        demands
-            The accuracy of the study.
+        Args:
+            points: Every parameter by name, as for `simulate`.
+            demands: The accuracy of the study.
 
-        Returns
-        -------
-        numpy.ndarray or None
+        Returns:
             Relative to the allowed errors, shape (point, similar, quantity); NaN for unknown errors, None without any
             record.
         """
@@ -219,18 +195,12 @@ class Simulator(ABC):
     ) -> dict[str, NDArray[Any]]:
         """Every parameter of a block as a column: factors as given, all others from the base values or defaults.
 
-        Parameters
-        ----------
-        base
-            Values that all points share.
-        varied
-            Values of the factors, each of shape (point,).
-        count
-            Number of points.
+        Args:
+            base: Values that all points share.
+            varied: Values of the factors, each of shape (point,).
+            count: Number of points.
 
-        Returns
-        -------
-        dict
+        Returns:
             Numbers as float arrays (NaN where unset), choices as object arrays (None where unset), a function's
             arguments as they are written, each of shape (point,).
         """
@@ -265,17 +235,12 @@ class Simulator(ABC):
     def check_lengths(self, varied: Mapping[str, Collection[Value]], keep: Collection[str]) -> None:
         """Refuse points whose outputs would have different lengths.
 
-        Parameters
-        ----------
-        varied
-            Values that each parameter takes, of the factors or of all points.
-        keep
-            Outputs to keep.
+        Args:
+            varied: Values that each parameter takes, of the factors or of all points.
+            keep: Outputs to keep.
 
-        Raises
-        ------
-        InputError
-            If a parameter sets the length of such an output and takes several values.
+        Raises:
+            InputError: If a parameter sets the length of such an output and takes several values.
         """
         for parameter, values in varied.items():
             long = [
@@ -327,14 +292,10 @@ def model_notes(
 ) -> list[str]:
     """Sentences about some points: how far they can be trusted, known errors of their models, ranges that they leave.
 
-    Parameters
-    ----------
-    simulator
-        The simulator of the points.
-    points
-        Every parameter by name, as for `Simulator.simulate`.
-    outputs
-        Their outputs, each of shape (point, ...).
+    Args:
+        simulator: The simulator of the points.
+        points: Every parameter by name, as for `Simulator.simulate`.
+        outputs: Their outputs, each of shape (point, ...).
     """
     errors = simulator.model_errors(points)
     if errors is None:

@@ -63,12 +63,10 @@ class Verdicts:
 def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdicts:
     """Judge results by the errors known for them.
 
-    Parameters
-    ----------
-    errors
-        Errors of the models, and the ranges that points leave.
-    numerical
-        Relative numerical error of the same quantity that each run reports, shape (point,); NaN or None if unknown.
+    Args:
+        errors: Errors of the models, and the ranges that points leave.
+        numerical: Relative numerical error of the same quantity that each run reports, shape (point,); NaN or None if
+            unknown.
     """
     what, finest = errors.quantity, errors.reference
     reasons = [
@@ -127,10 +125,8 @@ class VerdictCount:
     def sentences(self, which: str = "") -> list[str]:
         """The verdict as one sentence with its main reason; none without points.
 
-        Parameters
-        ----------
-        which
-            A phrase for the points, as `` with all mechanisms on``.
+        Args:
+            which: A phrase for the points, as `` with all mechanisms on``.
         """
         total = sum(self.counts.values())
         if not total:

@@ -93,24 +93,17 @@ class Columns:
 class Expression:
     """A condition or formula, for instance ``initial_skew_1_deg < initial_skew_2_deg and torque_n_m > 25``.
 
-    Parameters
-    ----------
-    text
-        The condition.
-    names
-        Names that it may use.
+    Args:
+        text: The condition.
+        names: Names that it may use.
 
-    Attributes
-    ----------
-    text
-        The condition, or the beginning of a long one.
-    used
-        Names that it does use.
+    Attributes:
+        text: The condition, or the beginning of a long one.
+        used: Names that it does use.
 
-    Raises
-    ------
-    InputError
-        If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and labels.
+    Raises:
+        InputError: If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and
+            labels.
     """
 
     def __init__(self, text: str, names: Collection[str]) -> None:
@@ -215,10 +208,9 @@ class Expression:
 
         A division by zero or an overflow gives an infinity or NaN, as float64 does.
 
-        Raises
-        ------
-        InputError
-            If values cannot be compared, for instance a number with a text, or whole numbers are too large for float64.
+        Raises:
+            InputError: If values cannot be compared, for instance a number with a text, or whole numbers are too large
+                for float64.
         """
         meets = self.truths(Columns(columns))
         return np.broadcast_to(meets.data, np.shape(next(iter(columns.values()))))
@@ -231,10 +223,8 @@ class Expression:
     def numbers(self, source: Source) -> NamedArray:
         """Evaluate a formula, in float64.
 
-        Raises
-        ------
-        InputError
-            If its result is a text, or values cannot be combined.
+        Raises:
+            InputError: If its result is a text, or values cannot be combined.
         """
         result = self._evaluated(source)
         if not np.issubdtype(np.asarray(result.data).dtype, np.number) and result.data.dtype != np.bool_:

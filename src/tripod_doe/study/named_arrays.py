@@ -43,17 +43,12 @@ class NamedArray:
     def picked(self, picks: Sequence[Pick], rows: Collection[str]) -> NamedArray:
         """Values at labels along its dimensions, in their order.
 
-        Parameters
-        ----------
-        picks
-            A label or a range for each dimension; a dimension with a label is gone.
-        rows
-            Dimensions that are never picked from.
+        Args:
+            picks: A label or a range for each dimension; a dimension with a label is gone.
+            rows: Dimensions that are never picked from.
 
-        Raises
-        ------
-        InputError
-            If there are other dimensions than picks, or no such label.
+        Raises:
+            InputError: If there are other dimensions than picks, or no such label.
         """
         own = self.without(rows)
         if len(picks) != len(own):
@@ -127,19 +122,13 @@ def _listed(labels: NDArray[Any]) -> str:
 def aligned(arrays: Sequence[NamedArray], rows: Collection[str], most: int) -> list[NamedArray]:
     """Arrays with the dimensions of all of them, each of length one where an array does not have it.
 
-    Parameters
-    ----------
-    arrays
-        The arrays.
-    rows
-        Dimensions that do not count in the limit.
-    most
-        Largest number of values that their combination may have for each row.
+    Args:
+        arrays: The arrays.
+        rows: Dimensions that do not count in the limit.
+        most: Largest number of values that their combination may have for each row.
 
-    Raises
-    ------
-    InputError
-        If their labels along a common dimension differ, or the combination is too large.
+    Raises:
+        InputError: If their labels along a common dimension differ, or the combination is too large.
     """
     labels: dict[str, NDArray[Any]] = {}
     lengths: dict[str, int] = {}

@@ -95,14 +95,10 @@ class Plan:
 def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False) -> Plan:
     """Count the points of a study and time a few of them, for at most ten seconds.
 
-    Parameters
-    ----------
-    study
-        A study or its file. Nothing is written and no cluster is started.
-    timing
-        Whether to time points, in a process of its own.
-    recorded
-        Whether recorded prices stand in where nothing is timed.
+    Args:
+        study: A study or its file. Nothing is written and no cluster is started.
+        timing: Whether to time points, in a process of its own.
+        recorded: Whether recorded prices stand in where nothing is timed.
     """
     if not isinstance(study, Study):
         study = load_study(study)

@@ -112,32 +112,23 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
 def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     """Simulate one point.
 
-    Parameters
-    ----------
-    scene
-        Name of the scene.
-    **parameters
-        Parameters by name, in the units of their names; all others keep their defaults.
+    Args:
+        scene: Name of the scene.
+        **parameters: Parameters by name, in the units of their names; all others keep their defaults.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         Every output of the model but those on request, ``outcome`` and ``outcome_detail``; the attributes
-        ``parameters`` (all values that were used), ``model_notes`` (how far to trust it, and why) and ``cost``
-        (CPU and wall seconds without compilation, steps, force evaluations). Outputs are missing where the point did
-        not finish.
+        ``parameters`` (all values that were used), ``model_notes`` (how far to trust it, and why) and ``cost`` (CPU and
+        wall seconds without compilation, steps, force evaluations). Outputs are missing where the point did not finish.
 
-    Raises
-    ------
-    InputError
-        If a parameter is unknown, out of range, or not used by the method.
+    Raises:
+        InputError: If a parameter is unknown, out of range, or not used by the method.
 
-    Examples
-    --------
-    >>> import tripod_doe as td
-    >>> result = td.simulate(joint_angle_deg=10)
-    >>> round(float(result["thrust_amplitude"].sel(order=3)), 1)
-    14.2
+    Examples:
+        >>> import tripod_doe as td
+        >>> result = td.simulate(joint_angle_deg=10)
+        >>> round(float(result["thrust_amplitude"].sel(order=3)), 1)
+        14.2
     """
     import xarray as xr
 

@@ -31,21 +31,14 @@ def _reads(analysis: Analysis, study: Study) -> bool:
 def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -> tuple[Analysis, BaseModel]:
     """Find an analysis of one study's cube, and check its settings before anything runs.
 
-    Parameters
-    ----------
-    study
-        The study whose cube it will read.
-    kind
-        A key of `ANALYSES`.
-    table
-        Its settings as written.
-    where
-        The table they stand in, for messages.
+    Args:
+        study: The study whose cube it will read.
+        kind: A key of `ANALYSES`.
+        table: Its settings as written.
+        where: The table they stand in, for messages.
 
-    Raises
-    ------
-    InputError
-        If the kind or a setting is unknown, or the study's design does not serve it.
+    Raises:
+        InputError: If the kind or a setting is unknown, or the study's design does not serve it.
     """
     known = [name for name, entry in ANALYSES.items() if entry.designs]
     if kind not in known:
@@ -83,10 +76,8 @@ def _not_kept(output: str, study: Study) -> str:
 def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseModel:
     """Settings of an analysis as its model.
 
-    Raises
-    ------
-    InputError
-        If a key is unknown, with the nearest known one, or missing, or its value is refused.
+    Raises:
+        InputError: If a key is unknown, with the nearest known one, or missing, or its value is refused.
     """
     if key := next((key for key, value in table.items() if not _is_finite(value)), None):
         raise InputError(f"{key} = {table[key]!r}: numbers must be finite")
@@ -120,10 +111,8 @@ def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
 def check_analyses(study: Study) -> None:
     """Check the analyses of a study before anything runs.
 
-    Raises
-    ------
-    InputError
-        If a kind or a setting is unknown, or the design does not serve it.
+    Raises:
+        InputError: If a kind or a setting is unknown, or the design does not serve it.
     """
     for name in study.file.analysis:
         _settings(study, name)
@@ -132,9 +121,7 @@ def check_analyses(study: Study) -> None:
 def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, str]:
     """Run all analyses of a study into ``directory/analysis/NAME.nc``.
 
-    Returns
-    -------
-    dict
+    Returns:
         By name, the reason why an analysis failed; empty where it did not.
     """
     reasons: dict[str, str] = {}

@@ -13,20 +13,14 @@ from tripod_doe.workflow.run import RunSummary, summary_of
 def derive(directory: str | Path, file: str | Path) -> RunSummary:
     """Add the responses of a file to the study of a result directory, and write its cube, analyses and report again.
 
-    Parameters
-    ----------
-    directory
-        The result directory; a study that was interrupted keeps its missing points.
-    file
-        TOML file with tables ``[responses.NAME]``; one with a known name takes the place of the older one.
+    Args:
+        directory: The result directory; a study that was interrupted keeps its missing points.
+        file: TOML file with tables ``[responses.NAME]``; one with a known name takes the place of the older one.
 
-    Raises
-    ------
-    InputError
-        If the file holds anything else, a formula is wrong, or the results do not hold an output that it uses;
-        nothing is changed.
-    StorageError
-        If writing fails; the older files stay.
+    Raises:
+        InputError: If the file holds anything else, a formula is wrong, or the results do not hold an output that it
+            uses; nothing is changed.
+        StorageError: If writing fails; the older files stay.
     """
     path = Path(directory)
     study = with_responses(path, Path(file))

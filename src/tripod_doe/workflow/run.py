@@ -93,42 +93,27 @@ def run(
 ) -> RunSummary:
     """Run the missing points of a study, then make cube, costs, analyses and report.
 
-    Parameters
-    ----------
-    study
-        The study, or its file.
-    out
-        Result directory; made if it is not there.
-    workers
-        Worker processes, at most as many as this machine has processors; 0 runs everything in this process; None takes
-        this process where that is faster than a start of workers, and two workers otherwise.
-    scheduler
-        Address of an existing Dask scheduler to use instead.
-    retry_failed
-        Run failed points again.
-    fail_fast
-        Stop at the first point that fails unexpectedly.
-    progress
-        Whether to print the progress to standard error.
-    oversubscribe
-        Allow more workers than this machine has processors.
-    scheduler_file
-        File of the existing Dask scheduler, in place of its address.
-    wait
-        Seconds to wait for that scheduler, at the start as well; if omitted, 60 for one that is lost.
-    take_over
-        Take the lock of a process that is known to be dead.
-    tls_ca_file, tls_cert, tls_key
-        PEM files for a scheduler that talks TLS: certificates of its authority and of this client, and its key.
-    refuse_impossible
-        Refuse a study at all of whose points parts do not fit or cannot move, unless it expects that.
+    Args:
+        study: The study, or its file.
+        out: Result directory; made if it is not there.
+        workers: Worker processes, at most as many as this machine has processors; 0 runs everything in this process;
+            None takes this process where that is faster than a start of workers, and two workers otherwise.
+        scheduler: Address of an existing Dask scheduler to use instead.
+        retry_failed: Run failed points again.
+        fail_fast: Stop at the first point that fails unexpectedly.
+        progress: Whether to print the progress to standard error.
+        oversubscribe: Allow more workers than this machine has processors.
+        scheduler_file: File of the existing Dask scheduler, in place of its address.
+        wait: Seconds to wait for that scheduler, at the start as well; if omitted, 60 for one that is lost.
+        take_over: Take the lock of a process that is known to be dead.
+        tls_ca_file, tls_cert, tls_key: PEM files for a scheduler that talks TLS: certificates of its authority and of
+            this client, and its key.
+        refuse_impossible: Refuse a study at all of whose points parts do not fit or cannot move, unless it expects
+            that.
 
-    Raises
-    ------
-    InputError
-        If the study or the directory cannot be used; nothing is started.
-    StorageError
-        If writing fails; finished points stay in the journal.
+    Raises:
+        InputError: If the study or the directory cannot be used; nothing is started.
+        StorageError: If writing fails; finished points stay in the journal.
     """
     existing, tls = None, tls_files(tls_ca_file, tls_cert, tls_key)
     if scheduler or scheduler_file:
@@ -197,14 +182,10 @@ def run_on(
 def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, **counts: Any) -> RunSummary:
     """Write analyses and report of a result directory, and say what it holds.
 
-    Parameters
-    ----------
-    asked, path
-        The study with its points, and where its results are.
-    written
-        Its cube, which is closed.
-    **counts
-        ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
+    Args:
+        asked, path: The study with its points, and where its results are.
+        written: Its cube, which is closed.
+        **counts: ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
     """
     study = asked.study
     with written as cube:

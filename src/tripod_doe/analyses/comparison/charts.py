@@ -24,10 +24,8 @@ _MODEL, _MEASURED = COLOURS[0], COLOURS[1]
 def comparison_charts(comparison: xr.Dataset, name: str = "") -> list[Chart]:
     """Figures of a comparison: waveform, orders, beat envelope and, of a run-up, orders over speed.
 
-    Parameters
-    ----------
-    comparison
-        From `tripod_doe.analyses.comparison.comparison.compare`.
+    Args:
+        comparison: From `tripod_doe.analyses.comparison.comparison.compare`.
     """
     charts = [_waveform(comparison), _orders(comparison), _envelope(comparison)]
     speed = comparison["speed_rpm"].values if "speed_rpm" in comparison else np.array([1.0])

@@ -62,10 +62,8 @@ class ComparisonSettings(BaseModel):
 def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: StudyFolder) -> xr.Dataset:
     """Compare a measurement's file with a point of the one cube that is given; see `compare`.
 
-    Raises
-    ------
-    InputError
-        If there is not one cube, or point and measurement cannot be compared.
+    Raises:
+        InputError: If there is not one cube, or point and measurement cannot be compared.
     """
     if len(cubes) != 1:
         raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
@@ -78,10 +76,8 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
 def parse_speeds(text: str | None) -> tuple[float, float] | None:
     """A range of speeds in rpm from ``LOW:HIGH``; None for no text.
 
-    Raises
-    ------
-    InputError
-        If the text has another form.
+    Raises:
+        InputError: If the text has another form.
     """
     if text is None:
         return None
@@ -110,26 +106,18 @@ def compare(
     difference as the root of squares. The beat's envelope is |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper
     3.3).
 
-    Parameters
-    ----------
-    measurement
-        Thrust force over the rotation angle, or its file, see `read_measurement`.
-    point
-        One point of a cube, or points over speed, see `model_point`. Over speed, the model's complex amplitudes are
-        interpolated to the speed of each revolution, and the uncertainty is that of the mean difference.
-    reference_angle_deg
-        Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the zero of
-        the measurement. If omitted, the measurement is aligned by the phase of its third order; of the three
-        possible angles, 120 deg apart, the one with the smallest difference over all orders is used. The phases of the
-        other orders are then relative to that of the third.
-    speeds_rpm
-        Only revolutions with a mean speed in this range are compared; the tracked orders keep all.
-    confidence
-        Level of the uncertainties.
+    Args:
+        measurement: Thrust force over the rotation angle, or its file, see `read_measurement`.
+        point: One point of a cube, or points over speed, see `model_point`. Over speed, the model's complex amplitudes
+            are interpolated to the speed of each revolution, and the uncertainty is that of the mean difference.
+        reference_angle_deg: Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the
+            zero of the measurement. If omitted, the measurement is aligned by the phase of its third order; of the
+            three possible angles, 120 deg apart, the one with the smallest difference over all orders is used. The
+            phases of the other orders are then relative to that of the third.
+        speeds_rpm: Only revolutions with a mean speed in this range are compared; the tracked orders keep all.
+        confidence: Level of the uncertainties.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
         amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
@@ -138,10 +126,8 @@ def compare(
         The attribute ``doubts`` holds sentences on units or pulses that are probably wrong, one per line. Phases of
         orders that do not differ significantly from zero are NaN.
 
-    Raises
-    ------
-    InputError
-        If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
+    Raises:
+        InputError: If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
     """
     from scipy.special import stdtrit  # quantiles of Student's t
 

@@ -55,24 +55,17 @@ def read_measurement(
 ) -> Measurement:
     """Read a measured thrust signal and put it over the rotation angle.
 
-    Parameters
-    ----------
-    path
-        Text file with one line of column names; lines that start with # are ignored.
-    pulses_per_revolution
-        Rising edges of the tachometer per revolution of the housing.
-    columns
-        Headings of the file by our names of the columns, where they are not known.
+    Args:
+        path: Text file with one line of column names; lines that start with # are ignored.
+        pulses_per_revolution: Rising edges of the tachometer per revolution of the housing.
+        columns: Headings of the file by our names of the columns, where they are not known.
 
-    Returns
-    -------
-    Measurement
+    Returns:
+        Measurement
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing or holds words, too many values are missing, time or angle
-        runs backwards, or the tachometer shows no regular pulses. The message says what to change.
+    Raises:
+        InputError: If the file cannot be read, a column is missing or holds words, too many values are missing, time or
+            angle runs backwards, or the tachometer shows no regular pulses. The message says what to change.
     """
     path = Path(path)
     try:
@@ -143,24 +136,16 @@ def rotation_from_tachometer(
     exactly, ripple within the time between two pulses is not seen. The zero is at the first edge. Computed order
     tracking after Fyfe and Munck, Mechanical Systems and Signal Processing 11 (1997) 187-205.
 
-    Parameters
-    ----------
-    time_s, tacho, thrust_n
-        Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
-    pulses_per_revolution
-        Edges per revolution.
-    lost_samples
-        Rows that were left out before, for the record.
+    Args:
+        time_s, tacho, thrust_n: Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
+        pulses_per_revolution: Edges per revolution.
+        lost_samples: Rows that were left out before, for the record.
 
-    Notes
-    -----
     An edge of a sampled square wave is known to half a sample. With N samples a revolution that is an angle error
     of at most 180/N deg, and of at most k 180/N deg in the phase of order k.
 
-    Raises
-    ------
-    InputError
-        If there are no pulses, too few, or irregular ones.
+    Raises:
+        InputError: If there are no pulses, too few, or irregular ones.
     """
     from scipy.interpolate import CubicSpline
 
@@ -199,14 +184,11 @@ def edge_times(time_s: FloatArray, tacho: FloatArray) -> FloatArray:
 
     A rise counts when it goes from below 35 % to above 65 % of the range, so that noise up to 15 % makes no edge.
 
-    Parameters
-    ----------
-    time_s, tacho
-        Time in s and tachometer in any unit, shape (sample,).
+    Args:
+        time_s, tacho: Time in s and tachometer in any unit, shape (sample,).
 
-    Returns
-    -------
-    ndarray, shape (edge,)
+    Returns:
+        ndarray, shape (edge,)
     """
     low, high = (float(end) for end in (np.min(tacho), np.max(tacho))) if tacho.size else (0.0, 0.0)
     state = np.where(tacho > low + _HIGH * (high - low), 1, 0) - np.where(tacho < low + _LOW * (high - low), 1, 0)
@@ -232,15 +214,11 @@ def _without_loose_ends(edges: FloatArray) -> FloatArray:
 def pulse_numbers(edges: FloatArray) -> IntArray:
     """Number each edge of a tachometer, the first 0; a gap of a whole number of pulses counts those that are missing.
 
-    Parameters
-    ----------
-    edges
-        Instants in s, shape (edge,).
+    Args:
+        edges: Instants in s, shape (edge,).
 
-    Raises
-    ------
-    InputError
-        If an interval is no whole multiple of the median of its neighbours, within 30 % of one.
+    Raises:
+        InputError: If an interval is no whole multiple of the median of its neighbours, within 30 % of one.
     """
     from scipy.ndimage import median_filter
 

@@ -23,26 +23,18 @@ _SPEED_PLAY = 1e-3  # relative: how far from the speeds of a cube a revolution s
 def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
     """The point of a cube that a measurement is compared with, or its points over speed where several are left.
 
-    Parameters
-    ----------
-    cube
-        An open cube.
-    select
-        ``name=value`` for each factor with more than one value; speed_rpm may keep several.
-    nearest
-        Take the nearest value where none matches.
+    Args:
+        cube: An open cube.
+        select: ``name=value`` for each factor with more than one value; speed_rpm may keep several.
+        nearest: Take the nearest value where none matches.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         thrust_amplitude, thrust_phase_deg and thrust_amplitude_scatter (order), thrust(rotation_deg), as far as the
         cube has them, over ``speed_rpm`` where several speeds are left; the other factors as scalar coordinates.
 
-    Raises
-    ------
-    InputError
-        If the cube holds no thrust force, the selection leaves none or several points other than over speed, or the
-        point did not finish.
+    Raises:
+        InputError: If the cube holds no thrust force, the selection leaves none or several points other than over
+            speed, or the point did not finish.
     """
     wanted = [name for name in _MODEL_OUTPUTS if name in cube]
     if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):

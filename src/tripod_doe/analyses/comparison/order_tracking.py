@@ -36,25 +36,17 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
     sigma sqrt(2/N), and that of a phase is this over the amplitude, in rad. A gap raises them: all revolutions with
     a gap wider than 360/25 = 14.4 deg are left out. A linear drift adds nothing. Cost: 2 N 25^2 operations a turn.
 
-    Parameters
-    ----------
-    rotation_deg
-        Rotation angle, not falling, in degrees, shape (sample,).
-    thrust_n
-        Thrust force in N, NaN at dropouts, shape (sample,).
-    time_s
-        Time of the samples in s.
+    Args:
+        rotation_deg: Rotation angle, not falling, in degrees, shape (sample,).
+        thrust_n: Thrust force in N, NaN at dropouts, shape (sample,).
+        time_s: Time of the samples in s.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         thrust_amplitude and thrust_phase_deg (revolution, order), samples(revolution), and with time speed_rpm
         (revolution); attributes ``revolutions_used``, ``revolutions_left_out`` and ``drift_n_per_revolution``.
 
-    Raises
-    ------
-    InputError
-        If there are less than two revolutions, whole or without wide gaps, or too few samples in them.
+    Raises:
+        InputError: If there are less than two revolutions, whole or without wide gaps, or too few samples in them.
     """
     there = np.isfinite(thrust_n)
     bounds = _revolutions(rotation_deg)
@@ -140,16 +132,12 @@ def resample(rotation_deg: FloatArray, thrust_n: FloatArray) -> FloatArray:
     sin(x)/x, x = pi k/360: 0.2 % at order 12. Dropouts, and what is beside them by more than two and a half
     median steps, are NaN.
 
-    Parameters
-    ----------
-    rotation_deg
-        Rotation angle, not falling, in degrees, shape (sample,).
-    thrust_n
-        Thrust force in N, NaN at dropouts, shape (sample,).
+    Args:
+        rotation_deg: Rotation angle, not falling, in degrees, shape (sample,).
+        thrust_n: Thrust force in N, NaN at dropouts, shape (sample,).
 
-    Returns
-    -------
-    ndarray, shape (revolution, 360)
+    Returns:
+        ndarray, shape (revolution, 360)
     """
     there = np.isfinite(thrust_n)
     angle, force = rotation_deg[there], thrust_n[there]

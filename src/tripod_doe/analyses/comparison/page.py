@@ -41,10 +41,8 @@ def comparison_page(comparison: xr.Dataset) -> str:
 def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
     """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written.
+    Raises:
+        StorageError: If it cannot be written.
     """
     if output.suffix.lower() in (".html", ".htm"):
         return replace_text(output, comparison_page(comparison))

@@ -26,12 +26,9 @@ _THOUSAND = (300.0, 3000.0)  # a measurement and a model of the same joint diffe
 def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
     """Sentences on what does not fit, none where nothing is noticed.
 
-    Parameters
-    ----------
-    measurement
-        Thrust force over the rotation angle.
-    model
-        Complex amplitudes of the model's orders 0 to 12.
+    Args:
+        measurement: Thrust force over the rotation angle.
+        model: Complex amplitudes of the model's orders 0 to 12.
     """
     order = 1 + int(np.argmax(np.abs(model[1:])))
     expected = float(np.abs(model[order]))
@@ -63,16 +60,11 @@ def alignment_doubts(
 ) -> list[str]:
     """Sentences on a sign of the force, a reference angle or an encoder that does not fit.
 
-    Parameters
-    ----------
-    measurement
-        Thrust force over the rotation angle.
-    each
-        Complex amplitudes of each revolution of the record, aligned with the model, shape (revolution, order).
-    model
-        Those of the model, shape (order,).
-    reference_angle_deg
-        The reference angle, None where the record was aligned by its third order.
+    Args:
+        measurement: Thrust force over the rotation angle.
+        each: Complex amplitudes of each revolution of the record, aligned with the model, shape (revolution, order).
+        model: Those of the model, shape (order,).
+        reference_angle_deg: The reference angle, None where the record was aligned by its third order.
     """
     return _encoder_doubts(measurement, each) + _sign_doubts(each, model, reference_angle_deg)
 

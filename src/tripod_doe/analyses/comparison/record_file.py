@@ -78,18 +78,14 @@ class Record:
 def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
     """Read a table of a measurement.
 
-    Parameters
-    ----------
-    path
-        Text file: numbers in columns, one line of headings before them; a line of units may follow the headings.
-        Lines that start with # are ignored.
-    given
-        Headings by our names, where the file's are not known.
+    Args:
+        path: Text file: numbers in columns, one line of headings before them; a line of units may follow the headings.
+            Lines that start with # are ignored.
+        given: Headings by our names, where the file's are not known.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, holds no table, a heading is ambiguous or its unit unknown, or a field is no number.
+    Raises:
+        InputError: If the file cannot be read, holds no table, a heading is ambiguous or its unit unknown, or a field
+            is no number.
     """
     lines = _lines(path)
     separator, decimal = _form(lines[:_LOOKED_AT])
@@ -112,10 +108,8 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
 def parse_column(text: str) -> tuple[str, str]:
     """Our name of a column and its heading in a file, from ``NAME=HEADING``.
 
-    Raises
-    ------
-    InputError
-        If the text has another form.
+    Raises:
+        InputError: If the text has another form.
     """
     name, equals, heading = (part.strip() for part in text.partition("="))
     if not equals or not heading or name.replace("-", "_") not in ROLES:

@@ -38,14 +38,10 @@ _SPEED_APART = 0.05  # relative difference of speeds from which the reader shoul
 def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
     """Sentences on what the comparison shows, and on what it cannot.
 
-    Parameters
-    ----------
-    comparison
-        From `tripod_doe.analyses.comparison.comparison.compare`.
+    Args:
+        comparison: From `tripod_doe.analyses.comparison.comparison.compare`.
 
-    Returns
-    -------
-    list of str
+    Returns:
         Doubts about units and pulses first, then the third order, the second, the run-up, the beat, the alignment, and
         what was lost.
     """

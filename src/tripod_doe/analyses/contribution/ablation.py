@@ -36,16 +36,11 @@ class OperatingPoints:
 class Projections:
     """P(S) in percent, for combinations S written as bits, the first mechanism the lowest; NaN where it is not known.
 
-    Attributes
-    ----------
-    count
-        Number of mechanisms.
-    total
-        |A_all|, shape (operating point, own dimensions).
-    error
-        Its error: as known, at least rounding; same shape.
-    weak
-        Where the magnitude is not above its error, same shape.
+    Attributes:
+        count: Number of mechanisms.
+        total: |A_all|, shape (operating point, own dimensions).
+        error: Its error: as known, at least rounding; same shape.
+        weak: Where the magnitude is not above its error, same shape.
     """
 
     def __init__(self, switched: IntArray, operating: OperatingPoints, values: ComplexArray, error: FloatArray):

@@ -34,10 +34,8 @@ def contribution_figures(result: xr.Dataset, name: str) -> list[Chart]:
 def contribution_charts(part: Contribution) -> list[Chart]:
     """Stacked bars for up to three operating points; for many their distribution, and maps over two factors.
 
-    Parameters
-    ----------
-    part
-        Shares of one order or output.
+    Args:
+        part: Shares of one order or output.
     """
     if not part.many:
         return [_bar_chart(part)]

@@ -91,34 +91,26 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
       - P(S with j) + P(S)): the Shapley interaction index, what two mechanisms contribute more (positive) or less
       (negative) together than separately.
 
-    Parameters
-    ----------
-    cube
-        Cube of an ablation, alone or as a part of a product with operating points. Shapley values and interactions
-        need all 2^n combinations of n mechanisms; they take n^2 2^n sums per operating point.
-    settings
-        Which output.
+    Args:
+        cube: Cube of an ablation, alone or as a part of a product with operating points. Shapley values and
+            interactions need all 2^n combinations of n mechanisms; they take n^2 2^n sums per operating point.
+        settings: Which output.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the output), closure,
-        direct_remainder, share_none = P(none), amplitude = \|A_all\| and its error amplitude_error, interaction
-        (pair, ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points stand in
-        front: one per factor where they fill a grid, else ``operating_point``.
-        Every variable X has a flag variable X_flag: NaN is either zero_amplitude (\|A_all\| not above its error: the
-        cube's scatter of it, at least 1e-6 of the largest amplitude there) or point_missing (a point that it needs did
-        not finish, or is not in the design).
+        direct_remainder, share_none = P(none), amplitude = \|A_all\| and its error amplitude_error, interaction (pair,
+        ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points stand in front:
+        one per factor where they fill a grid, else ``operating_point``. Every variable X has a flag variable X_flag:
+        NaN is either zero_amplitude (\|A_all\| not above its error: the cube's scatter of it, at least 1e-6 of the
+        largest amplitude there) or point_missing (a point that it needs did not finish, or is not in the design).
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, lacks the output or its phase, or does not fit into the free memory.
+    Raises:
+        InputError: If the cube is of another design, lacks the output or its phase, or does not fit into the free
+            memory.
 
-    References
-    ----------
-    Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
-    interaction among players in cooperative games. The question is that of the paper's section 3.5.
+    References:
+        Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
+        interaction among players in cooperative games. The question is that of the paper's section 3.5.
     """
     settings = settings or ContributionSettings()
     mechanisms, operating = switches_and_points(cube)

@@ -1,9 +1,8 @@
 """Shapley values and interactions of mechanisms, from what each of their combinations makes of the whole.
 
-References
-----------
-Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
-interaction among players in cooperative games.
+References:
+    Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
+    interaction among players in cooperative games.
 """
 
 from __future__ import annotations

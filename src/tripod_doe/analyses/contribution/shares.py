@@ -223,10 +223,8 @@ def _one_digit(value: float) -> str:
 def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[list[str]]]:
     """The table of one contribution: heads, one row per mechanism, and rows of sums and remainders.
 
-    Parameters
-    ----------
-    part
-        Shares of one order or output; of several operating points as `spread` says.
+    Args:
+        part: Shares of one order or output; of several operating points as `spread` says.
     """
     heads = ["Mechanism", *(DEFINITIONS[name] for name in part.shares)]
     rows = [

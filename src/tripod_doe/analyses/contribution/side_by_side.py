@@ -22,9 +22,7 @@ _ORDERS = (3, 2)
 def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """Contributions of all five mechanisms at one operating point by different models, the coarsest first.
 
-    Returns
-    -------
-    dict
+    Returns:
         By their names in `data`; empty unless there are at least two models.
     """
     candidates = {
@@ -55,10 +53,8 @@ def _models(ladder: Mapping[str, xr.Dataset]) -> list[str]:
 def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], list[list[str]]]:
     """Heads and rows: the third and the second order, and their shares by switching off, one column per model.
 
-    Parameters
-    ----------
-    ladder
-        From `of_one_ladder`.
+    Args:
+        ladder: From `of_one_ladder`.
     """
     rest = 100 - sum(PAPER_SHARES.values())
     rows = []

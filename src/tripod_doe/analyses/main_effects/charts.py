@@ -164,12 +164,9 @@ def _map_chart(
 ) -> Chart:
     """Numbers in shaded cells, or labelled contours if there are too many cells to read.
 
-    Parameters
-    ----------
-    factors
-        Those of the two axes.
-    held
-        Another factor, and the place of its level; all its maps have the same shades.
+    Args:
+        factors: Those of the two axes.
+        held: Another factor, and the place of its level; all its maps have the same shades.
     """
     held, every = held or {}, response.values.values
     shades = float(np.nanmin(every)), float(np.nanmax(every))

@@ -32,16 +32,11 @@ class Shape(IntEnum):
 def curve_shapes(curves: FloatArray, error: float) -> IntArray:
     """Shape of each curve.
 
-    Parameters
-    ----------
-    curves
-        Values over ascending levels, shape (curve, level).
-    error
-        Difference up to which two values count as equal.
+    Args:
+        curves: Values over ascending levels, shape (curve, level).
+        error: Difference up to which two values count as equal.
 
-    Returns
-    -------
-    numpy.ndarray
+    Returns:
         A `Shape` per curve.
     """
     rises, falls = _largest_rise(curves) > error, _largest_rise(-curves) > error

@@ -34,16 +34,12 @@ from tripod_doe.one_thread import one_thread
 def setting_of_others(codes: IntArray) -> IntArray:
     """For each factor, which points share the levels of all the others.
 
-    Parameters
-    ----------
-    codes
-        Number of the level, shape (point, factor).
+    Args:
+        codes: Number of the level, shape (point, factor).
 
-    Returns
-    -------
-    numpy.ndarray
-        Number of the setting of the other factors, same shape. From sums of random 64-bit keys, one per level, so
-        that a million points take no sorting of rows; two settings share a sum with a probability below 1e-7.
+    Returns:
+        Number of the setting of the other factors, same shape. From sums of random 64-bit keys, one per level, so that
+        a million points take no sorting of rows; two settings share a sum with a probability below 1e-7.
     """
     random = np.random.default_rng(0)
     keys = np.empty(codes.shape, np.uint64)
@@ -72,12 +68,9 @@ class Comparison:
 def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) -> Comparison:
     """Compare the points that share the setting of all other factors.
 
-    Parameters
-    ----------
-    setting, code
-        Setting of the other factors, and level of this one, in ascending order; shape (point,).
-    response
-        Finite values, shape (point,). Repeated points are averaged.
+    Args:
+        setting, code: Setting of the other factors, and level of this one, in ascending order; shape (point,).
+        response: Finite values, shape (point,). Repeated points are averaged.
     """
     levels = int(code.max()) + 1
     cells, inverse = np.unique(setting * levels + code, return_inverse=True)
@@ -161,14 +154,10 @@ class FactorEffect:
 def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: float = 0.0) -> list[FactorEffect]:
     """The effect of each factor that varies, on the best ground that the points give.
 
-    Parameters
-    ----------
-    columns
-        Values of the factors at the points that finished, shape (point,) each: numbers or words.
-    response
-        Finite values, shape (point,).
-    error
-        Difference up to which two values are equal within their numerical error; at least rounding is assumed.
+    Args:
+        columns: Values of the factors at the points that finished, shape (point,) each: numbers or words.
+        response: Finite values, shape (point,).
+        error: Difference up to which two values are equal within their numerical error; at least rounding is assumed.
     """
     levels = {name: np.unique(column, return_inverse=True) for name, column in columns.items()}
     varying = {name: columns[name] for name, (distinct, _) in levels.items() if distinct.size > 1}

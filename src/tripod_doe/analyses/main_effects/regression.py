@@ -104,12 +104,9 @@ def separation(columns: Mapping[str, Column], factor: str) -> Separation:
     lines and squares of all the others together, or by the product of two or three of them (an alias, as in designs
     of low resolution); nor where there are fewer than three points per column.
 
-    Parameters
-    ----------
-    columns
-        Values of all factors that vary, shape (point,) each.
-    factor
-        The one that is asked for.
+    Args:
+        columns: Values of all factors that vary, shape (point,) each.
+        factor: The one that is asked for.
     """
     own, by = _basis(columns[factor]), _others(columns, factor)
     others = {name: _basis(column) for name, column in columns.items() if name != factor}
@@ -148,16 +145,11 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
     interactions scatter more at the ends of a range). Class means are those of straight lines in each class, and their
     intervals hold for all pairs of classes at once (Bonferroni).
 
-    Parameters
-    ----------
-    columns
-        Values of all factors that vary, shape (point,) each; `separation` must hold for the factor.
-    factor
-        The one that is asked for, a number.
-    response
-        Finite values, shape (point,).
-    error
-        Its numerical error: smaller changes are none.
+    Args:
+        columns: Values of all factors that vary, shape (point,) each; `separation` must hold for the factor.
+        factor: The one that is asked for, a number.
+        response: Finite values, shape (point,).
+        error: Its numerical error: smaller changes are none.
     """
     own, others = _basis(columns[factor]), _others(columns, factor)
     coefficient, covariances, free = _least_squares(np.column_stack([own, others]), response)

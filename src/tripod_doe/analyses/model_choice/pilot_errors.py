@@ -90,19 +90,13 @@ class PilotErrors:
 def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> PilotErrors:
     """Errors of each candidate against the reference of each pilot point, and its price.
 
-    Parameters
-    ----------
-    pilot
-        A cube with its costs, of any design that runs some of the candidates of `accuracy` at some points.
-    names
-        The factors of the study that is to be run.
-    accuracy
-        What is asked for.
+    Args:
+        pilot: A cube with its costs, of any design that runs some of the candidates of `accuracy` at some points.
+        names: The factors of the study that is to be run.
+        accuracy: What is asked for.
 
-    Raises
-    ------
-    InputError
-        If the cube lacks a factor, a quantity or a candidate, or the reference finished nowhere.
+    Raises:
+        InputError: If the cube lacks a factor, a quantity or a candidate, or the reference finished nowhere.
     """
     cells = {name: _column(pilot, name) for name in [*names, *accuracy.parameters]}
     candidate_of = np.full(pilot["outcome"].size, -1)

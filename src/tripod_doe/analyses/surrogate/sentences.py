@@ -15,12 +15,9 @@ _NEARLY_ALL = 99.9  # percent
 def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the surrogate of each main output, and on the quantiles that it gives.
 
-    Parameters
-    ----------
-    result
-        Its errors.
-    name
-        Name of the analysis.
+    Args:
+        result: Its errors.
+        name: Name of the analysis.
     """
     words = str(result["chosen"].attrs["flag_meanings"]).split()
     sentences = []

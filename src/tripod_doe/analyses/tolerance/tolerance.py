@@ -165,26 +165,19 @@ _MEANINGS = {
 def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr.Dataset:
     """Distribution of outputs under the scatter of the factors, and what halving each scatter gains.
 
-    Parameters
-    ----------
-    cube
-        Cube of a sampled design whose factors have the distributions of the manufacture. Where factors are correlated,
-        halving one leaves the others as they are, given its value.
-    settings
-        Outputs, probabilities and limits.
+    Args:
+        cube: Cube of a sampled design whose factors have the distributions of the manufacture. Where factors are
+            correlated, halving one leaves the others as they are, given its value.
+        settings: Outputs, probabilities and limits.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its
         interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), mean, std, limit; with the
         dimensions of the output, and with several outputs also along ``output``. The gain of a factor with listed
         values is NaN.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, a limit is of no output, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design, a limit is of no output, or too few points are left.
     """
     settings = settings or ToleranceSettings()
     cube = flat_points(cube)

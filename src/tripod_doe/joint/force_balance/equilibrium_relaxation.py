@@ -66,12 +66,9 @@ def _sweep(p, eights, turns):
 def settle_still(row, memory):
     """Relax a point in which every sample stands by itself; whether it settled, and sweeps.
 
-    Parameters
-    ----------
-    row
-        Of the table of `PointConstants`.
-    memory
-        `Memory`, in which the point was started.
+    Args:
+        row: Of the table of `PointConstants`.
+        memory: `Memory`, in which the point was started.
     """
     p = point_constants_of(row)
     for sweep in range(_SWEEPS):

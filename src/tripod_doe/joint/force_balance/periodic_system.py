@@ -100,14 +100,10 @@ def _eliminate(matrix, count, columns):
 def solve_samples(lap, first, last, linked):
     """Solve samples for themselves, and where they are linked their answers to a change of h.
 
-    Parameters
-    ----------
-    lap
-        The system, which stands in `equations` and `follows`; solutions go into `changes` and `steps`.
-    first, last
-        The samples, without the last one.
-    linked
-        Whether samples act on later ones; if not, the solution is complete, at two thirds of the price.
+    Args:
+        lap: The system, which stands in `equations` and `follows`; solutions go into `changes` and `steps`.
+        first, last: The samples, without the last one.
+        linked: Whether samples act on later ones; if not, the solution is complete, at two thirds of the price.
     """
     solutions = 7 if linked else 1
     for j in range(first, last):
@@ -216,10 +212,8 @@ def _follow(lap):
 def link_samples(lap):
     """Let samples that were solved with their answers act on each other around the revolution.
 
-    Parameters
-    ----------
-    lap
-        The system.
+    Args:
+        lap: The system.
     """
     _fit_stretches(lap)
     _follow(lap)

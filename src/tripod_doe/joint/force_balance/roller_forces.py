@@ -109,16 +109,11 @@ def leaning_contact(p, m, lean):
 def groove_forces(p, m, skew, contact, slip, root, added, newton):
     """Forces of one roller for a trial slip along the rolling direction and a trial contact.
 
-    Parameters
-    ----------
-    p, m, skew, contact, added
-        `PointConstants`, `IdealMotion`, `Skew`, `Contact`, `AddedMotion`.
-    slip
-        v along dv/ds in mm/s.
-    root
-        The semi-major axis a_H of the contact ellipse that goes with N, in mm.
-    newton
-        Slopes of friction are tangents with 1, secants with 0.
+    Args:
+        p, m, skew, contact, added: `PointConstants`, `IdealMotion`, `Skew`, `Contact`, `AddedMotion`.
+        slip: v along dv/ds in mm/s.
+        root: The semi-major axis a_H of the contact ellipse that goes with N, in mm.
+        newton: Slopes of friction are tangents with 1, secants with 0.
     """
     arm = flank(p) * p.roller_radius
     sin_a, cos_a, t_tau, t_n, steepness = contact

@@ -126,16 +126,11 @@ def _steer(p, eights, samples, most):
 def start(row, psi, cosines, sines, memory):
     """Start a point without slip and with even loads.
 
-    Parameters
-    ----------
-    row
-        Of the table of `PointConstants`.
-    psi
-        Skews of the needles of each trunnion in rad, shape (3,).
-    cosines, sines
-        Of the rotation angle of every groove, shape (3, eights, 8).
-    memory
-        `Memory`.
+    Args:
+        row: Of the table of `PointConstants`.
+        psi: Skews of the needles of each trunnion in rad, shape (3,).
+        cosines, sines: Of the rotation angle of every groove, shape (3, eights, 8).
+        memory: `Memory`.
     """
     p, eights, turns = point_constants_of(row), memory.eights, memory.turns
     for k in range(3):

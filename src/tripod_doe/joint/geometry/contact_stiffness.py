@@ -38,18 +38,12 @@ def hertz_coefficients(cos_tau: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     With f = (b/a)^2 of the contact ellipse, K and E the complete elliptic integrals of parameter 1 - f:
     cos tau = ((1 + f) E - 2 f K) / ((1 - f) E), mu^3 = 2 E / (pi f), nu = mu sqrt f.
 
-    Parameters
-    ----------
-    cos_tau
-        Auxiliary value of the curvatures, 0 < cos tau < 1, any shape.
+    Args:
+        cos_tau: Auxiliary value of the curvatures, 0 < cos tau < 1, any shape.
 
-    Returns
-    -------
-    tuple of ndarray
+    Returns:
         mu, nu and 2 K / (pi mu), each of the shape of `cos_tau`.
 
-    Notes
-    -----
     Standard Hertz theory as tabulated in bearing handbooks; the paper cites it for its Eq. 5 and 6.
     """
     distinct, where = np.unique(cos_tau, return_inverse=True)  # most studies never vary the curvature
@@ -119,16 +113,11 @@ def contact_constants(
 ) -> dict[str, FloatArray]:
     """Contact constants of every point.
 
-    Parameters
-    ----------
-    elastic
-        From `elastic_factor`, times any factor on all stiffnesses, shape (point,).
-    roller_radius, groove_radius_ratio, needle_length
-        Each of shape (point,); lengths in mm.
+    Args:
+        elastic: From `elastic_factor`, times any factor on all stiffnesses, shape (point,).
+        roller_radius, groove_radius_ratio, needle_length: Each of shape (point,); lengths in mm.
 
-    Returns
-    -------
-    dict
+    Returns:
         ``groove_stiffness`` in N / mm^1.5, ``groove_axis_factor`` (semi-major axis over f_n^(1/3)) in mm / N^(1/3),
         ``needle_stiffness`` (a whole needle against one part) in N / mm^(10/9), each of shape (point,).
     """
@@ -149,22 +138,15 @@ def bearing_load_zone(load, clearance, stiffness, needle_count):
     trunnion and bore in series. D follows from the balance of forces along the load, with the needles smeared over
     the circumference.
 
-    Parameters
-    ----------
-    load
-        Bearing load in N.
-    clearance
-        Radial clearance c in mm; negative for preload.
-    stiffness
-        Of one needle against one part, N / mm^(10/9).
-    needle_count
-        Needles on the circumference.
+    Args:
+        load: Bearing load in N.
+        clearance: Radial clearance c in mm; negative for preload.
+        stiffness: Of one needle against one part, N / mm^(10/9).
+        needle_count: Needles on the circumference.
 
-    Returns
-    -------
-    tuple of float
-        The sum of the needle loads over the bearing load, and the penetration in mm of the most loaded needle into
-        each of its two partners. Without clearance the first tends to 1.26, with a wide one to 1.
+    Returns:
+        The sum of the needle loads over the bearing load, and the penetration in mm of the most loaded needle into each
+        of its two partners. Without clearance the first tends to 1.26, with a wide one to 1.
     """
     load = max(load, 1e-9)
     floor = max(clearance, 0.0)

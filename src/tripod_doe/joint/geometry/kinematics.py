@@ -46,20 +46,13 @@ class IdealMotion(NamedTuple):
 def ideal_motion(cos_phi, sin_phi, cos_theta, sin_theta, pitch_radius, omega):
     """Ideal motion of the roller whose groove stands at the rotation angle phi_k.
 
-    Parameters
-    ----------
-    cos_phi, sin_phi
-        Of the groove's rotation angle.
-    cos_theta, sin_theta
-        Of the joint angle.
-    pitch_radius
-        R_p in mm.
-    omega
-        Speed of the housing in rad/s.
+    Args:
+        cos_phi, sin_phi: Of the groove's rotation angle.
+        cos_theta, sin_theta: Of the joint angle.
+        pitch_radius: R_p in mm.
+        omega: Speed of the housing in rad/s.
 
-    Returns
-    -------
-    IdealMotion
+    Returns:
         See the module's documentation for the formulas.
     """
     versine = 1.0 - cos_theta

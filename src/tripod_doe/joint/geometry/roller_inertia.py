@@ -14,16 +14,11 @@ def roller_inertia(
 
     A wide bore meets the sphere within the width: there the roller ends.
 
-    Parameters
-    ----------
-    radius, width, bore
-        Of the sphere, of the zone, and of the bore (its radius), in mm.
-    density
-        In t / mm3.
+    Args:
+        radius, width, bore: Of the sphere, of the zone, and of the bore (its radius), in mm.
+        density: In t / mm3.
 
-    Returns
-    -------
-    tuple of ndarray
+    Returns:
         Mass in t, moment of inertia about the roller's axis and across it in t mm2.
     """
     half = np.minimum(width / 2, np.sqrt(np.maximum(radius**2 - bore**2, 0.0)))

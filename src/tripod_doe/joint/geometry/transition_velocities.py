@@ -35,13 +35,9 @@ class Transition:
 def transition_velocities(values: JointValues[Any]) -> Transition:
     """Transition velocities of every point.
 
-    Parameters
-    ----------
-    values
-        Of one point or of a block.
+    Args:
+        values: Of one point or of a block.
 
-    Notes
-    -----
     Sliding in the groove: (R_p omega tan theta sin theta / 2) sqrt(1 + (R_s / R_p)^2). Needles: half of the roller's
     plunging 4 e omega, since they slip on trunnion and bore alike. Rolling in the groove: R_p omega tan theta / R_s;
     on the trunnion that spin together with omega sin theta, out of phase. Spinning: theta omega.

@@ -163,17 +163,12 @@ def _measured() -> _Measured:
 def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
     """Estimate the error of a model in the third order of some points.
 
-    Parameters
-    ----------
-    model
-        Name of the model that answers at all of them.
-    points
-        Every parameter by name, in the unit of its name, each of shape (point,).
+    Args:
+        model: Name of the model that answers at all of them.
+        points: Every parameter by name, in the unit of its name, each of shape (point,).
 
-    Returns
-    -------
-    expected, limit, unknown
-        See `simulator.ModelErrors`; each of shape (point,).
+    Returns:
+        expected, limit, unknown: See `simulator.ModelErrors`; each of shape (point,).
     """
     return errors_at(model, operating_ratios(points), vibration_errors(points))
 
@@ -210,16 +205,11 @@ def errors_at(
 def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
     """Errors that a model makes in what a study asks for, at the measured points most like some points.
 
-    Parameters
-    ----------
-    model, points
-        As for `known_errors`.
-    demands
-        Required accuracy.
+    Args:
+        model, points: As for `known_errors`.
+        demands: Required accuracy.
 
-    Returns
-    -------
-    numpy.ndarray or None
+    Returns:
         Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or
         where a point is not like those measured: a parameter leaves their ranges, or the similar ones are farther than
         nine in ten of the measured points have theirs. None where a quantity was not measured.

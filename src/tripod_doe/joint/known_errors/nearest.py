@@ -20,17 +20,12 @@ def nearest_rows(known: FloatArray, places: FloatArray, count: int) -> IntArray:
 
     Known places that are the same to the last bit are common: their points differ in what no coordinate depends on.
 
-    Parameters
-    ----------
-    known, places
-        Shapes (known, coordinate) and (place, coordinate).
-    count
-        How many of the known ones, or all if there are fewer.
+    Args:
+        known, places: Shapes (known, coordinate) and (place, coordinate).
+        count: How many of the known ones, or all if there are fewer.
 
-    Returns
-    -------
-    ndarray, shape (place, count)
-        Their rows, the nearest first.
+    Returns:
+        shape (place, count): Their rows, the nearest first.
     """
     if len(places) <= _FEW or len(known) <= count + _MORE:
         return _nearest_of(known, places, count)

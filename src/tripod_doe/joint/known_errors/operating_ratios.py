@@ -27,13 +27,9 @@ RATIOS = {
 def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
     """Ratios of a block of points, each of shape (point,): those of `RATIOS`; infinite or NaN without angle or torque.
 
-    Parameters
-    ----------
-    points
-        Every parameter by name, in the unit of its name, each of shape (point,).
+    Args:
+        points: Every parameter by name, in the unit of its name, each of shape (point,).
 
-    Notes
-    -----
     swing ratio = 2 mu_s (R_g - R_s) / (R_p tan(theta) sin(theta) / 2), its denominator the amplitude of the slip;
     inertia ratio = m_r R_p omega^2 / (|T| / (3 R_p)), with the mass m_r of a roller; penetration of the crown ratio
     = (4.08 |T| / (3 R_p Z C))^0.9, with Z needles of the stiffness C (`contact_stiffness.bearing_load_zone`).

@@ -38,15 +38,12 @@ _LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
 def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
     """Errors of the third order that leaving out vibration makes at the recorded joints most like some points.
 
-    Parameters
-    ----------
-    points
-        Those of `VIBRATES_BY` at least, in the unit of its name, each of shape (point,).
+    Args:
+        points: Those of `VIBRATES_BY` at least, in the unit of its name, each of shape (point,).
 
-    Returns
-    -------
-    ndarray, shape (point, recorded joint)
-        Relative to the third order with vibration; 0 where the recorded joint does not vibrate.
+    Returns:
+        shape (point, recorded joint): Relative to the third order with vibration; 0 where the recorded joint does not
+            vibrate.
     """
     recorded, errors, spread = _recorded()
     angle, friction, switch = (points[name] for name in VIBRATES_BY)
@@ -57,10 +54,8 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
 def vibration_share(errors: FloatArray) -> FloatArray:
     """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,).
 
-    Parameters
-    ----------
-    errors
-        `vibration_errors` of the points.
+    Args:
+        errors: `vibration_errors` of the points.
     """
     share: FloatArray = (errors > NOTABLE_ERROR).mean(axis=1)
     return share

@@ -82,22 +82,15 @@ def initial_state(
 ) -> InitialState:
     """Initial state, at rotation angle 0.
 
-    Parameters
-    ----------
-    joint_angle, outboard_angle
-        Angles between input axis and shaft and between shaft and output axis in rad; the output axis is bent back
-        towards the input axis.
-    shaft_length, pitch_radius
-        In mm.
-    speed
-        Of the housing in rad/s.
-    lag
-        How far the trunnion axes pass behind the groove axes, in mm; negative on coast.
+    Args:
+        joint_angle, outboard_angle: Angles between input axis and shaft and between shaft and output axis in rad; the
+            output axis is bent back towards the input axis.
+        shaft_length, pitch_radius: In mm.
+        speed: Of the housing in rad/s.
+        lag: How far the trunnion axes pass behind the groove axes, in mm; negative on coast.
 
-    Raises
-    ------
-    ValueError
-        If the trunnions cannot pass the groove axes so.
+    Raises:
+        ValueError: If the trunnions cannot pass the groove axes so.
     """
     at, before, after = (
         _attitudes(angle, joint_angle, outboard_angle, shaft_length, pitch_radius, lag)

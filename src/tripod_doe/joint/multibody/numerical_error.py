@@ -50,15 +50,11 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
 
         error^2 = max(d^2 - s^2, 0) / (1 - 2^-p)^2 + s^2 / 2
 
-    Parameters
-    ----------
-    thrust, finer
-        Thrust over the samples of a run, and over those of its last revolution run again in half the steps; where that
-        stopped before its end, the error is NaN.
-    samples
-        Samples per revolution.
-    method
-        The method of both.
+    Args:
+        thrust, finer: Thrust over the samples of a run, and over those of its last revolution run again in half the
+            steps; where that stopped before its end, the error is NaN.
+        samples: Samples per revolution.
+        method: The method of both.
     """
     if finer.size < samples:
         return np.full(ORDERS.size, np.nan)
@@ -73,16 +69,11 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
 def miss_of_given(result: Run, again: Run, thrust: FloatArray, error: FloatArray, values: JointValues[float]) -> str:
     """By how much the third order of a run with a given tolerance or step misses what may be used, or nothing.
 
-    Parameters
-    ----------
-    result, again
-        The run, and its last revolution run again.
-    thrust
-        Of the last revolutions, shape (revolution, sample).
-    error
-        Numerical error of every order.
-    values
-        The operating point.
+    Args:
+        result, again: The run, and its last revolution run again.
+        thrust: Of the last revolutions, shape (revolution, sample).
+        error: Numerical error of every order.
+        values: The operating point.
     """
     if again.outcome != Outcome.FINISHED:
         return f"the run with half the tolerance or step failed: {again.detail}"
@@ -96,16 +87,11 @@ def miss_of_given(result: Run, again: Run, thrust: FloatArray, error: FloatArray
 def judge(result: Run, thrust: FloatArray, missed: str, values: JointValues[float]) -> tuple[Outcome, str]:
     """Whether the orders of a run may be used: its outcome, and why not.
 
-    Parameters
-    ----------
-    result
-        The run.
-    thrust
-        Of the last revolutions, shape (revolution, sample).
-    missed
-        Why its numerical error is too large; empty where it is not.
-    values
-        The operating point.
+    Args:
+        result: The run.
+        thrust: Of the last revolutions, shape (revolution, sample).
+        missed: Why its numerical error is too large; empty where it is not.
+        values: The operating point.
     """
     if result.outcome != Outcome.FINISHED:
         return result.outcome, result.detail

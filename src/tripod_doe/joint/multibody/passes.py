@@ -106,10 +106,8 @@ class FollowedJoint:
     def first(self, setting: float) -> Pass:
         """Follow all revolutions from the start of the scene; the last two are sampled.
 
-        Raises
-        ------
-        StoppedError
-            If it stops on its way, also in finer steps.
+        Raises:
+            StoppedError: If it stops on its way, also in finer steps.
         """
         cycles = int(self.values.cycles)
         for attempt in range(_BEGUN_ANEW + 1):

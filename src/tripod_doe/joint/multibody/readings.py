@@ -22,12 +22,10 @@ _ALONG = np.array([0.0, 0.0, 1.0])
 def _read_grooves(tables, work, positions, velocities, thrust, powers):
     """Forces on the ground at the grooves, whose contacts are the last, and the powers lost there.
 
-    Parameters
-    ----------
-    positions, velocities
-        Shapes (sample, body, 7) and (sample, body, 6).
-    thrust, powers
-        Receive axial forces on the grooves, shape (groove, sample), and powers lost by mechanism, shape (5, sample).
+    Args:
+        positions, velocities: Shapes (sample, body, 7) and (sample, body, 6).
+        thrust, powers: Receive axial forces on the grooves, shape (groove, sample), and powers lost by mechanism, shape
+            (5, sample).
     """
     force, ledger, first = work.force, work.ledger, tables.contacts.size - thrust.shape[0]
     slopes = Slopes(1.0, 0.0, 0.0, False)
@@ -56,14 +54,10 @@ def _read_needles(tables, grooves, work, positions, velocities, powers):
 def groove_readings(assembly: Assembly, positions: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Thrust at the grooves and powers lost to friction, in the order of `parameters.MECHANISMS`.
 
-    Parameters
-    ----------
-    positions, velocities
-        States of a run, shapes (sample, body, 7) and (sample, body, 6).
+    Args:
+        positions, velocities: States of a run, shapes (sample, body, 7) and (sample, body, 6).
 
-    Returns
-    -------
-    tuple of ndarray
+    Returns:
         Axial force on the housing, shape (groove, sample), N; power, shape (mechanism, sample), N mm/s.
     """
     thrust, powers = _at_grooves(assembly, positions, velocities)
@@ -98,18 +92,12 @@ def needle_skews(
 ) -> tuple[FloatArray, FloatArray]:
     """Skew of the most loaded needle of each trunnion: the one with the largest penetration into the trunnion.
 
-    Parameters
-    ----------
-    positions
-        States of whole revolutions, shape (sample, body, 7).
-    values
-        The operating point.
-    cycles
-        Revolutions among the samples.
+    Args:
+        positions: States of whole revolutions, shape (sample, body, 7).
+        values: The operating point.
+        cycles: Revolutions among the samples.
 
-    Returns
-    -------
-    tuple of ndarray
+    Returns:
         Skew in rad, shape (trunnion, sample), and mean, least and greatest in every revolution, (trunnion, cycle, 3).
     """
     rings = [k for k in range(3) if f"needle {k + 1}.1" in assembly.names]
@@ -129,16 +117,12 @@ def needle_skews(
 def needle_drift(assembly: Assembly, positions: FloatArray, values: JointValues[float]) -> FloatArray:
     """Mean shift of the needles of trunnion 1 along it since the first sample.
 
-    Parameters
-    ----------
-    positions
-        States of a run, shape (sample, body, 7).
-    values
-        The operating point.
+    Args:
+        positions: States of a run, shape (sample, body, 7).
+        values: The operating point.
 
-    Returns
-    -------
-    ndarray, shape (sample,), mm
+    Returns:
+        ndarray, shape (sample,), mm
     """
     _, axis, arms = ring(assembly, positions, values, 0)
     places = (arms * axis).sum(-1).mean(-1)

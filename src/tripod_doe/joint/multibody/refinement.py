@@ -163,14 +163,10 @@ def _resolves_swing(values: JointValues[float]) -> float:
 def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
     """Follow a joint, refining steps and adding revolutions until the goal is met.
 
-    Parameters
-    ----------
-    joint
-        The joint.
-    goal
-        Required accuracy.
-    setting
-        Tolerance or step of the first pass.
+    Args:
+        joint: The joint.
+        goal: Required accuracy.
+        setting: Tolerance or step of the first pass.
     """
     order = 1 if joint.method.controlled else joint.method.order
     setting, error, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), 0

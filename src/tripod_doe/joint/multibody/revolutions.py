@@ -121,20 +121,16 @@ class RevolvingJoint:
         A revolution that stops on its way is repeated with half of it, a few times: rattling needles may need shorter
         steps than a vibration. Where most revolutions stop, all later ones start with half.
 
-        Raises
-        ------
-        StoppedError
-            If one stops on its way all the same, or the budget is used up.
+        Raises:
+            StoppedError: If one stops on its way all the same, or the budget is used up.
         """
         return [self._read(self._turn(setting, self._duration)) for _ in range(count)]
 
     def change_to(self, setting: float) -> None:
         """Go back by a part of the last revolution, and follow it again with another tolerance or step.
 
-        Raises
-        ------
-        StoppedError
-            See `follow`.
+        Raises:
+            StoppedError: See `follow`.
         """
         if self.last_revolution is None:
             return

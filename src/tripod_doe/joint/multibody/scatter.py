@@ -25,14 +25,11 @@ def mean_and_chance(parts: ComplexArray, *others: ComplexArray) -> tuple[Complex
     r) independent ones, as in a first-order autoregressive process. r is estimated from all orders together. Noise
     moves a complex order in any direction, its amplitude by half of that variance.
 
-    Parameters
-    ----------
-    parts
-        Complex orders of revolutions that follow each other, whole ones or every third by itself, shape (revolution, 1
-        or 3, order). With one revolution, the effect of skews on its thirds is unknown, and idle orders (`_IDLE`) bound
-        the scatter.
-    others
-        Orders of other revolutions, with means of their own, for a better estimate of the scatter.
+    Args:
+        parts: Complex orders of revolutions that follow each other, whole ones or every third by itself, shape
+            (revolution, 1 or 3, order). With one revolution, the effect of skews on its thirds is unknown, and idle
+            orders (`_IDLE`) bound the scatter.
+        others: Orders of other revolutions, with means of their own, for a better estimate of the scatter.
     """
     groups, places = (parts, *others), parts.shape[1]
     revolutions = sum(map(len, groups))
@@ -54,11 +51,9 @@ def swung_in(orders: ComplexArray) -> int:
     The rule of the marginal standard error: without them the variance over the number of the rest is least. Source:
     K. P. White, An effective truncation heuristic for bias reduction in simulation output, Simulation 69 (1997) 323.
 
-    Parameters
-    ----------
-    orders
-        Complex orders of revolutions that follow each other, each over the error that it may have, shape (revolution,
-        order).
+    Args:
+        orders: Complex orders of revolutions that follow each other, each over the error that it may have, shape
+            (revolution, order).
     """
     count = len(orders)
     if count < _FEW:

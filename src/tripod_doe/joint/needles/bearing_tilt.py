@@ -38,20 +38,13 @@ def turned_bearing(load, offset, moment, needles):
     c + 8 h x^2 / l^2 with the crown h, which a needle has towards both partners. Shifts D and E, tilt b and yaw y
     follow from the balance of forces and of moments. Their energy is convex: Newton's method descends from anywhere.
 
-    Parameters
-    ----------
-    load
-        In N.
-    offset
-        Of the load from the middle of the needles, mm.
-    moment
-        About the load, N mm.
-    needles
-        `NeedleRow`.
+    Args:
+        load: In N.
+        offset: Of the load from the middle of the needles, mm.
+        moment: About the load, N mm.
+        needles: `NeedleRow`.
 
-    Returns
-    -------
-    tuple of float
+    Returns:
         The sum of the needle loads over the bearing load, the shift D in mm, tilt b and yaw y in rad. One sphere a
         needle holds no roller upright: it is taken to be so.
     """

@@ -64,12 +64,9 @@ def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
     for twice its price. Needles rattle, and limit its steps to a microsecond; BDF2 follows them at a fifth of the price
     in steps that damp a vibration by less than its contacts do.
 
-    Parameters
-    ----------
-    needles
-        Whether needles are bodies.
-    frequency
-        Angular frequency of the vibration.
+    Args:
+        needles: Whether needles are bodies.
+        frequency: Angular frequency of the vibration.
     """
     if needles:
         return METHODS["bdf2"], min(_LONGEST_STEP, _ANGLE / frequency)
@@ -105,21 +102,14 @@ def follow_vibration(
 ) -> FollowedVibration:
     """Follow a joint from its start until the mean orders of its thrust are certain, or its budget is nearly used up.
 
-    Parameters
-    ----------
-    joint
-        The joint, with a method that hardly damps vibrations.
-    setting
-        Tolerance or step to begin with.
-    allowed
-        Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
-    builds_up
-        Whether the vibration builds up within a revolution, so that only the first one is dropped.
+    Args:
+        joint: The joint, with a method that hardly damps vibrations.
+        setting: Tolerance or step to begin with.
+        allowed: Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
+        builds_up: Whether the vibration builds up within a revolution, so that only the first one is dropped.
 
-    Raises
-    ------
-    StoppedError
-        If the run stops on its way, or its budget is used up before anything is known of the error.
+    Raises:
+        StoppedError: If the run stops on its way, or its budget is used up before anything is known of the error.
     """
     first, fewest = max(_FIRST, int(joint.values.cycles)), _FEWEST
     if builds_up:

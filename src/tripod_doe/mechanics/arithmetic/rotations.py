@@ -71,14 +71,10 @@ def rotate_back(q, v):
 def move(position, displacement, moved):
     """Displace a body: translation, and rotation by a vector in world axes.
 
-    Parameters
-    ----------
-    position
-        Shape (7,): centre of mass and quaternion.
-    displacement
-        Shape (6,): translation and rotation vector.
-    moved
-        Receives the new position, with the quaternion normalised; may be `position` itself.
+    Args:
+        position: Shape (7,): centre of mass and quaternion.
+        displacement: Shape (6,): translation and rotation vector.
+        moved: Receives the new position, with the quaternion normalised; may be `position` itself.
     """
     theta = load_vector(displacement, 3)
     square = dot(theta, theta)

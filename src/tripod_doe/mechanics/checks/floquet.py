@@ -58,14 +58,10 @@ class Growth:
 def departure_matrices(assembly: Assembly, states: Sequence[State], duration: float) -> FloatArray:
     """The matrices of the equation of departures, shape (state, 2 x dof, 2 x dof).
 
-    Parameters
-    ----------
-    assembly
-        The scene.
-    states
-        States at the middles of equal parts of the motion, in order.
-    duration
-        How long the motion takes.
+    Args:
+        assembly: The scene.
+        states: States at the middles of equal parts of the motion, in order.
+        duration: How long the motion takes.
     """
     work = assembly.work()
     return np.array([_departure_matrix(assembly, work, state, len(states) / duration) for state in states])
@@ -74,12 +70,9 @@ def departure_matrices(assembly: Assembly, states: Sequence[State], duration: fl
 def fastest_growth(matrices: FloatArray, duration: float) -> Growth:
     """How fast departures grow that grow fastest.
 
-    Parameters
-    ----------
-    matrices
-        Of equal parts of a motion (`departure_matrices`).
-    duration
-        How long the motion takes.
+    Args:
+        matrices: Of equal parts of a motion (`departure_matrices`).
+        duration: How long the motion takes.
     """
     with one_thread():
         return _growth(matrices.copy(), duration / len(matrices))
@@ -140,14 +133,10 @@ def _departure_matrix(assembly: Assembly, work: Work, state: State, stabilisatio
 def _differentiate(tables, work, positions, velocities, time, stabilisation, small, slopes):
     """Derivatives of all accelerations by every place and turn (0) and every velocity (1), by central differences.
 
-    Parameters
-    ----------
-    stabilisation
-        Rate of Baumgarte's stabilisation.
-    small
-        Differences of places, turns, velocities and angular velocities.
-    slopes
-        Receives them, shape (2, column, row).
+    Args:
+        stabilisation: Rate of Baumgarte's stabilisation.
+        small: Differences of places, turns, velocities and angular velocities.
+        slopes: Receives them, shape (2, column, row).
     """
     at, speeds, shift = work.stages[_AT], work.stages[_SPEEDS], work.displacement[0]
     copy_vectors(positions, at)

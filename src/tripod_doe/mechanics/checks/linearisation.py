@@ -48,12 +48,9 @@ class Matrices:
 def linear_matrices(assembly: Assembly, state: State | None = None) -> Matrices:
     """Linearise a scene about a state.
 
-    Parameters
-    ----------
-    assembly
-        The scene.
-    state
-        The state; the scene's start unless given.
+    Args:
+        assembly: The scene.
+        state: The state; the scene's start unless given.
     """
     state, work, tables = state or assembly.initial_state(), assembly.work(), assembly.tables
     motions = _motions(assembly, state)
@@ -103,12 +100,9 @@ def _motions(assembly: Assembly, state: State) -> FloatArray:
 def rates_at(matrices: Matrices, pace: float) -> Rates:
     """The rates of one state.
 
-    Parameters
-    ----------
-    matrices
-        Its linearisation.
-    pace
-        Rate at which the motion changes, over which the secant's lag counts.
+    Args:
+        matrices: Its linearisation.
+        pace: Rate at which the motion changes, over which the secant's lag counts.
     """
     m, k, d = matrices.mass, matrices.stiffness, matrices.tangent
     response = k / (1j * pace) + d + 1j * pace * m

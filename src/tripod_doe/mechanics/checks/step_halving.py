@@ -70,15 +70,12 @@ def repeat_finer(
 ) -> RepeatedStretch:
     """Repeat a stretch in finer steps from its first state, and compare their states.
 
-    Parameters
-    ----------
-    states
-        The stretch; the first is where it begins.
-    count
-        Steps that were taken from each state to the next.
-    controlled
-        Whether the method chose its steps by its tolerance. Where a tenth of it is below what the method can do, ten
-        times the tolerance are compared; where the equations of a halved step do not converge, a third of the step.
+    Args:
+        states: The stretch; the first is where it begins.
+        count: Steps that were taken from each state to the next.
+        controlled: Whether the method chose its steps by its tolerance. Where a tenth of it is below what the method
+            can do, ten times the tolerance are compared; where the equations of a halved step do not converge, a third
+            of the step.
     """
     tolerance = settings.tolerance
     for factor, each in ((_TENTH, 2), (1 / _TENTH, 3)):

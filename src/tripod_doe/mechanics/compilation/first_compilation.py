@@ -36,15 +36,10 @@ process that waits for this one."""
 def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
     """Compile kernels in the block, or load their machine code, while no other process compiles them.
 
-    Parameters
-    ----------
-    kernels
-        Their name in the message, as ``"model equilibrium with newton"``; the same words for the same kernels.
-    seconds
-        At most, from an empty cache (Intel Xeon, one core), for the message.
+    Args:
+        kernels: Their name in the message, as ``"model equilibrium with newton"``; the same words for the same kernels.
+        seconds: At most, from an empty cache (Intel Xeon, one core), for the message.
 
-    Notes
-    -----
     Where the folder cannot be written, each process compiles.
     """
     note = _note(kernels)
@@ -68,10 +63,8 @@ def compilations(kernels: str) -> dict[str, int]:
 
     More than one means that arguments differ in type.
 
-    Raises
-    ------
-    FileNotFoundError
-        If these kernels have not been compiled.
+    Raises:
+        FileNotFoundError: If these kernels have not been compiled.
     """
     counts: dict[str, int] = json.loads(_note(kernels).read_text())
     return counts

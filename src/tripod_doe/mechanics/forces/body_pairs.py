@@ -11,16 +11,11 @@ from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 def add_pair(matrix, pair, block, arm_a, arm_b):
     """Add a pair's 6 x 6 block, taken about a common place, to the four blocks of its bodies.
 
-    Parameters
-    ----------
-    matrix
-        Blocks of the scene, shape (block, 6, 8).
-    pair
-        Block numbers aa, ab, ba, bb, or -1.
-    block
-        Derivative by the relative motion at the place, shape (6, 8).
-    arm_a, arm_b
-        The place from the centres of mass.
+    Args:
+        matrix: Blocks of the scene, shape (block, 6, 8).
+        pair: Block numbers aa, ab, ba, bb, or -1.
+        block: Derivative by the relative motion at the place, shape (6, 8).
+        arm_a, arm_b: The place from the centres of mass.
     """
     if pair[0] >= 0:
         _add_column(matrix, pair[0], pair[2], block, arm_a, arm_a, arm_b, 1.0)

@@ -35,16 +35,11 @@ above 1e-6, redundant ones below 1e-14."""
 def evaluate_constraints(rows, positions, velocities, time, phi, phi_t, gamma, jacobian):
     """Evaluate all constraint equations.
 
-    Parameters
-    ----------
-    rows
-        Table of equations.
-    positions, velocities, time
-        The state.
-    phi, phi_t, gamma
-        Receive residuals, partial time derivatives and the right-hand side of Eq. 1, shape (row,).
-    jacobian
-        Receives Phi_q for velocity and angular velocity of body a and of body b, shape (row, 12).
+    Args:
+        rows: Table of equations.
+        positions, velocities, time: The state.
+        phi, phi_t, gamma: Receive residuals, partial time derivatives and the right-hand side of Eq. 1, shape (row,).
+        jacobian: Receives Phi_q for velocity and angular velocity of body a and of body b, shape (row, 12).
     """
     for k in range(rows.size):
         row = rows[k]
@@ -102,16 +97,11 @@ def evaluate_constraints(rows, positions, velocities, time, phi, phi_t, gamma, j
 def factorise_schur(rows, jacobian, weighted, schur, pivots):
     """Form Phi_q A^-1 Phi_q^T and eliminate it with complete pivoting, stopping at its rank.
 
-    Parameters
-    ----------
-    rows, jacobian
-        Table and Jacobian of the equations.
-    weighted
-        A^-1 Phi_q^T of every row, shape (row, body, 6).
-    schur
-        Receives the factors and, in its last column, the scale of every equation, shape (row, row + 1).
-    pivots
-        Receives row order, column order and rank.
+    Args:
+        rows, jacobian: Table and Jacobian of the equations.
+        weighted: A^-1 Phi_q^T of every row, shape (row, body, 6).
+        schur: Receives the factors and, in its last column, the scale of every equation, shape (row, row + 1).
+        pivots: Receives row order, column order and rank.
     """
     count = rows.size
     for i in range(count):

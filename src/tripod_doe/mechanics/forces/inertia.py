@@ -87,12 +87,9 @@ def add_momenta(tables, positions, velocities, factor, turn, out):
     A free body keeps them: methods that follow momenta need no gyroscopic, Coriolis or centrifugal forces, and do not
     damp a body that stands still while the frame turns.
 
-    Parameters
-    ----------
-    turn
-        Time for which the frame has turned on since the momenta were as they are.
-    out
-        Shape (row of the block matrix, 6).
+    Args:
+        turn: Time for which the frame has turned on since the momenta were as they are.
+        out: Shape (row of the block matrix, 6).
     """
     frame = load_vector(tables.frame, 0)
     back = rotation_by(scale(-turn, frame))
@@ -123,12 +120,9 @@ def divide_by_mass(body, position, force, start, out):
 def add_mass_product(tables, positions, vectors, factor, out):
     """Add `factor` times M(q) times vectors to out, row by row of the block matrix.
 
-    Parameters
-    ----------
-    vectors
-        Shape (body, 6 or more).
-    out
-        Shape (row, 6).
+    Args:
+        vectors: Shape (body, 6 or more).
+        out: Shape (row, 6).
     """
     for i in range(tables.bodies.size):
         body = tables.bodies[i]

@@ -113,18 +113,12 @@ def _trace(work, positions, velocities, time):
 def accept(tables, work, positions, velocities, clock, time, step, settings):
     """End a step that is accepted; the ledger and the slips must be those of its state.
 
-    Parameters
-    ----------
-    clock
-        Receives the time in clock[0].
-    time, step
-        Time of the state, and the step that led to it.
-    settings
-        Numerics: the budget of force evaluations.
+    Args:
+        clock: Receives the time in clock[0].
+        time, step: Time of the state, and the step that led to it.
+        settings: Numerics: the budget of force evaluations.
 
-    Returns
-    -------
-    int
+    Returns:
         `FINISHED` to go on, or why to stop.
     """
     clock[0] = time

@@ -17,14 +17,10 @@ def relative_tangent(x):
     Lambert's continued fraction of tanh(x / 4), cut after eight levels, and the doubling formula twice, all kept as
     numerator over denominator.
 
-    Parameters
-    ----------
-    x
-        Slip over transition velocity; a float or lanes.
+    Args:
+        x: Slip over transition velocity; a float or lanes.
 
-    Returns
-    -------
-    float or lanes
+    Returns:
         Between 0 and 1; one where x is 0.
     """
     y = 0.25 * min(x, 20.0)
@@ -43,10 +39,8 @@ def hyperbolic_tangent(x):
 
     It is a third of the price of the C library's function in a loop that the compiler can vectorise.
 
-    Parameters
-    ----------
-    x
-        Slip over transition velocity; any finite number, or lanes.
+    Args:
+        x: Slip over transition velocity; any finite number, or lanes.
     """
     return x * relative_tangent(abs(x))
 

@@ -14,14 +14,10 @@ from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
 def needle_slip(plunge, spin, lever, skew):
     """Slip of needles along their axes on trunnion and bore together: w cos psi - s r_e sin psi.
 
-    Parameters
-    ----------
-    plunge, spin
-        Velocity w of the bore along the trunnion and spin s about it; floats or lanes.
-    lever
-        r_e.
-    skew
-        Its cosine and sine.
+    Args:
+        plunge, spin: Velocity w of the bore along the trunnion and spin s about it; floats or lanes.
+        lever: r_e.
+        skew: Its cosine and sine.
     """
     return plunge * skew[0] - spin * lever * skew[1]
 

@@ -34,14 +34,10 @@ _CANCELLED = 1e-6
 def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]], last: Iterable[int] = ()) -> Pattern:
     """Work out blocks and order of elimination, and write each element's four blocks into its ``pair``.
 
-    Parameters
-    ----------
-    block_of_body
-        Row of each body in the block matrix, -1 for none.
-    elements
-        Tables with ``body_a``, ``body_b`` and ``pair``.
-    last
-        Bodies that are eliminated last.
+    Args:
+        block_of_body: Row of each body in the block matrix, -1 for none.
+        elements: Tables with ``body_a``, ``body_b`` and ``pair``.
+        last: Bodies that are eliminated last.
     """
     elements = list(elements)
     count = int(block_of_body.max(initial=-1)) + 1
@@ -206,20 +202,13 @@ def eliminate(pattern, matrix, first, last, scratch):
 
     Diagonal blocks become their inverses, lower blocks the factors L_ik = A_ik / A_kk.
 
-    Parameters
-    ----------
-    pattern
-        The elimination.
-    matrix
-        Blocks, shape (block, 6, 8).
-    first, last
-        Pivots first to last - 1 are eliminated; blocks of later ones receive their updates.
-    scratch
-        Shape (any, 6, 8).
+    Args:
+        pattern: The elimination.
+        matrix: Blocks, shape (block, 6, 8).
+        first, last: Pivots first to last - 1 are eliminated; blocks of later ones receive their updates.
+        scratch: Shape (any, 6, 8).
 
-    Returns
-    -------
-    bool
+    Returns:
         False if a pivot block is singular.
     """
     for k in range(first, last):

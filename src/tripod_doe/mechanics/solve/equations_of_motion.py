@@ -65,14 +65,10 @@ def generalized_forces(tables, work, positions, velocities):
 def linearise(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Evaluate Q as `generalized_forces` does, and by_velocity D + by_position K with D = -dQ/dv and K = -dQ/dq.
 
-    Parameters
-    ----------
-    secant
-        1 for the secant slope of friction, 0 for its tangent; see `tables.Slopes`.
-    by_velocity, by_position
-        Factors, not both zero.
-    matrix
-        Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
+    Args:
+        secant: 1 for the secant slope of friction, 0 for its tangent; see `tables.Slopes`.
+        by_velocity, by_position: Factors, not both zero.
+        matrix: Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
     """
     linearise_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position, True), matrix)
     add_inertia_forces(tables, work, positions, velocities)
@@ -139,10 +135,8 @@ def constraint_rate(row, jacobian, vectors):
 def add_reaction_power(tables, work, positions, velocities, factor):
     """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
 
-    Parameters
-    ----------
-    factor
-        What `work.multipliers` have to be multiplied by.
+    Args:
+        factor: What `work.multipliers` have to be multiplied by.
     """
     frame = load_vector(tables.frame, 0)
     for k in range(tables.rows.size):
@@ -157,10 +151,8 @@ def add_reaction_power(tables, work, positions, velocities, factor):
 def accelerate(tables, work, positions, velocities, time, baumgarte):
     """Accelerations and multipliers of Eq. 1 from the forces of the last evaluation.
 
-    Parameters
-    ----------
-    baumgarte
-        Rate alpha of gamma - 2 alpha Phi' - alpha^2 Phi; zero for none.
+    Args:
+        baumgarte: Rate alpha of gamma - 2 alpha Phi' - alpha^2 Phi; zero for none.
     """
     acceleration = work.acceleration
     clear(acceleration)

@@ -46,9 +46,7 @@ def factorise_system(tables, work, positions):
 
     With constraints the Schur complement of their multipliers is made too, from the Jacobian in `work`.
 
-    Returns
-    -------
-    bool
+    Returns:
         False if the matrix is singular.
     """
     work.counters[FACTORISATIONS] += 1
@@ -126,10 +124,8 @@ def mask(tables, blocks):
 def solve_unconstrained(tables, work, out):
     """Solve A x = `work.blocks` without constraints; right-hand sides of locked components are taken as zero.
 
-    Parameters
-    ----------
-    out
-        Receives x, shape (body, 6 or more).
+    Args:
+        out: Receives x, shape (body, 6 or more).
     """
     count = tables.pattern.order.size
     mask(tables, work.blocks)
@@ -142,10 +138,8 @@ def solve_unconstrained(tables, work, out):
 def solve_tail(tables, work, wanted):
     """Solve for the bodies of the tail, under the constraints, with `work.blocks` reduced through all before it.
 
-    Parameters
-    ----------
-    wanted
-        Phi_q x, shape (constraint equation,); overwritten. `work.multipliers` receives mu.
+    Args:
+        wanted: Phi_q x, shape (constraint equation,); overwritten. `work.multipliers` receives mu.
     """
     pattern, blocks = tables.pattern, work.blocks
     first, last = pattern.tail, pattern.order.size
@@ -173,12 +167,9 @@ def solve_system(tables, work, wanted, out):
 
     Right-hand sides of locked components are taken as zero.
 
-    Parameters
-    ----------
-    wanted
-        Shape (constraint equation,); overwritten.
-    out
-        Receives x, shape (body, 6 or more).
+    Args:
+        wanted: Shape (constraint equation,); overwritten.
+        out: Receives x, shape (body, 6 or more).
     """
     pattern = tables.pattern
     mask(tables, work.blocks)
@@ -235,9 +226,7 @@ def largest_correction(tables, correction, failure):
 def _factorise_stage(tables, work, stage, share, positions, velocities):
     """Linearise the equations of a stage and factorise them; `work.gamma` receives what the constraints ask for.
 
-    Returns
-    -------
-    bool
+    Returns:
         False if the matrix is singular.
     """
     slopes = Slopes(share, stage.factor, stage.factor * stage.reach, False)
@@ -275,20 +264,14 @@ def _correct(tables, work, stage, positions, velocities):
 def solve_stage(tables, work, stage, iterations, tolerance, least, positions, velocities):
     """Solve a stage by secant iterations.
 
-    Parameters
-    ----------
-    stage
-        What the method knows of it.
-    iterations, tolerance
-        Largest number of iterations, and the relative correction of a velocity at which they end.
-    least
-        Least share of the secant below which no slope may fall: `LEAST_SHARE`, or 1 to keep the secant.
-    positions, velocities
-        Receive the stage; the velocities hold the first guess.
+    Args:
+        stage: What the method knows of it.
+        iterations, tolerance: Largest number of iterations, and the relative correction of a velocity at which they
+            end.
+        least: Least share of the secant below which no slope may fall: `LEAST_SHARE`, or 1 to keep the secant.
+        positions, velocities: Receive the stage; the velocities hold the first guess.
 
-    Returns
-    -------
-    bool
+    Returns:
         Whether the iteration converged; if not, `work.failure` names the body and the size of its last correction.
     """
     displacement = work.displacement

@@ -31,10 +31,8 @@ class ModelRecords:
 
     Sentences about an ablation count the points with all mechanisms on, whose thrust is broken down.
 
-    Parameters
-    ----------
-    study
-        The study.
+    Args:
+        study: The study.
     """
 
     def __init__(self, study: Study) -> None:
@@ -49,20 +47,13 @@ class ModelRecords:
     ) -> Columns:
         """Add some points, and return the known errors of their models.
 
-        Parameters
-        ----------
-        points
-            The points.
-        used
-            Parameters that a pilot or retries changed at each point; an empty word where they are unchanged.
-        answered
-            Points that have a result, or may get one, shape (point,). No error is stated of the others.
-        outputs
-            Outputs of the points, each of shape (point, ...).
+        Args:
+            points: The points.
+            used: Parameters that a pilot or retries changed at each point; an empty word where they are unchanged.
+            answered: Points that have a result, or may get one, shape (point,). No error is stated of the others.
+            outputs: Outputs of the points, each of shape (point, ...).
 
-        Returns
-        -------
-        dict
+        Returns:
             Error, limit and trust of every point, shape (point,) each, with their meanings; empty if nothing is known.
         """
         rows = np.flatnonzero(points.allowed & answered)

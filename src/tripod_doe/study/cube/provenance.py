@@ -22,12 +22,9 @@ _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask
 def cube_attributes(study: Study, points: Points, models: ModelRecords) -> dict[str, Any]:
     """Provenance of a cube.
 
-    Parameters
-    ----------
-    study, points
-        The study, and all its points.
-    models
-        Records of their models.
+    Args:
+        study, points: The study, and all its points.
+        models: Records of their models.
     """
     return {
         "Conventions": "CF-1.8",

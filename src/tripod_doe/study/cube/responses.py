@@ -54,19 +54,13 @@ def response_values(
 ) -> Iterator[ResponseValues]:
     """The responses of a study at some points.
 
-    Parameters
-    ----------
-    study, points
-        The study and these points of it.
-    outputs, labels
-        All outputs that runs gave, with labels along their dimensions.
-    finished
-        Whether a point finished, shape (point,).
+    Args:
+        study, points: The study and these points of it.
+        outputs, labels: All outputs that runs gave, with labels along their dimensions.
+        finished: Whether a point finished, shape (point,).
 
-    Raises
-    ------
-    InputError
-        If a formula of a function's outputs cannot be evaluated; the finished points are kept.
+    Raises:
+        InputError: If a formula of a function's outputs cannot be evaluated; the finished points are kept.
     """
     if not study.responses or not finished.any():
         return
@@ -109,10 +103,8 @@ def response_values(
 def refuse_unknown_outputs(study: Study, names: Collection[str]) -> None:
     """Refuse formulas that use what a function does not return.
 
-    Raises
-    ------
-    InputError
-        With the key and near names.
+    Raises:
+        InputError: With the key and near names.
     """
     if study.simulator.outputs:
         return

@@ -86,19 +86,13 @@ def check_responses(
 ) -> tuple[Response, ...]:
     """The responses of a study.
 
-    Parameters
-    ----------
-    simulator
-        The simulator of the study.
-    tables
-        Their tables, in the order of the file: a formula may use the responses before it.
-    values
-        Values of the parameters of one of its points.
+    Args:
+        simulator: The simulator of the study.
+        tables: Their tables, in the order of the file: a formula may use the responses before it.
+        values: Values of the parameters of one of its points.
 
-    Raises
-    ------
-    InputError
-        If a name is taken or a formula is wrong, with the key and the place in the formula.
+    Raises:
+        InputError: If a name is taken or a formula is wrong, with the key and the place in the formula.
     """
     responses: list[Response] = []
     arrays = dict(_point_of_nan(simulator, values))
@@ -193,20 +187,16 @@ def evaluated(
 ) -> Iterator[tuple[Response, NamedArray, NDArray[Any] | None]]:
     """All responses of some points, each with its numerical error.
 
-    Parameters
-    ----------
-    responses
-        The responses.
-    arrays
-        Outputs and parameters of the points by name, the points along `POINT`.
-    errors
-        Numerical errors of outputs, in their unit, of the shape of the output each; an output without one is missing.
+    Args:
+        responses: The responses.
+        arrays: Outputs and parameters of the points by name, the points along `POINT`.
+        errors: Numerical errors of outputs, in their unit, of the shape of the output each; an output without one is
+            missing.
 
-    Yields
-    ------
-    response, value, error
-        The error is the sum over all values that the formula uses of what the error of each changes, shape as the
-        value; None where the error of one of them is not known. NaN where an output has no value.
+    Yields:
+        response, value, error: The error is the sum over all values that the formula uses of what the error of each
+            changes, shape as the value; None where the error of one of them is not known. NaN where an output has no
+            value.
     """
     known, wrong = dict(arrays), dict(errors)
     for response in responses:

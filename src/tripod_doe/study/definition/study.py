@@ -71,17 +71,12 @@ class Study:
 def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
     """Read and check a study file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    folder
-        Where its files and functions are looked up; its own folder if omitted, without restriction.
+    Args:
+        path: The file.
+        folder: Where its files and functions are looked up; its own folder if omitted, without restriction.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a table, key or value in it is wrong.
+    Raises:
+        InputError: If the file cannot be read, or a table, key or value in it is wrong.
     """
     path = Path(path)
     return parse_study(read_text(path, "study file"), str(path), folder or StudyFolder.of(path))
@@ -90,14 +85,10 @@ def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
 def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = None) -> Study:
     """Check the text of a study file; see `load_study`.
 
-    Parameters
-    ----------
-    text
-        The study file.
-    origin
-        Where it came from, for messages.
-    folder
-        Where its files and functions are looked up; the current folder if omitted, without restriction.
+    Args:
+        text: The study file.
+        origin: Where it came from, for messages.
+        folder: Where its files and functions are looked up; the current folder if omitted, without restriction.
     """
     folder = folder or StudyFolder(Path.cwd())
     try:

@@ -103,11 +103,9 @@ def point_bytes(study: Study) -> int:
 def make_points(study: Study) -> Points:
     """All points of a study, in the order of its cube.
 
-    Raises
-    ------
-    InputError
-        If a setting of the design is missing, or the points need more memory than is free, are all excluded, or have
-        outputs of different lengths.
+    Raises:
+        InputError: If a setting of the design is missing, or the points need more memory than is free, are all
+            excluded, or have outputs of different lengths.
     """
     design = study.file.design
     try:

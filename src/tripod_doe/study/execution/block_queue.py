@@ -21,16 +21,12 @@ _FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and no measure
 class BlockQueue:
     """Points to compute.
 
-    Parameters
-    ----------
-    waiting
-        Indices of the points.
-    block
-        Points per block; None sizes blocks by the duration of the finished ones.
-    seconds
-        Smallest duration of a block to aim at.
-    kinds
-        Number of the kind of each waiting point (its model and method), shape (waiting,); None where all are alike.
+    Args:
+        waiting: Indices of the points.
+        block: Points per block; None sizes blocks by the duration of the finished ones.
+        seconds: Smallest duration of a block to aim at.
+        kinds: Number of the kind of each waiting point (its model and method), shape (waiting,); None where all are
+            alike.
     """
 
     def __init__(

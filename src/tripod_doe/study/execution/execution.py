@@ -40,25 +40,17 @@ _PATIENCE = 2.0  # seconds after which a block in this process counts as long
 class Execution:
     """The processes in which the studies of a command run; workers are started when a study first needs them.
 
-    Parameters
-    ----------
-    workers
-        Worker processes; 0 runs everything in this process; None takes this process where that is faster, and two
-        worker processes otherwise.
-    scheduler
-        An existing Dask scheduler to use instead of own workers.
-    oversubscribe
-        Allow more workers than this machine has processors.
+    Args:
+        workers: Worker processes; 0 runs everything in this process; None takes this process where that is faster, and
+            two worker processes otherwise.
+        scheduler: An existing Dask scheduler to use instead of own workers.
+        oversubscribe: Allow more workers than this machine has processors.
 
-    Attributes
-    ----------
-    seconds
-        Wall time of the blocks of the latest study, without compilation and the start of workers.
+    Attributes:
+        seconds: Wall time of the blocks of the latest study, without compilation and the start of workers.
 
-    Raises
-    ------
-    InputError
-        If the arguments contradict each other.
+    Raises:
+        InputError: If the arguments contradict each other.
     """
 
     def __init__(
@@ -84,17 +76,11 @@ class Execution:
     def run(self, asked: StudyPoints, missing: IntArray, careful: bool = False) -> Generator[FinishedBlock, None, None]:
         """Run points in blocks, and yield each block as it finishes.
 
-        Parameters
-        ----------
-        asked
-            The study and its points.
-        missing
-            Indices of the points to run.
-        careful
-            Run nothing in this process unless `workers` is 0: a point may end it.
+        Args:
+            asked: The study and its points.
+            missing: Indices of the points to run.
+            careful: Run nothing in this process unless `workers` is 0: a point may end it.
 
-        Notes
-        -----
         Kernels are compiled once, in this process; workers load them, and start with the modules imported here.
         A block that ends its process (three times, for a worker) is halved until a single point is left; its outcome
         is worker_lost. In this process that holds only for a point that asks Python to exit: a crash ends the command,

@@ -40,10 +40,8 @@ class Task:
 def matching_simulator(scene: str, function: str | None, folder: StudyFolder | None, source_hash: str) -> Simulator:
     """The simulator of a study on this machine.
 
-    Raises
-    ------
-    InputError
-        If this machine, a worker, has another version of the kernels than the one that plans the study.
+    Raises:
+        InputError: If this machine, a worker, has another version of the kernels than the one that plans the study.
     """
     simulator = load_simulator(scene, function, folder)
     if simulator.source_hash != source_hash:

@@ -43,29 +43,19 @@ def query(
 ) -> xr.Dataset:
     """Choose cells of one variable.
 
-    Parameters
-    ----------
-    cube
-        An open cube, or where it is.
-    variable
-        Name of the variable.
-    select
-        Values, lists or ranges of coordinates: ``{"order": 3, "torque_n_m": slice(20, 60)}``, or as on the command
-        line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.
-    nearest
-        Take the nearest value of a coordinate where none matches.
-    where
-        Condition on coordinates, scalar variables, the variable itself and ``outcome``; flags by their meanings.
+    Args:
+        cube: An open cube, or where it is.
+        variable: Name of the variable.
+        select: Values, lists or ranges of coordinates: ``{"order": 3, "torque_n_m": slice(20, 60)}``, or as on the
+            command line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.
+        nearest: Take the nearest value of a coordinate where none matches.
+        where: Condition on coordinates, scalar variables, the variable itself and ``outcome``; flags by their meanings.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         The variable, the outcome of its points where the cube has one, and ``selected``: whether a cell meets `where`.
 
-    Raises
-    ------
-    InputError
-        If a name is unknown, with the nearest known one. An empty answer is no error.
+    Raises:
+        InputError: If a name is unknown, with the nearest known one. An empty answer is no error.
     """
     if isinstance(cube, str | Path):
         with opened_cube(cube) as data:
@@ -88,9 +78,7 @@ def records(
 ) -> Columns:
     """Choose cells of one variable, as columns of equal length; see `query`.
 
-    Returns
-    -------
-    dict
+    Returns:
         The coordinates by name, the variable and the outcome; flags by their meanings.
     """
     parts = [part.columns(where) for part in _choose(cube, variable, select, nearest).parts()]
@@ -311,10 +299,8 @@ _FORMATS = {".csv": "csv", ".json": "json", ".nc": "netcdf", ".txt": "table"}
 def answer_format(asked: str | None, output: Path | None) -> str:
     """The format of an answer: as asked or as its file is named, else a table.
 
-    Raises
-    ------
-    InputError
-        If both contradict each other, or neither decides for a file.
+    Raises:
+        InputError: If both contradict each other, or neither decides for a file.
     """
     if output is None:
         return asked or "table"

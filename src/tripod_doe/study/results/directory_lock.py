@@ -29,17 +29,13 @@ _CLOCK = 2.0  # seconds by which the start of a process is uncertain
 class DirectoryLock:
     """Lock of a directory for this process, whose host, number and token are written to its file ``.lock``.
 
-    Parameters
-    ----------
-    path
-        The directory.
-    take_over
-        Whether to take the lock of a process of another host. A process of this host keeps it while it is alive.
+    Args:
+        path: The directory.
+        take_over: Whether to take the lock of a process of another host. A process of this host keeps it while it is
+            alive.
 
-    Raises
-    ------
-    InputError
-        If another process holds the directory, or it cannot be written.
+    Raises:
+        InputError: If another process holds the directory, or it cannot be written.
     """
 
     def __init__(self, path: Path, take_over: bool = False) -> None:
@@ -85,10 +81,8 @@ class DirectoryLock:
     def check(self) -> None:
         """Check that no other process has taken the directory over.
 
-        Raises
-        ------
-        StorageError
-            If one has, or if the lock's file is missing.
+        Raises:
+            StorageError: If one has, or if the lock's file is missing.
         """
         place = self._file.parent
         try:
@@ -110,10 +104,8 @@ class DirectoryLock:
 def _opened(file: Path) -> int:
     """Open the lock's file, which is the owner's alone; a link to a file elsewhere would be emptied.
 
-    Raises
-    ------
-    OSError
-        If it cannot be opened, or is no plain file of its own.
+    Raises:
+        OSError: If it cannot be opened, or is no plain file of its own.
     """
     lock = os.open(file, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     state = os.fstat(lock)

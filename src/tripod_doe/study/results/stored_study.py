@@ -41,10 +41,8 @@ class ResultFolder(StudyFolder):
     def file(self, name: str, key: str) -> Path:
         """The copy of a table.
 
-        Raises
-        ------
-        InputError
-            If there is none.
+        Raises:
+            InputError: If there is none.
         """
         try:
             return StudyFolder(self.path / _TABLES, trusted=False).file(_copy_name(name), key)
@@ -68,10 +66,8 @@ def _copy_name(name: str) -> str:
 def with_responses(directory: Path, file: Path) -> Study:
     """Read the study of a result directory, with the responses of a file added to its own, or in place of them.
 
-    Raises
-    ------
-    InputError
-        If the file holds anything else, or a response that the study cannot have.
+    Raises:
+        InputError: If the file holds anything else, or a response that the study cannot have.
     """
     added = parse_toml(read_text(file, "file of responses"), str(file))
     if wrong := [key for key in added if key != "responses"] or ([] if added.get("responses") else ["responses"]):
@@ -90,17 +86,12 @@ def with_responses(directory: Path, file: Path) -> Study:
 def stored_study(directory: Path, most_points: int | None = None) -> Study:
     """Read the study of a result directory.
 
-    Parameters
-    ----------
-    directory
-        The result directory.
-    most_points
-        Of the study; None without a limit.
+    Args:
+        directory: The result directory.
+        most_points: Of the study; None without a limit.
 
-    Raises
-    ------
-    InputError
-        If it can no longer be read, or is damaged.
+    Raises:
+        InputError: If it can no longer be read, or is damaged.
     """
     path = directory / STORED
     try:
@@ -127,15 +118,11 @@ def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
 def keep_sources(study: Study, directory: Path) -> dict[str, str]:
     """Copy the tables of a study into its result directory.
 
-    Returns
-    -------
-    dict
+    Returns:
         Notes for the journal on its function.
 
-    Raises
-    ------
-    StorageError
-        If a copy cannot be written.
+    Raises:
+        StorageError: If a copy cannot be written.
     """
     for design in (study.file.design, *study.file.designs.values()):
         if design.kind == "table" and design.table is not None:
