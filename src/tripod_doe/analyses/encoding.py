@@ -17,12 +17,13 @@ Column = NDArray[Any]
 
 @dataclass(frozen=True)
 class Input:
-    """One encoded column: a number scaled from its range, or the indicator of a word."""
+    """One encoded column: a number scaled from its range, the sign of a number, or the indicator of a word."""
 
     factor: str
     low: float = 0.0
     high: float = 0.0
     word: str | None = None
+    sign: bool = False
 
 
 def is_numeric(column: Column) -> bool:
@@ -56,12 +57,15 @@ def encoded(
     columns: Mapping[str, Column], inputs: list[Input], scale: Callable[[Column, float, float], FloatArray] = scaled
 ) -> FloatArray:
     """Points as encoded columns, shape (point, input); numbers from -1 to 1, or by another scale."""
-    parts = [
-        scale(columns[each.factor], each.low, each.high)
-        if each.word is None
-        else (columns[each.factor].astype(str) == each.word).astype(float)
-        for each in inputs
-    ]
+
+    def column(each: Input) -> FloatArray:
+        if each.word is not None:
+            return np.asarray(columns[each.factor].astype(str) == each.word, float)
+        if each.sign:
+            return np.asarray(np.sign(columns[each.factor].astype(float)))
+        return scale(columns[each.factor], each.low, each.high)
+
+    parts = [column(each) for each in inputs]
     return np.stack(parts, axis=1) if parts else np.zeros((1, 0))
 
 

@@ -52,6 +52,11 @@ _PHASE = (
 )
 _SKEW = "positive counterclockwise about the outward normal of the trunnion surface"
 
+_STILL = ("joint_angle_deg", "torque_n_m", "groove_sliding_friction", "groove_sliding")
+"""Parameters without any of which no force is transmitted along the grooves."""
+_SKEWS = ("initial_skew_1_deg", "initial_skew_2_deg", "initial_skew_3_deg")
+"""With all skews reversed, half a turn later, the thrust force is reversed."""
+
 _OUTPUTS = [
     Output(
         "thrust",
@@ -60,9 +65,16 @@ _OUTPUTS = [
         "thrust force on the housing, positive towards the intermediate shaft",
         (ROTATION,),
         convention=_SIGN,
+        zero_at=_STILL,
     ),
     Output(
-        "groove_thrust", "N", "F_k", "part of the thrust force in each groove", (_GROOVE, ROTATION), convention=_SIGN
+        "groove_thrust",
+        "N",
+        "F_k",
+        "part of the thrust force in each groove",
+        (_GROOVE, ROTATION),
+        convention=_SIGN,
+        zero_at=_STILL,
     ),
     Output(
         "thrust_amplitude",
@@ -71,6 +83,8 @@ _OUTPUTS = [
         "amplitude of the rotating orders of the thrust force",
         (ORDER,),
         convention=_PHASE,
+        zero_at=_STILL,
+        mirrored_by=_SKEWS,
     ),
     Output(
         "thrust_phase_deg",
@@ -81,7 +95,15 @@ _OUTPUTS = [
         angle=True,
         convention=_PHASE,
     ),
-    Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
+    Output(
+        "thrust_rms",
+        "N",
+        "A_k/sqrt(2)",
+        "effective value of the rotating orders of the thrust force",
+        (ORDER,),
+        zero_at=_STILL,
+        mirrored_by=_SKEWS,
+    ),
     Output(
         "thrust_amplitude_scatter",
         "N",
@@ -105,6 +127,7 @@ _OUTPUTS = [
         "amplitude of the rotating orders of the thrust in each groove",
         (_GROOVE, ORDER),
         convention=_PHASE,
+        zero_at=_STILL,
     ),
     Output(
         "groove_thrust_phase_deg",

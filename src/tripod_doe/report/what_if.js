@@ -54,8 +54,16 @@
   function encode(told, values) {
     return told.inputs.map(function (input) {
       var value = values[input.factor];
-      return "word" in input ? Number(value === input.word) : (value - input.middle) / input.half;
+      if ("word" in input) return Number(value === input.word);
+      return input.sign ? Math.sign(value) : (value - input.middle) / input.half;
     });
+  }
+  // Zero where the outputs that vanish are zero.
+  function envelope(told, place) {
+    return told.zeros.reduce(function (product, part) {
+      var size = Math.abs(place[part[0]] * part[2] + part[1]);
+      return size < 1e-12 ? 0 : product * size * (1 + part[3]) / (size + part[3]);
+    }, 1);
   }
   function nearest(places, place, count) {
     var width = place.length, gaps = [];
@@ -94,11 +102,16 @@
     var every = Array.from({ length: told.components }, function (_, c) { return c; });
     var wave = told.wave && { values: singles(told.wave.values), errors: singles(told.wave.errors) };
 
+    function predict(place, chosen) {
+      var found = surrogate.predict(place, chosen), scale = envelope(told, place);
+      chosen.forEach(function (c) { if (told.vanishes[c]) found[c] *= scale; });
+      return found;
+    }
     function state(values) {
-      var place = encode(told, values), found = surrogate.predict(place, wave ? every : parts);
+      var place = encode(told, values), found = predict(place, wave ? every : parts), scale = envelope(told, place);
       var near = nearest(places, place, told.neighbours);
-      return { place: place, components: found, near: near, quantities: told.quantities.map(function (each) {
-        return { value: amount(each, found), half: each.factor * rms(each.errors, near) };
+      return { place: place, components: found, near: near, scale: scale, quantities: told.quantities.map(function (each) {
+        return { value: amount(each, found), half: each.factor * rms(each.errors, near) * (each.vanishes ? scale : 1) };
       }) };
     }
     // Part of the variance by the scatter of each factor about these values, to first order.
@@ -110,7 +123,7 @@
         var ends = [low, high].map(function (value) {
           var moved = Object.assign({}, values);
           moved[name] = value;
-          return surrogate.predict(encode(told, moved), parts);
+          return predict(encode(told, moved), parts);
         });
         return told.quantities.map(function (each) {
           return high > low ? Math.pow((amount(each, ends[1]) - amount(each, ends[0])) / (high - low) * factor.std, 2) : 0;
@@ -152,7 +165,7 @@
         shapes.forEach(function (shape, a) {
           var predicted = force(shape, now.components, 0), known = force(shape, wave.values, first * count);
           var square = now.near.reduce(function (sum, n) { return sum + Math.pow(force(shape, wave.errors, n * count), 2); }, 0);
-          var half = told.wave.factor * Math.sqrt(square / now.near.length), place = x(a).toFixed(1) + ",";
+          var half = told.wave.factor * Math.sqrt(square / now.near.length) * (told.vanishes[0] ? now.scale : 1), place = x(a).toFixed(1) + ",";
           middle.push(place + y(predicted).toFixed(1));
           computed.push(place + y(known).toFixed(1));
           upper.push(place + y(predicted + half).toFixed(1));
@@ -218,7 +231,7 @@
     function decoded(name, n) {
       var word = told.factors[name].words && told.factors[name].words[0], value = null;
       told.inputs.forEach(function (input, at) {
-        if (input.factor !== name) return;
+        if (input.factor !== name || input.sign) return;
         var place = places[n * told.inputs.length + at];
         if ("word" in input) word = place === 1 ? input.word : word;
         else value = text(place * input.half + input.middle, 4);
@@ -240,7 +253,7 @@
         move();
       });
     });
-    section.whatIf = { told: told, predict: function (values) { return surrogate.predict(encode(told, values), every); }, state: state };
+    section.whatIf = { told: told, predict: function (values) { return predict(encode(told, values), every); }, state: state };
     section.classList.add("moves");
     move();
   }

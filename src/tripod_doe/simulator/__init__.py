@@ -10,19 +10,21 @@ from tripod_doe.simulator.demand import Demand, Demands
 from tripod_doe.simulator.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
 from tripod_doe.simulator.model_summary import ModelSummary
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
-from tripod_doe.simulator.output import Dimension, Output
+from tripod_doe.simulator.output import MIRRORED_BY, ZERO_AT, Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set
 from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
 from tripod_doe.simulator.trust import TRUST_ATTRIBUTES, Trust
 
 __all__ = [
     "DETAIL_ATTRIBUTES",
+    "MIRRORED_BY",
     "NOTABLE_ERROR",
     "NUMERICS",
     "OUTCOME_ATTRIBUTES",
     "OUTCOME_MEANINGS",
     "TRUST_ATTRIBUTES",
     "WORK",
+    "ZERO_AT",
     "BlockResult",
     "Candidate",
     "Demand",

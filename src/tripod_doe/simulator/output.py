@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Labels = NDArray[Any]
 
+ZERO_AT, MIRRORED_BY = "zero_at", "mirrored_by"
+"""Attributes of the variables of a cube with what `Output` says of zeros and mirrors: names of parameters."""
+
 
 @dataclass(frozen=True, eq=False)
 class Dimension:
@@ -53,6 +56,10 @@ class Output:
     # whether reports show it as a result of its own, beside the main ones of its simulator; a scalar
     response: bool = False
     convention: str = ""  # what its signs and phases mean; CF comment
+    # parameters each of which makes all its values zero where it is zero itself
+    zero_at: tuple[str, ...] = ()
+    # parameters whose common change of sign turns a wave of odd orders into itself, and reverses one of even orders
+    mirrored_by: tuple[str, ...] = ()
 
     @property
     def unit_text(self) -> str:

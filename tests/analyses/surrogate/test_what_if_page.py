@@ -68,7 +68,7 @@ def test_orders_are_predicted_with_their_phases():
     amplitude, phase = orders({name: np.array([value]) for name, value in values.items()})
     told = page.at(**values)
     assert [value for value, _ in told] == pytest.approx(amplitude[0, 2:], rel=0.01)
-    parts = page.surrogate.surrogates.predict(page.surrogate.encoded(**values))[0]
+    parts = page.surrogate.predict(page.surrogate.encoded(**values))[0]
     found = np.degrees(np.angle(parts[:4] + 1j * parts[4:]))
     assert np.abs((found - phase[0] + 180) % 360 - 180)[2:].max() < 1.0
 

@@ -6,6 +6,7 @@ A surrogate is plain numbers, so that a page can evaluate it. Its errors are tho
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +18,20 @@ from tripod_doe.array_types import FloatArray, IntArray
 KINDS = ("polynomial", "gaussian-process")
 """Kinds of surrogates, in the order of their flags."""
 
+LEAST_SCALE = 0.01
+"""Of an envelope; where it is less, the rounding of values over it would be learned."""
+
 _DEGREE = 3
 _MOST_TERMS = 1000  # of a polynomial; more inputs get one of the second degree
 _PROCESS_POINTS = 300  # for a Gaussian process: a page evaluates all of them
 _TOGETHER = 500  # points that are predicted together
 _LEAST_NOISE = 1e-7  # part of the variance; with less, weights grow until their sum loses the digits of a page
+_FEW_FOLDS = 3  # that compare envelopes
 _MINOR = 1e-3  # spread over the largest one below which a component is worth no Gaussian process
+
+
+Fold = tuple[IntArray, IntArray]
+"""Points that are seen, and points that are left out."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,35 @@ class Surrogates:
         return np.asarray(answers)
 
 
-def learn(places: FloatArray, values: FloatArray, seed: int, folds: int = 5) -> Surrogates:
+@dataclass(frozen=True)
+class Known:
+    """What is known of components before anything is learned: where they are zero, and how they mirror."""
+
+    # envelope: a function of the point, shape (point,), that is zero where the components marked by `vanishes` are;
+    # these are learned over it
+    envelope: FloatArray
+    vanishes: NDArray[np.bool_]  # shape (component,)
+    mirrored: IntArray  # inputs that change their sign together
+    parity: IntArray  # 1 for components that stay as they are then, -1 for those that change sign, else 0
+
+    @classmethod
+    def nothing(cls, points: int, components: int) -> Known:
+        """Without knowledge."""
+        no = np.zeros(components, np.int64)
+        return cls(np.ones(points), no.astype(bool), no[:0], no)
+
+    def scale(self, component: int) -> FloatArray:
+        """What a component is learned over, shape (point,); 1 where it is learned as it is."""
+        return self.envelope if self.vanishes[component] else np.ones_like(self.envelope)
+
+    def flipped(self, places: FloatArray) -> FloatArray:
+        """Places on the other side of the mirror."""
+        other = places.copy()
+        other[:, self.mirrored] *= -1
+        return other
+
+
+def learn(places: FloatArray, values: FloatArray, seed: int, folds: int = 5, known: Known | None = None) -> Surrogates:
     """Fit a surrogate to each component.
 
     Parameters
@@ -67,23 +104,43 @@ def learn(places: FloatArray, values: FloatArray, seed: int, folds: int = 5) -> 
         Of the division into folds.
     folds
         Parts of the points, each predicted by a fit to the others.
+    known
+        Zeros and symmetries, which the surrogates then have exactly. Components that vanish are given over the
+        envelope, their errors are not.
     """
-    from sklearn.model_selection import KFold  # slow to import: every study would wait for it
-
-    parts = KFold(min(folds, len(places)), shuffle=True, random_state=seed)
+    known = known or Known.nothing(*values.shape)
+    parts = _folds(len(places), seed, folds)
     exponents = _exponents(places.shape[1])
     centres = places if len(places) <= _PROCESS_POINTS else places[:0]
+    if len(centres) and known.parity.any():
+        centres = np.concatenate([centres, known.flipped(centres)])
     weights, lengths = np.zeros((values.shape[1], len(centres))), np.ones((values.shape[1], places.shape[1]))
+    worth = values.std(axis=0) > _MINOR * values.std(axis=0).max()
     with warnings.catch_warnings(), threadpool_limits(1):  # small problems: threads would wait for each other
         warnings.simplefilter("ignore")  # a length scale at its bound shows in the errors
-        coefficients, errors = _polynomials(places, values, exponents, parts)
-        spread = values.std(axis=0)
-        for at in np.flatnonzero(spread > _MINOR * spread.max()) if len(centres) else ():
-            constant, own, scales, unseen = _process(places, values[:, at], parts)
+        coefficients, errors = _all_polynomials(places, values, exponents, parts, known)
+        for at in map(int, np.flatnonzero(worth) if len(centres) else ()):
+            other = known.flipped(places) if known.parity[at] else None
+            process = _process(places, values[:, at], parts, known.scale(at), other, int(known.parity[at]))
+            constant, own, scales, unseen = process
             if (unseen**2).mean() < (errors[:, at] ** 2).mean():
                 coefficients[at] = np.eye(1, len(exponents))[0] * constant
-                weights[at], lengths[at], errors[:, at] = own, scales, unseen
+                weights[at, : own.size], lengths[at], errors[:, at] = own, scales, unseen
     return Surrogates(exponents, coefficients, centres, weights, lengths, errors)
+
+
+def polynomial_error(places: FloatArray, values: FloatArray, seed: int, known: Known) -> float:
+    """Sum of the squared errors of polynomials at points left out of the fit; see `learn`."""
+    with warnings.catch_warnings(), threadpool_limits(1):
+        warnings.simplefilter("ignore")
+        parts = _folds(len(places), seed, _FEW_FOLDS)
+        return float((_all_polynomials(places, values, _exponents(places.shape[1]), parts, known)[1] ** 2).sum())
+
+
+def _folds(points: int, seed: int, folds: int) -> list[Fold]:
+    from sklearn.model_selection import KFold  # slow to import: every study would wait for it
+
+    return list(KFold(min(folds, points), shuffle=True, random_state=seed).split(np.arange(points)))
 
 
 def _exponents(width: int) -> NDArray[np.int8]:
@@ -96,36 +153,80 @@ def _exponents(width: int) -> NDArray[np.int8]:
     return np.asarray(terms.powers_, np.int8)
 
 
-def _polynomials(
-    places: FloatArray, values: FloatArray, exponents: NDArray[np.int8], parts: object
+def _all_polynomials(
+    places: FloatArray, values: FloatArray, exponents: NDArray[np.int8], parts: Sequence[Fold], known: Known
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of all components, shape (component, term), and their errors at unseen points."""
+    """Coefficients of all components, shape (component, term), only of terms that have their symmetry; and errors."""
+    coefficients, errors = np.zeros((values.shape[1], len(exponents))), np.zeros(values.shape)
+    odd = (exponents[:, known.mirrored].sum(axis=1) % 2).astype(bool)
+    for parity, vanishes in sorted(set(zip(known.parity.tolist(), known.vanishes.tolist(), strict=True))):
+        alike = np.flatnonzero((known.parity == parity) & (known.vanishes == vanishes))
+        terms = np.flatnonzero({1: ~odd, -1: odd, 0: odd | True}[parity])
+        scale = known.scale(int(alike[0]))
+        found, unseen = _polynomials(places, values[:, alike], exponents[terms], parts, scale)
+        coefficients[np.ix_(alike, terms)], errors[:, alike] = found, unseen
+    return coefficients, errors
+
+
+def _polynomials(
+    places: FloatArray, values: FloatArray, exponents: NDArray[np.int8], parts: Sequence[Fold], scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of all components over a scale, shape (component, term), and their errors at unseen points."""
     from sklearn.linear_model import RidgeCV
-    from sklearn.model_selection import cross_val_predict
 
-    terms = np.prod(places[:, None, :] ** exponents[1:], axis=2)
-    scale = np.where(values.std(axis=0) > 0, values.std(axis=0), 1.0)
-    ridge = RidgeCV(np.logspace(-8, 2, 11), alpha_per_target=True)
-    unseen = cross_val_predict(ridge, terms, values / scale, cv=parts).reshape(values.shape)
-    ridge.fit(terms, values / scale)
-    coefficients = np.concatenate([np.reshape(ridge.intercept_, (-1, 1)), np.atleast_2d(ridge.coef_)], axis=1)
-    return coefficients * scale[:, None], unseen * scale - values
+    terms = np.prod(places[:, None, :] ** exponents, axis=2)
+    constant = not exponents[0].any()  # a component that changes sign has none
+    size = np.where(values.std(axis=0) > 0, values.std(axis=0), 1.0)
+    over = values / np.maximum(scale, LEAST_SCALE)[:, None] / size
+
+    def fit(rows: IntArray) -> FloatArray:
+        rows = rows[scale[rows] >= LEAST_SCALE]
+        ridge = RidgeCV(np.logspace(-8, 2, 11), alpha_per_target=True, fit_intercept=constant)
+        ridge.fit(terms[rows, int(constant) :], over[rows], sample_weight=scale[rows] ** 2)
+        slopes = np.atleast_2d(ridge.coef_)
+        if not constant:
+            return slopes
+        return np.concatenate([np.reshape(ridge.intercept_, (-1, 1)), slopes], axis=1)
+
+    unseen = np.empty_like(values)
+    for seen, left_out in parts:
+        unseen[left_out] = scale[left_out, None] * (terms[left_out] @ fit(seen).T)
+    return fit(np.arange(len(places))) * size[:, None], unseen * size - values
 
 
-def _process(places: FloatArray, values: FloatArray, parts: object) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """Constant, weights and length scales of one component, and its errors at unseen points.
+def _process(
+    places: FloatArray,
+    values: FloatArray,
+    parts: Sequence[Fold],
+    scale: FloatArray,
+    other: FloatArray | None,
+    parity: int,
+) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+    """Constant, weights and length scales of one component over a scale, and its errors at unseen points.
 
-    The length scales come from all points; each fold leaves out values only.
+    The length scales come from all points; each fold leaves out values only. With the places on the other side of a
+    mirror, every point counts on both sides: the mean of the process then has the symmetry.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-    from sklearn.model_selection import cross_val_predict
 
+    over, usable = values / np.maximum(scale, LEAST_SCALE), scale >= LEAST_SCALE
     kernel = ConstantKernel(1.0, (1e-3, 1e2)) * RBF(np.ones(places.shape[1]), (1e-2, 1e2))
-    process = GaussianProcessRegressor(kernel + WhiteKernel(1e-6, (_LEAST_NOISE, 1.0)), normalize_y=True)
-    process.fit(places, values)
-    fixed = GaussianProcessRegressor(process.kernel_, optimizer=None, normalize_y=True)
-    unseen = cross_val_predict(fixed, places, values, cv=parts)
-    smooth = process.kernel_.k1
-    weights = process.alpha_ * smooth.k1.constant_value * process._y_train_std
+    whole = GaussianProcessRegressor(kernel + WhiteKernel(1e-6, (_LEAST_NOISE, 1.0)), normalize_y=True)
+    whole.fit(places[usable], over[usable])
+
+    def fit(rows: IntArray) -> GaussianProcessRegressor:
+        rows = rows[usable[rows]]
+        at, wanted = places[rows], over[rows]
+        if other is not None:
+            at, wanted = np.concatenate([at, other[rows]]), np.concatenate([wanted, parity * wanted])
+        return GaussianProcessRegressor(whole.kernel_, optimizer=None, normalize_y=True).fit(at, wanted)
+
+    unseen = np.empty_like(values)
+    for seen, left_out in parts:
+        unseen[left_out] = scale[left_out] * fit(seen).predict(places[left_out])
+    process, smooth = fit(np.arange(len(places))), whole.kernel_.k1
+    weights = np.zeros(len(places) if other is None else 2 * len(places))
+    weights[np.flatnonzero(usable if other is None else np.tile(usable, 2))] = process.alpha_
+    weights *= smooth.k1.constant_value * process._y_train_std
     return float(process._y_train_mean), weights, smooth.k2.length_scale, unseen - values

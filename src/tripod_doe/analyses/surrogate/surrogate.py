@@ -9,15 +9,15 @@ import numpy as np
 import xarray as xr
 from pydantic import Field
 
-from tripod_doe.analyses.encoding import encoded, inputs_of
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import OutputTable, is_course, output_attributes, read_outputs, stacked, usual_outputs
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, read_sample
+from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.surrogate.known import Foreknown, foreknown
 from tripod_doe.analyses.surrogate.learner import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
-from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
+from tripod_doe.simulator import MIRRORED_BY, ZERO_AT
 from tripod_doe.study.cube.lazy_dataset import flat_points
 
 SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-composite", "box-behnken", "table")
@@ -33,13 +33,17 @@ class SurrogateSettings(SensitivitySettings):
     folds: int = Field(5, ge=2, description="parts of the points, each predicted by a surrogate of the others")
 
 
-def _of_output(places: FloatArray, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
+def _of_output(known: Foreknown, sample: Sample, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
     """Errors of the surrogate of each component; NaN for those that do not vary."""
     answers = {key: np.full(table.values.shape[1], np.nan) for key in _MEANINGS}
     chosen, at = np.full(table.values.shape[1], -1.0), np.flatnonzero(table.varies)
     if at.size:
         values = table.values[:, at]
-        learned = learn(places, values, settings.seed, settings.folds)
+        vanishes, mirrored = ZERO_AT in table.variable.attrs, MIRRORED_BY in table.variable.attrs
+        marks = [vanishes] * at.size, [int(mirrored)] * at.size  # amplitudes stay as they are in a mirror
+        known = known.fitted(sample.columns, values, marks, settings.seed)
+        places, parts = known.places(sample.columns), known.of(sample.columns, *marks)
+        learned = learn(places, values, settings.seed, settings.folds, parts)
         chosen[at] = learned.kinds
         answers["error_rms"][at] = np.sqrt((learned.errors**2).mean(axis=0))
         answers["error_largest"][at] = np.abs(learned.errors).max(axis=0)
@@ -84,8 +88,8 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         raise InputError(f"a surrogate needs at least {_FEWEST} points, {sample.rows.size} finished")
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
-    places = encoded(sample.columns, inputs_of(sample.columns))
-    parts = [_of_output(places, table, settings) for table in tables]
+    known = foreknown(sample.columns, cube)
+    parts = [_of_output(known, sample, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     if any(table.varies.any() for table in tables):
         result = result.merge(what_if(sample, tables, cube, settings.seed), combine_attrs="no_conflicts")

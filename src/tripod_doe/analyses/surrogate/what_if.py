@@ -12,18 +12,22 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from tripod_doe.analyses.encoding import Input, encoded, inputs_of, is_numeric
+from tripod_doe.analyses.encoding import Input, encoded, is_numeric
 from tripod_doe.analyses.outputs import OutputTable
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
-from tripod_doe.analyses.surrogate.learner import Surrogates, learn
+from tripod_doe.analyses.surrogate.known import foreknown, grown
+from tripod_doe.analyses.surrogate.learner import LEAST_SCALE, Surrogates, learn
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.simulator import MIRRORED_BY, ZERO_AT
 
 ATTRIBUTE = "what_if"
 """Attribute of a result that holds all that is no array."""
 
 _SHOWN_POINTS = 2000  # computed points that a page can show and take bands from
 _MOST_COMPONENTS = 26  # thirteen orders, two parts each
+_ROUNDING = 1e-12  # of a number that is scaled to its range and back
 _AMPLITUDE, _PHASE = "thrust_amplitude", "thrust_phase_deg"
 
 
@@ -35,6 +39,8 @@ class Component:
     unit: str  # its unit
     order: int | None = None  # the order of which it is a part; None for other outputs
     wraps: bool = False  # whether it is a phase
+    vanishes: bool = False  # whether it is zero where the envelope is, over which it is learned
+    parity: int = 0  # 1 where it stays as it is when the mirrored factors change their sign, -1 where it does, too
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,42 @@ class WhatIf:
     places: FloatArray
     values: FloatArray
     sampled: bool  # whether the computed points follow distributions of independent factors
+    # factors whose zero makes components vanish, with the size at which the envelope is 1, and where its slope is less
+    zeros: dict[str, tuple[float, float]]
+
+    @property
+    def vanishes(self) -> NDArray[np.bool_]:
+        """Which components vanish where the envelope does, shape (component,)."""
+        return np.array([each.vanishes for each in self.components])
+
+    @property
+    def envelope_parts(self) -> list[tuple[int, float, float, float]]:
+        """For each zero its input, middle and half of its range over the size, and the part with less slope."""
+        parts = []
+        for at, each in enumerate(self.inputs):
+            if each.factor in self.zeros and not each.sign:
+                size, soft = self.zeros[each.factor]
+                parts.append((at, (each.low + each.high) / 2 / size, (each.high - each.low) / 2 / size, soft))
+        return parts
+
+    def envelope(self, places: FloatArray) -> FloatArray:
+        """A function of the inputs that is zero where components vanish, shape (point,)."""
+        product = np.ones(len(places))
+        for at, middle, half, soft in self.envelope_parts:
+            size = np.abs(places[:, at] * half + middle)
+            product = product * grown(np.where(size < _ROUNDING, 0.0, size), soft)
+        return product
+
+    def predict(self, places: FloatArray) -> FloatArray:
+        """All components at some inputs, shape (point, component)."""
+        answers = self.surrogates.predict(places)
+        return np.where(self.vanishes, answers * self.envelope(places)[:, None], answers)
+
+    def relative_errors(self) -> FloatArray:
+        """Errors at unseen points, those of components that vanish over the envelope, shape (computed, component)."""
+        envelope = np.maximum(self.envelope(self.places), LEAST_SCALE)[:, None]
+        errors = self.surrogates.errors
+        return np.where(self.vanishes, errors / envelope, errors)
 
     def encoded(self, **values: float | str) -> FloatArray:
         """One point as inputs, shape (1, input)."""
@@ -75,16 +117,18 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
     seed
         Of the division into folds.
     """
-    inputs = inputs_of(sample.columns)
-    places = encoded(sample.columns, inputs)
     components, values = _components(tables, cube, sample.rows)
-    learned = learn(places, values, seed)
+    marks = [each.vanishes for each in components], [each.parity for each in components]
+    known = foreknown(sample.columns, cube).fitted(sample.columns, values, marks, seed)
+    inputs, places = known.inputs, known.places(sample.columns)
+    learned = learn(places, values, seed, known=known.of(sample.columns, *marks))
     shown = np.arange(min(_SHOWN_POINTS, len(places)))
     texts = {
-        "inputs": [[each.factor, each.low, each.high, each.word] for each in inputs],
+        "inputs": [[each.factor, each.low, each.high, each.word, each.sign] for each in inputs],
+        "zeros": known.zeros,
         "factors": {name: _range(name, sample, cube) for name in sample.columns},
         "sampled": sample.design.kind in SAMPLED_DESIGNS and not sample.design.correlation,
-        "components": [[each.label, each.unit, each.order, each.wraps] for each in components],
+        "components": [[c.label, c.unit, c.order, c.wraps, c.vanishes] for c in components],
     }
     data = {
         "exponents": (("what_if_term", "what_if_input"), learned.exponents),
@@ -117,6 +161,7 @@ def read_what_if(result: xr.Dataset) -> WhatIf | None:
         result["what_if_places"].values,
         result["what_if_values"].values,
         texts["sampled"],
+        texts.get("zeros", {}),
     )
 
 
@@ -143,14 +188,24 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
         wave = amplitude * np.exp(1j * np.radians(phase))
         unit, orders = str(cube[_AMPLITUDE].attrs.get("units", "1")), cube["order"].values.tolist()
         parts = [("cosine", wave.real), ("sine", wave.imag)]
-        components = [Component(f"{part} part of order {order}", unit, order) for part, _ in parts for order in orders]
+        attrs = cube[_AMPLITUDE].attrs
+        vanishes, mirrored = ZERO_AT in attrs, int(MIRRORED_BY in attrs)
+        components = [
+            Component(
+                f"{part} part of order {order}", unit, order, False, vanishes, mirrored * (1 if order % 2 else -1)
+            )
+            for part, _ in parts
+            for order in orders
+        ]
         return components, np.concatenate([values for _, values in parts], axis=1)
     components, columns = [], []
     for table in tables:
         unit = str(table.variable.attrs.get("units", "1"))
         labels = table.keys[1:] if len(table.keys) - 1 == table.values.shape[1] else _numbered(table)
         for at in np.flatnonzero(table.varies):
-            components.append(Component(labels[at], unit, wraps=table.wraps))
+            attrs = table.variable.attrs
+            known = ZERO_AT in attrs, int(MIRRORED_BY in attrs)  # amplitudes stay as they are in a mirror
+            components.append(Component(labels[at], unit, None, table.wraps, *known))
             columns.append(table.values[:, at] + table.centre[at])
     return components[:_MOST_COMPONENTS], np.stack(columns[:_MOST_COMPONENTS], axis=1)
 

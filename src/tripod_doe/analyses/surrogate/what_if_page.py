@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.outputs import wrapped_phases
+from tripod_doe.analyses.surrogate.learner import LEAST_SCALE
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import interval
@@ -39,12 +40,14 @@ class Quantity:
     label: str
     unit: str
     parts: tuple[int, ...]  # the component, or the cosine and sine part of an order, whose amplitude is shown
-    # values, errors: at the computed points, and by how much the surrogate without them was too large, shape (point,)
+    # values, errors: at the computed points, and by how much the surrogate without them was too large, shape (point,);
+    # errors over the envelope where the number vanishes with it
     values: FloatArray
     errors: FloatArray
     factor: float  # half width of the band, over the root mean square of the errors at the nearest points
 
     wraps: bool = False  # whether it is a phase
+    vanishes: bool = False  # whether it is zero where the envelope is
 
     def of(self, components: FloatArray) -> FloatArray:
         """The number from predicted components, shape (point, component) -> (point,); a phase from -180 to 180 deg."""
@@ -79,11 +82,12 @@ class WhatIfPage:
     def at(self, **values: float | str) -> list[tuple[float, float]]:
         """Each quantity with half its band, for some values of the factors."""
         place = self.surrogate.encoded(**values)
-        components = self.surrogate.surrogates.predict(place)
-        near = _nearest(self.surrogate.places, place)[0]
+        components = self.surrogate.predict(place)
+        near, envelope = _nearest(self.surrogate.places, place)[0], float(self.surrogate.envelope(place)[0])
+        halves = [each.factor * float(np.sqrt((each.errors[near] ** 2).mean())) for each in self.quantities]
         return [
-            (float(each.of(components)[0]), each.factor * float(np.sqrt((each.errors[near] ** 2).mean())))
-            for each in self.quantities
+            (float(each.of(components)[0]), half * envelope if each.vanishes else half)
+            for each, half in zip(self.quantities, halves, strict=True)
         ]
 
     def along(self, factor: str) -> tuple[FloatArray, FloatArray]:
@@ -91,16 +95,19 @@ class WhatIfPage:
         values_of = self.surrogate.factors[factor]
         values = np.linspace(values_of["low"], values_of["high"], _STEPS)
         places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
-        components = self.surrogate.surrogates.predict(places)
+        components = self.surrogate.predict(places)
         return values, np.stack([each.of(components) for each in self.quantities], axis=1)
 
     def drawn(self) -> list[FloatArray]:
         """Each quantity at places drawn from the computed points, factor by factor, with errors drawn beside them."""
         random, places = np.random.default_rng(0), self.surrogate.places
         rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
-        columns = [places[rows[each.factor], at] for at, each in enumerate(self.surrogate.inputs)]
-        components = self.surrogate.surrogates.predict(np.stack(columns, axis=1))
-        return [each.unwrapped(components) - random.choice(each.errors, _DRAWS) for each in self.quantities]
+        drawn = np.stack([places[rows[each.factor], at] for at, each in enumerate(self.surrogate.inputs)], axis=1)
+        components, envelope = self.surrogate.predict(drawn), self.surrogate.envelope(drawn)
+        return [
+            each.unwrapped(components) - random.choice(each.errors, _DRAWS) * (envelope if each.vanishes else 1.0)
+            for each in self.quantities
+        ]
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:
@@ -138,6 +145,8 @@ class WhatIfPage:
             "factors": dict(self.settings),
             "start": self.start,
             "components": len(surrogate.components),
+            "zeros": surrogate.envelope_parts,
+            "vanishes": surrogate.vanishes.tolist(),
             "neighbours": neighbours(self.points),
             "exponents": _bytes(surrogate.surrogates.exponents, np.int8),
             "quantities": [
@@ -147,6 +156,7 @@ class WhatIfPage:
                     "parts": each.parts,
                     "factor": each.factor,
                     "wraps": each.wraps,
+                    "vanishes": each.vanishes,
                     "largest": float(np.abs(each.values).max()),
                     "values": _bytes(each.values, np.float32),
                     "errors": _bytes(each.errors, np.float32),
@@ -165,7 +175,7 @@ class WhatIfPage:
                 "largest": largest,
                 "unit": self.quantities[0].unit,
                 "values": _bytes(surrogate.values, np.float32),
-                "errors": _bytes(surrogate.surrogates.errors, np.float32),
+                "errors": _bytes(surrogate.relative_errors(), np.float32),
             }
         return Markup(json.dumps(content).replace("</", "<\\/"))
 
@@ -184,6 +194,8 @@ def _input(each: Input) -> dict[str, Any]:
     """An input as the page's script reads it."""
     if each.word is not None:
         return {"factor": each.factor, "word": each.word}
+    if each.sign:
+        return {"factor": each.factor, "sign": True}
     return {"factor": each.factor, "middle": (each.low + each.high) / 2, "half": (each.high - each.low) / 2 or 1.0}
 
 
@@ -214,14 +226,17 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
         large = np.sort(large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:_MOST])
         choice = [((int(at), int(at) + count), _order_label(orders[at]), components[at].unit) for at in large]
     near = _nearest(surrogate.places, surrogate.places, itself=True)
+    envelope = np.maximum(surrogate.envelope(surrogate.places), LEAST_SCALE)
     quantities = []
     for parts, label, unit in choice:
         plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0)
         known = plain.unwrapped(values)
-        error = plain.unwrapped(values + errors) - known
+        error, first = plain.unwrapped(values + errors) - known, components[parts[0]]
+        if first.vanishes:
+            error = error / envelope
         local = np.sqrt((error[near] ** 2).mean(axis=1))
-        factor, wraps = _factor(np.abs(error), local), len(parts) == 1 and components[parts[0]].wraps
-        quantities.append(Quantity(label, unit_text(unit), parts, known, error, factor, wraps))
+        factor, wraps = _factor(np.abs(error), local), len(parts) == 1 and first.wraps
+        quantities.append(Quantity(label, unit_text(unit), parts, known, error, factor, wraps, first.vanishes))
     return quantities
 
 
@@ -250,7 +265,7 @@ def _wave_band(surrogate: WhatIf, waves: list[int]) -> tuple[float, float]:
     """Factor of the band of the waveform, and the largest force of the computed points."""
     angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES * np.array(waves)[:, None]
     shapes = np.concatenate([np.cos(angles), -np.sin(angles)])
-    error = surrogate.surrogates.errors @ shapes
+    error = surrogate.relative_errors() @ shapes
     near = _nearest(surrogate.places, surrogate.places, itself=True)
     local = np.stack([np.sqrt((error[rows] ** 2).mean(axis=0)) for rows in near])
     return _factor(np.abs(error).ravel(), local.ravel()), float(np.abs(surrogate.values @ shapes).max())

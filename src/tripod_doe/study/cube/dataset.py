@@ -15,8 +15,10 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import CubeError
 from tripod_doe.simulator import (
     DETAIL_ATTRIBUTES,
+    MIRRORED_BY,
     OUTCOME_ATTRIBUTES,
     TRUST_ATTRIBUTES,
+    ZERO_AT,
     BlockResult,
     Outcome,
     Output,
@@ -229,6 +231,9 @@ def _variable(
             attrs["comment"] = output.convention
         if output.response:
             attrs["role"] = RESPONSE_ROLE
+        for key, names in ((ZERO_AT, output.zero_at), (MIRRORED_BY, output.mirrored_by)):
+            if names:
+                attrs[key] = " ".join(names)
     return _shaped(points, dims, data, attrs)
 
 
