@@ -58,7 +58,8 @@ class Output:
     convention: str = ""  # what its signs and phases mean; CF comment
     # parameters each of which makes all its values zero where it is zero itself
     zero_at: tuple[str, ...] = ()
-    # parameters whose common change of sign turns a wave of odd orders into itself, and reverses one of even orders
+    # parameters whose common change of sign turns a wave of odd orders into itself, and reverses one of even orders, as
+    # far as the motion has settled
     mirrored_by: tuple[str, ...] = ()
 
     @property

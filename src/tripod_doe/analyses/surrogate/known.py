@@ -52,6 +52,8 @@ class Foreknown:
     def fitted(self, columns: Mapping[str, Column], values: FloatArray, marks: Marks, seed: int) -> Foreknown:
         """The same with the growth of the envelope over each factor by which polynomials predict unseen points best.
 
+        The mirror is left out where they predict better without it.
+
         Parameters
         ----------
         columns
@@ -70,6 +72,10 @@ class Foreknown:
             changed = polynomial_error(places, values, seed, other.of(columns, *marks))
             if changed < error:
                 best, error = other, changed
+        if self.mirrored:  # of motions that have not settled, the mirror is not exact
+            other = replace(best, mirrored=[])
+            if polynomial_error(places, values, seed, other.of(columns, *marks)) < error:
+                return other
         return best
 
 
