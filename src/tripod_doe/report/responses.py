@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.report.chosen_models import asked_orders
-from tripod_doe.simulator import Outcome
+from tripod_doe.simulator import ZERO_AT, Outcome
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 
 _REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
@@ -59,6 +59,7 @@ class Response:
     unit: str  # its unit for people, empty without dimension
     values: xr.DataArray  # over the dimensions of the design; NaN where the point did not finish
     error: float = 0.0  # difference of two means that their numerical errors can make; 0 where none is known
+    zero_at: tuple[str, ...] = ()  # factors without which it is zero
 
     @property
     def axis(self) -> str:
@@ -244,7 +245,8 @@ def responses(cube: xr.Dataset) -> list[Response]:
             values = amplitude.sel(order=order, drop=True)
             if order == 3 or wanted is not None or float(values.max()) > _VISIBLE * largest:
                 error = _error_of_order(cube, order)
-                chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error))
+                zero_at = tuple(str(amplitude.attrs.get(ZERO_AT, "")).split())
+                chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error, zero_at))
         return chosen + _own(cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE])
     return _own(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
 
@@ -274,6 +276,32 @@ def _own_label(cube: xr.Dataset, name: str) -> str:
 
 def _own_unit(cube: xr.Dataset, name: str) -> str:
     return unit_text(str(cube[name].attrs.get("units", "1")))
+
+
+def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: FloatArray) -> float | None:
+    """The response between two levels of a factor of opposite signs, at its zero, which was not computed.
+
+    Parameters
+    ----------
+    cube
+        The cube, whose outputs name the factors that make them zero.
+    response
+        The response.
+    factor, levels
+        The factor and its levels, ascending.
+
+    Returns
+    -------
+    float or None
+        0 where the response is known to vanish; NaN where some output does, so that no line may be drawn across; None
+        where nothing happens at the zero, or it is one of the levels, or not between them.
+    """
+    if levels.size < 2 or 0 in levels or not levels[0] < 0 < levels[-1]:
+        return None
+    if factor in response.zero_at:
+        return 0.0
+    known = (str(variable.attrs.get(ZERO_AT, "")).split() for variable in cube.data_vars.values())
+    return np.nan if any(factor in names for names in known) else None
 
 
 def along(response: Response, cube: xr.Dataset, factor: str) -> tuple[FloatArray, FloatArray]:

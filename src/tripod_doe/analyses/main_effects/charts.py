@@ -34,6 +34,7 @@ from tripod_doe.report.responses import (
     main_effect,
     numeric_factors,
     responses,
+    zero_between,
 )
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -41,7 +42,7 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.colors import Colormap
 
 
-_MOST_LINES = 5
+_MOST_LINES = len(COLOURS)
 _MOST_CELLS = (18, 8)  # rows and columns of a map whose cells still hold a readable number
 _MOST_MAPS = 4  # levels of a third factor
 _SHADES = ("#f4f7fb", "#9dbfdf", "#3f7fb8", "#0b3f73")  # of a map, from low to high
@@ -113,14 +114,16 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
     along = np.argsort(cube[factor].values, kind="stable")
     levels = cube[factor].values[along]
     values = response.values.squeeze(drop=True).mean(averaged).transpose(factor, ...).values[along]
-    columns = {factor: levels}
+    columns, zero = {factor: levels}, zero_between(cube, response, factor, levels)
     with drawing(3.7, 3.0) as (figure, axes):
         for which, (text, column) in enumerate(_columns(cube, second, values)):
             label = with_unit(text, factor_unit(cube, second)) if second else response.label
             columns[f"{response.key}[{second}={text}]" if second else response.key] = column
+            at, drawn, marked = _with_zero(levels, column, zero)
             axes.plot(
-                levels,
-                column,
+                at,
+                drawn,
+                markevery=marked,
                 ls=LINES[which % len(LINES)],
                 marker=MARKERS[which % len(MARKERS)],
                 color=COLOURS[which % len(COLOURS)],
@@ -130,17 +133,40 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
         factor_ticks(axes, levels)
         axes.set_xlabel(axis_label(cube, factor))
         axes.set_ylabel(response.axis)
-        drawn = np.concatenate(list(columns.values())[1:])
+        drawn = np.concatenate([*list(columns.values())[1:], [0.0 if zero == 0 else np.nan]])
         axes.set_ylim(*_limits(float(np.nanmin(drawn)), float(np.nanmax(drawn))))
         if second is not None:
             legend_above(axes, 3, factor_label(cube, second))
     caption = f"{_capital(response)} against {factor_label(cube, factor)}"
-    caption += f", one line per {factor_label(cube, second)} shown" if second else ""
+    if second is not None:
+        count, shown = cube.sizes[second], len(columns) - 1
+        some = f" at {shown} of its {count} values" if shown < count else ""
+        caption += f", one line per {factor_label(cube, second)}{some}"
     if averaged:
         some = " (finished points only)" if bool(response.values.isnull().any()) else ""
         caption += f"; mean over {', '.join(factor_label(cube, name) for name in averaged)}{some}"
     title = f"{_capital(response)} over {factor_label(cube, factor)}"
+    caption += _zero_text(response, cube, factor, zero)
     return Chart(f"{response.key}-{factor}", title, caption + ".", figure, pd.DataFrame(columns))
+
+
+def _with_zero(
+    levels: FloatArray, column: FloatArray, zero: float | None
+) -> tuple[FloatArray, FloatArray, list[int] | None]:
+    """A line with what is known at the zero between two levels, and which of its places were computed (None: all)."""
+    if zero is None:
+        return levels, column, None
+    place = int(np.searchsorted(levels, 0.0))
+    marked = [at + (at >= place) for at in range(levels.size)]
+    return np.insert(levels, place, 0.0), np.insert(column, place, zero), marked
+
+
+def _zero_text(response: Response, cube: xr.Dataset, factor: str, zero: float | None) -> str:
+    """What a line without a marker at zero says."""
+    if zero is None:
+        return ""
+    at = with_unit("0", factor_unit(cube, factor))
+    return f"; at {at} it is zero, not computed" if zero == 0 else f"; no line across {at}, where it may jump"
 
 
 def _columns(cube: xr.Dataset, second: str | None, values: FloatArray) -> Iterator[tuple[str, FloatArray]]:
@@ -182,7 +208,7 @@ def _map_chart(
         if cells:
             _draw_cells(axes, cube[across].values, cube[up].values, values, shades)
         else:
-            _draw_contours(axes, cube[across].values, cube[up].values, values)
+            _draw_contours(axes, *_map_with_zeros(response, cube, across, up, values))
         axes.set_xlabel(axis_label(cube, across))
         axes.set_ylabel(axis_label(cube, up))
     data = pd.DataFrame(values, columns=[f"{response.key}[{across}={float(v):.8g}]" for v in cube[across].values])
@@ -243,6 +269,21 @@ def _shades() -> Colormap:
     return LinearSegmentedColormap.from_list("thrust", _SHADES)
 
 
+def _map_with_zeros(
+    response: Response, cube: xr.Dataset, across: str, up: str, values: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The levels of both axes and the values, with a row and a column of what is known at a zero between levels."""
+    levels = []
+    for axis, name in ((1, across), (0, up)):
+        own = cube[name].values.astype(float)
+        zero = zero_between(cube, response, name, own)
+        if zero is not None:
+            place = int(np.searchsorted(own, 0.0))
+            own, values = np.insert(own, place, 0.0), np.insert(values, place, zero, axis=axis)
+        levels.append(own)
+    return levels[0], levels[1], values
+
+
 def _draw_contours(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray) -> None:
     masked = np.ma.masked_invalid(values)
     if float(masked.max()) > float(masked.min()):
@@ -259,6 +300,8 @@ def _point_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
         return []
     low = min(float(np.minimum(e.lower, e.mean).min()) for e in effects.values())
     high = max(float(np.maximum(e.upper, e.mean).max()) for e in effects.values())
+    if any(zero_between(cube, response, name, effect.level) == 0 for name, effect in effects.items()):
+        low = min(low, 0.0)
     return [_band_chart(response, cube, name, effect, _limits(low, high)) for name, effect in effects.items()]
 
 
@@ -271,13 +314,15 @@ def _limits(low: float, high: float) -> tuple[float, float]:
 def _band_chart(
     response: Response, cube: xr.Dataset, factor: str, effect: Effect, limits: tuple[float, float]
 ) -> Chart:
-    spread = bool((effect.upper > effect.lower).any())
+    spread, zero = bool((effect.upper > effect.lower).any()), zero_between(cube, response, factor, effect.level)
     with drawing(3.5, 2.6) as (figure, axes):
+        levels, lower, marked = _with_zero(effect.level, effect.lower, zero)
+        upper, mean = (_with_zero(effect.level, column, zero)[1] for column in (effect.upper, effect.mean))
         if spread:
-            axes.fill_between(effect.level, effect.lower, effect.upper, color="#cfdeee", lw=0)
-            for edge in (effect.lower, effect.upper):
-                axes.plot(effect.level, edge, color="#6f9cc6", lw=0.8, ls="--")
-        axes.plot(effect.level, effect.mean, color=COLOURS[0], marker="o")
+            axes.fill_between(levels, lower, upper, color="#cfdeee", lw=0)
+            for edge in (lower, upper):
+                axes.plot(levels, edge, color="#6f9cc6", lw=0.8, ls="--")
+        axes.plot(levels, mean, color=COLOURS[0], marker="o", markevery=marked)
         axes.set_ylim(*limits)
         factor_ticks(axes, effect.level)
         axes.set_xlabel(axis_label(cube, factor))
@@ -297,5 +342,6 @@ def _band_chart(
     else:
         groups = "ten classes with equally many points" if effect.sampled else "the points of each value"
         caption = f"{label}mean{' and quartiles (band)' if spread else ''} of {groups}."
+    caption = caption.removesuffix(".") + _zero_text(response, cube, factor, zero) + "."
     title = f"{_capital(response)} over {factor_label(cube, factor)}"
     return Chart(f"{response.key}-{factor}", title, caption, figure, data)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
@@ -23,6 +24,7 @@ from tripod_doe.service.explorer.figures.elements import (
     ramp,
     shown,
 )
+from tripod_doe.simulator import ZERO_AT
 
 _NAMED = 8  # lines that a legend can tell apart; more are shaded by their number
 _MARKED = 60  # points of a line above which it is drawn without markers
@@ -64,22 +66,37 @@ def lines(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
 def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -> dict[str, Any]:
     variable = shown(data)
     few = data.sizes[x] <= _MARKED
+    gap = _known_zero(variable, x)
+
+    def along(values: NDArray[Any]) -> Any:
+        return packed(values if gap is None else np.insert(values.astype(float), gap, np.nan, axis=-1))
+
     trace: dict[str, Any] = {
         "type": "scatter",
         "mode": "lines+markers" if few else "lines",
         "name": name,
-        "x": packed(data[x].values),
-        "y": packed(variable.values.astype(float)),
+        "x": along(data[x].values),
+        "y": along(variable.values.astype(float)),
         "hovertemplate": "%{x}: <b>%{y:.4~g}</b>" + (f"<br>{name}" if name else "") + "<extra></extra>",
     }
     if colour:
         trace |= {"line": {"color": colour}, "marker": {"color": colour}}
     if is_numbered(data):
-        trace["customdata"] = packed(np.broadcast_to(point_numbers(data), variable.shape))
+        trace["customdata"] = along(np.broadcast_to(point_numbers(data), variable.shape))
     error = f"{variable.name}_error"
     if error in data and few and count <= _NAMED:
-        trace["error_y"] = {"type": "data", "array": packed(data[error].values), "thickness": 1, "width": 4}
+        trace["error_y"] = {"type": "data", "array": along(data[error].values), "thickness": 1, "width": 4}
     return trace
+
+
+def _known_zero(variable: xr.DataArray, x: str) -> int | None:
+    """Place of a gap in a line: between two values of a factor at whose zero, which was not computed, it vanishes."""
+    if x not in str(variable.attrs.get(ZERO_AT, "")).split():
+        return None
+    levels = variable[x].values
+    if 0 in levels or not levels.min() < 0 < levels.max() or (np.diff(levels) < 0).any():
+        return None
+    return int(np.searchsorted(levels, 0))
 
 
 def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, Any]]:
