@@ -79,7 +79,6 @@ def option(name: str, value: object = None) -> str:
     """An argument as the user of this process wrote or would write it.
 
     Args:
-        name: Its name in Python.
         value: What was given; True for a switch.
 
     Returns:
@@ -107,7 +106,6 @@ def first_messages(items: Sequence[Item], message: Callable[[Item], str]) -> lis
     """Messages about the first of some wrong items, and the number of the others, whose messages are not made.
 
     Args:
-        items: What is wrong.
         message: Makes the message about one; it may look for near matches, which takes long.
     """
     lines = [message(item) for item in items[:MOST_MESSAGES]]
@@ -116,10 +114,6 @@ def first_messages(items: Sequence[Item], message: Callable[[Item], str]) -> lis
 
 def near_match(name: str, known: Iterable[str]) -> str:
     """Say which known name was probably meant, as the end of a sentence.
-
-    Args:
-        name: The name that is not known.
-        known: All names that would have been.
 
     Returns:
         ``"; did you mean 'rollers'? allowed: equilibrium, rollers, needles"``; many names are not listed beside a near

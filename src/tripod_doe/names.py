@@ -20,10 +20,6 @@ _NO_FILE = re.compile(r"[\x00-\x1f\x7f/\\]")
 def check_identifier(name: str, of: str) -> str:
     """A name that a file gives to an analysis, a step or the like, checked: files are called by it.
 
-    Args:
-        name: The name.
-        of: What has it, for the message.
-
     Raises:
         InputError: If it holds anything but letters, digits, _ and -, begins with -, is too long, or names a device.
     """

@@ -41,9 +41,6 @@ _MOST_NAMED = 3  # factors by which a point can be named
 def find(cube: xr.Dataset) -> list[str]:
     """Sentences on what the cube shows: the dominant order, the effect of every factor, and what did not finish.
 
-    Args:
-        cube: A result cube.
-
     Returns:
         The most important first.
     """

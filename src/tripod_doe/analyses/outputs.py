@@ -126,7 +126,6 @@ def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: IntArray) -> Iter
 
     Args:
         cube: A cube whose points lie along ``point``.
-        names: Its outputs.
         rows: Points to take, at which the outputs are finite.
 
     Raises:
@@ -216,7 +215,6 @@ def stacked(parts: Mapping[str, xr.Dataset], joint: Sequence[str]) -> xr.Dataset
     """The answers of several outputs: some along ``output``, each other one as variables OUTPUT_ANSWER.
 
     Args:
-        parts: Answers of each output.
         joint: Outputs that stand side by side; one alone has no dimension ``output``.
     """
     together = [parts[name] for name in joint]

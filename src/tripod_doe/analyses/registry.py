@@ -274,7 +274,6 @@ def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
     """The charts of one figure for all analysis results that have it.
 
     Args:
-        figure: Its name.
         results: Results by the names of their analyses.
     """
     return [

@@ -117,7 +117,6 @@ def step_page(
     Contributions of several models stand side by side, where the first of them is asked for.
 
     Args:
-        title, question: Its heading, and the question of its workflow.
         order: Names of the inputs in the order in which they are shown.
         data: Cubes of its study and analysis inputs by step.
         charts: Headings and directories of its figure inputs by step.
@@ -231,7 +230,6 @@ def chain_page(
 
     Args:
         title, question: From the workflow file.
-        steps: Each after all that it needs.
         notice: Notice at the top, for instance that this was a quick run.
         text: The workflow file.
         answers: By step, the cubes that answer the workflow's question.

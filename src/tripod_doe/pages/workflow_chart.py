@@ -48,11 +48,7 @@ def step_time(step: StepView) -> str:
 
 
 def chain_chart(steps: Sequence[StepView]) -> Chart:
-    """Draw the steps as boxes in columns, each to the right of its inputs, with state and time.
-
-    Args:
-        steps: The steps, each after its inputs.
-    """
+    """Draw the steps as boxes in columns, each to the right of its inputs, with state and time."""
     place = _places(steps)
     columns, rows = (1 + max(at[axis] for at in place.values()) for axis in (0, 1))
     with drawing(0.25 + _ACROSS * columns, 0.3 + _DOWN * rows) as (figure, axes):

@@ -32,7 +32,6 @@ def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> li
     """The third and second order of the thrust, and the responses of the study; of a function, its first four outputs.
 
     Args:
-        result: Of an analysis of all outputs at once.
         key: Its answer; parts in which it has no number are left out.
         over: Dimensions of the answer that are not those of the output.
     """

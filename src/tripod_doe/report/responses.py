@@ -116,9 +116,7 @@ def factor_text(cube: xr.Dataset, name: str, value: object, given: Callable[[flo
     """A factor with its value: ``torque 50 N m``, ``initial skew 1 = 2 deg``, ``step not given``.
 
     Args:
-        cube, name: Where the factor stands.
         value: Its value, a number or a word; a number may be given as text.
-        given: How a number is written.
     """
     label = factor_label(cube, name)
     if isinstance(value, str) and cube[name].dtype.kind == "f":

@@ -116,8 +116,6 @@ class BlockResult:
         r"""Set one output of some points; the others stay NaN.
 
         Args:
-            name, dims: The output and its dimensions.
-            rows: The points.
             data: Their values, shape (rows, \*dims), or the values of a single point for a single row.
             unit: From a user's function.
 

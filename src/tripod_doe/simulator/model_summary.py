@@ -65,7 +65,6 @@ class ModelSummary:
         """Add some points: known errors of their models, and ranges that they leave; return the `Trust` of each.
 
         Args:
-            errors: Known errors of the models.
             numerical: Relative numerical error of the same quantity, shape (point,); NaN or None where it is not known.
         """
         self._of = errors.quantity, errors.reference

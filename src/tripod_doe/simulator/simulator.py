@@ -129,7 +129,6 @@ class Simulator(ABC):
         Args:
             base: Values that were given, the same for all points.
             factors: Values that each factor takes; none where it is sampled.
-            keep: Outputs to keep.
 
         Raises:
             InputError: If a base value sets a method that no model in play has, or numerics that no method in play
@@ -160,7 +159,6 @@ class Simulator(ABC):
 
         Args:
             points: Every parameter by name, as for `simulate`.
-            demands: The accuracy of the study.
 
         Returns:
             Relative to the allowed errors, shape (point, similar, quantity); NaN for unknown errors, None without any
@@ -237,7 +235,6 @@ class Simulator(ABC):
 
         Args:
             varied: Values that each parameter takes, of the factors or of all points.
-            keep: Outputs to keep.
 
         Raises:
             InputError: If a parameter sets the length of such an output and takes several values.
@@ -293,7 +290,6 @@ def model_notes(
     """Sentences about some points: how far they can be trusted, known errors of their models, ranges that they leave.
 
     Args:
-        simulator: The simulator of the points.
         points: Every parameter by name, as for `Simulator.simulate`.
         outputs: Their outputs, each of shape (point, ...).
     """

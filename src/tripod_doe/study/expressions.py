@@ -93,10 +93,6 @@ class Columns:
 class Expression:
     """A condition or formula, for instance ``initial_skew_1_deg < initial_skew_2_deg and torque_n_m > 25``.
 
-    Args:
-        text: The condition.
-        names: Names that it may use.
-
     Attributes:
         text: The condition, or the beginning of a long one.
         used: Names that it does use.

@@ -46,7 +46,6 @@ def common_failures(ends: Iterable[tuple[int, str]], good: Collection[int] = (Ou
 
     Args:
         ends: Outcome and detail of every point.
-        good: Outcomes to leave out.
     """
     counts: Counter[tuple[int, str]] = Counter()
     first: dict[tuple[int, str], str] = {}

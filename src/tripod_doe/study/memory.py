@@ -29,7 +29,6 @@ def refuse_too_much_memory(needed: int, what: str, remedy: str) -> None:
 
     Args:
         needed: Bytes.
-        what, remedy: The data, and a remedy, for the message.
 
     Raises:
         InputError: With both numbers.

@@ -45,7 +45,6 @@ class NamedArray:
 
         Args:
             picks: A label or a range for each dimension; a dimension with a label is gone.
-            rows: Dimensions that are never picked from.
 
         Raises:
             InputError: If there are other dimensions than picks, or no such label.
@@ -123,7 +122,6 @@ def aligned(arrays: Sequence[NamedArray], rows: Collection[str], most: int) -> l
     """Arrays with the dimensions of all of them, each of length one where an array does not have it.
 
     Args:
-        arrays: The arrays.
         rows: Dimensions that do not count in the limit.
         most: Largest number of values that their combination may have for each row.
 

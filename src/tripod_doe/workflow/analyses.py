@@ -34,8 +34,6 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
     Args:
         study: The study whose cube it will read.
         kind: A key of `ANALYSES`.
-        table: Its settings as written.
-        where: The table they stand in, for messages.
 
     Raises:
         InputError: If the kind or a setting is unknown, or the study's design does not serve it.

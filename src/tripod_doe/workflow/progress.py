@@ -28,7 +28,6 @@ class Progress:
     doubled, at least every ten minutes: a run of a day takes some 150 lines.
 
     Args:
-        total: Points to compute.
         shown: Whether anything is printed at all.
         work: Work of the first n points, in any unit; the time left is estimated from it.
     """

@@ -30,7 +30,6 @@ def claims_over_skew(cubes: Mapping[str, xr.Dataset], settings: ClaimsOverSkewSe
 
     Args:
         cubes: Cubes of studies that hold the cases for these skews.
-        settings: Model and skews.
 
     Returns:
         value, error and verdict (claim, skew_deg), of those claims that the cubes decide for at least one choice, with

@@ -75,7 +75,6 @@ def figures_of_claims(claims: xr.Dataset, figures: Mapping[str, str]) -> list[li
     """Links from each claim to the figures of its place in the paper: (text, address), one list per claim.
 
     Args:
-        claims: The claims.
         figures: Headings of the figures, such as "Fig. 13: orders", by their addresses.
     """
     shown = {number: address for address, title in figures.items() for number in sorted(_figure_numbers(title))}

@@ -138,7 +138,6 @@ def rotation_from_tachometer(
 
     Args:
         time_s, tacho, thrust_n: Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
-        pulses_per_revolution: Edges per revolution.
         lost_samples: Rows that were left out before, for the record.
 
     An edge of a sampled square wave is known to half a sample. With N samples a revolution that is an angle error

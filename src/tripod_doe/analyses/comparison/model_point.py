@@ -24,7 +24,6 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     """The point of a cube that a measurement is compared with, or its points over speed where several are left.
 
     Args:
-        cube: An open cube.
         select: ``name=value`` for each factor with more than one value; speed_rpm may keep several.
         nearest: Take the nearest value where none matches.
 

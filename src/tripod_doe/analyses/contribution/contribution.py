@@ -94,7 +94,6 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     Args:
         cube: Cube of an ablation, alone or as a part of a product with operating points. Shapley values and
             interactions need all 2^n combinations of n mechanisms; they take n^2 2^n sums per operating point.
-        settings: Which output.
 
     Returns:
         share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the output), closure,

@@ -47,7 +47,6 @@ def parameter_differences(a: xr.Dataset, b: xr.Dataset, leave_out: Collection[st
     A default that another version of the program has changed is among them, though no study file sets it.
 
     Args:
-        a, b: The cubes.
         leave_out: Names to leave out: those that the study files set.
     """
     first, second = fixed_parameters(a), fixed_parameters(b)

@@ -31,7 +31,6 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the largest effects of each main output, on aliases, and on missing points.
 
     Args:
-        result: Its effects.
         name: Name of the analysis.
     """
     sentences = []

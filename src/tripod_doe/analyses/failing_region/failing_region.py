@@ -84,7 +84,6 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
 
     Args:
         columns: Values of the factors, shape (point,) each; words are left out.
-        failed: Which points failed.
     """
     numeric = {name: np.asarray(column, float) for name, column in columns.items() if is_numeric(column)}
     total = int(failed.sum())

@@ -191,7 +191,6 @@ def _map_chart(
     """Numbers in shaded cells, or labelled contours if there are too many cells to read.
 
     Args:
-        factors: Those of the two axes.
         held: Another factor, and the place of its level; all its maps have the same shades.
     """
     held, every = held or {}, response.values.values

@@ -106,7 +106,6 @@ def separation(columns: Mapping[str, Column], factor: str) -> Separation:
 
     Args:
         columns: Values of all factors that vary, shape (point,) each.
-        factor: The one that is asked for.
     """
     own, by = _basis(columns[factor]), _others(columns, factor)
     others = {name: _basis(column) for name, column in columns.items() if name != factor}
@@ -147,7 +146,6 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
 
     Args:
         columns: Values of all factors that vary, shape (point,) each; `separation` must hold for the factor.
-        factor: The one that is asked for, a number.
         response: Finite values, shape (point,).
         error: Its numerical error: smaller changes are none.
     """

@@ -92,8 +92,6 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
 
     Args:
         pilot: A cube with its costs, of any design that runs some of the candidates of `accuracy` at some points.
-        names: The factors of the study that is to be run.
-        accuracy: What is asked for.
 
     Raises:
         InputError: If the cube lacks a factor, a quantity or a candidate, or the reference finished nowhere.

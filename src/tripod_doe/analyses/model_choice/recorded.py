@@ -65,7 +65,6 @@ class RecordedChoice:
         """At how many pilot points the cheap candidate is within the accuracy, of those at which that is known.
 
         Args:
-            measured: Errors from the pilot.
             at: Positions of its points among those of the study.
         """
         column = np.array(
@@ -83,9 +82,7 @@ class RecordedChoice:
         """The choice, as `selection.choose` gives it.
 
         Args:
-            measured: Errors from the confirming pilot.
             columns: Factors of the points, each of shape (point,).
-            study: The study.
             share: Share of the points expected to be within the accuracy.
         """
         full = [at for at, candidate in enumerate(measured.candidates) if candidate.full]

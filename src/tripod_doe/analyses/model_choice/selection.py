@@ -67,7 +67,6 @@ def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy:
     Args:
         measured: Errors and prices from a pilot.
         columns: Factors of the points, each of shape (point,).
-        accuracy: What is asked for.
 
     Returns:
         Along ``point``: the factors, the chosen parameters, the number of the candidate, the estimated relative error
@@ -98,7 +97,6 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
 
     Args:
         cubes: One cube: candidates of the scene at points that span those of the study.
-        settings: The study.
         folder: Where its file is looked for.
 
     Raises:

@@ -32,7 +32,6 @@ def make_choice(
     """The choice for all points of a study: the frozen one where there is one, else from a pilot that is run now.
 
     Args:
-        study, points: A study with model = "auto".
         directory: Its result directory: the pilot lies in pilot/, the choice in choice.nc.
         run_pilot: Runs what is missing of a pilot in a directory.
 

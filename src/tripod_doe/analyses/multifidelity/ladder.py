@@ -30,11 +30,7 @@ def price_of_point(
     """CPU seconds of a point: as the study says, else counted work at its recorded price, else measured.
 
     Args:
-        cube: Points that ran.
         candidates: What is known of the price of counted work.
-        design: The multifidelity design.
-        model: The model.
-        rows: Points of it in the cube.
 
     Returns:
         NaN where the study says nothing and the cube has no costs.
@@ -111,7 +107,6 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
     """The models of a cube with their samples; one with a failed point is left out in all models.
 
     Args:
-        cube: A cube of a multifidelity design.
         settings: What is done where points failed.
         outputs: The outputs that must be there.
 

@@ -179,7 +179,6 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     and others (2018); see `estimates` and `quantiles`.
 
     Args:
-        cube: Cube of a multifidelity design.
         settings: Outputs, probabilities, and the level of the intervals.
 
     Returns:

@@ -27,7 +27,6 @@ def quantiles(values: list[FloatArray], probabilities: list[float], normal: floa
     Args:
         values: Of the truth and of each cheaper model, shape (sample, point); the points of a sample are independent.
             Every model has the samples of those before it.
-        probabilities: Of the quantiles.
         normal: Standard errors that half an interval has. An end is NaN where the samples do not bound the quantile.
     """
     at = _places(values)
@@ -109,7 +108,6 @@ def _of_truth(
 
     Args:
         values: As in `quantiles`.
-        at: The places.
         lines: Slope and offset from each cheaper model to the truth, by fold and model.
         beside: Shares of the predictions that are at most as large, in each stratum of samples that the truth lacks.
     """

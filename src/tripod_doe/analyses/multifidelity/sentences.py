@@ -20,7 +20,6 @@ def find_in_multifidelity(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped.
 
     Args:
-        result: Its answers.
         name: Name of the analysis.
     """
     sentences = []

@@ -81,8 +81,6 @@ def within(samples: Mapping[str, int], least: int, most: int) -> dict[str, int]:
 
     Args:
         samples: What is wanted.
-        least: Samples that every model keeps.
-        most: Samples of all models together.
     """
     truth, *cheap = samples
     if sum(samples.values()) <= most:

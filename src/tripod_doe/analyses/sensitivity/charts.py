@@ -207,9 +207,7 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
 
     Args:
         key, name: Name of the chart, and of the analysis.
-        what: The output in words.
         part: Indices of one output, as `sensitivity_parts` gives them, with dimension ``samples``.
-        kind: Kind of the analysis.
     """
     index = RANKED[kind]
     over = f"{index}_over_samples"

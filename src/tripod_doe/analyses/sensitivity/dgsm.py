@@ -68,7 +68,6 @@ def derivative_measures(cube: xr.Dataset, settings: DgsmSettings | None = None) 
     A total Sobol' index is at most dgsm (Sobol' and Kucherenko 2009); over quantiles this holds for any distribution.
 
     Args:
-        cube: Cube of a finite-differences design.
         settings: Which outputs, and the level of the intervals.
 
     Returns:

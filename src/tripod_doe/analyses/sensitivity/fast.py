@@ -65,10 +65,6 @@ def fast_indices(cube: xr.Dataset, settings: FastSettings | None = None) -> xr.D
     A curve with a failed point is dropped: its factor has no index. There are no intervals: the error is interference
     of frequencies, which one curve per factor does not show.
 
-    Args:
-        cube: Cube of a fast design.
-        settings: Which outputs.
-
     Returns:
         S1, ST (factor, and the dimensions of the output); see `method.apply`.
 

@@ -61,7 +61,6 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     """Analyse all chosen outputs of a cube by one method.
 
     Args:
-        method: How the answers are estimated.
         cube: Cube of a design that the method can read.
         settings: Which outputs, and what counts as enough.
 

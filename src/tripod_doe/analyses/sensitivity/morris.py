@@ -83,7 +83,6 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     factors there is only mu_star.
 
     Args:
-        cube: Cube of a morris design.
         settings: Which outputs, and the level of the intervals.
 
     Returns:

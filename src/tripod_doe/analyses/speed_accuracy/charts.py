@@ -21,11 +21,7 @@ _X_LABEL = "CPU seconds per simulated second (-)"
 
 
 def speed_accuracy_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
-    """Numerical error of every case and quantity with a reference, in the order of the cases.
-
-    Args:
-        data: An analysis of kind speed-accuracy.
-    """
+    """Numerical error of every case and quantity with a reference, in the order of the cases."""
     charts = []
     for case in data["case"].values:
         of_case = data.sel(case=case)

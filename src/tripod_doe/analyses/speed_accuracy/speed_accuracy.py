@@ -84,7 +84,6 @@ def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySetti
 
     Args:
         cubes: Cubes of method studies with their costs, one per scene.
-        settings: The target error.
 
     Returns:
         Along ``run``: prices, work, outcome; along run and ``quantity`` the relative errors and whether the run is on
@@ -342,9 +341,7 @@ def _price(case: Case, method: str, errors: FloatArray, target: float) -> _Price
     """Price of a method at the target error.
 
     Args:
-        case, method: Whose runs.
         errors: Of all runs of the case, not below those of the reference, shape (run,).
-        target: Relative error.
     """
     rows = [(run, errors[at]) for at, run in enumerate(case.runs) if run.method == method]
     done = [(run.price, error) for run, error in rows if run.finished and math.isfinite(error)]

@@ -103,7 +103,6 @@ def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[f
     """Predicted border, and what limits it; infinite where there is none, NaN where rates are unknown.
 
     Args:
-        method: The method.
         rates: Rates of friction, of the stiffest contact mode, and of the secant's lag, 1/s.
         limit: Relative error up to which a run is good.
     """

@@ -16,7 +16,6 @@ def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the surrogate of each main output, and on the quantiles that it gives.
 
     Args:
-        result: Its errors.
         name: Name of the analysis.
     """
     words = str(result["chosen"].attrs["flag_meanings"]).split()

@@ -21,7 +21,6 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on quantiles, limits and gains of each main output.
 
     Args:
-        result: Its answers.
         name: Name of the analysis.
     """
     sentences = []

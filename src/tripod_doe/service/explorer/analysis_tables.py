@@ -116,7 +116,6 @@ def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> A
         result: File of the result.
         cubes: Result directories of the studies that it has read, by the names of their steps; of a study its own,
             without a name.
-        variable, cell: Which number.
 
     Returns:
         ``step`` and ``items`` of the address of the view.
@@ -154,11 +153,6 @@ def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, 
 
 def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) -> View:
     """The view that shows the points from which a number was made.
-
-    Args:
-        cube: The cube that the analysis has read.
-        result: Its result.
-        variable, cell: Which number.
 
     Returns:
         Of the output, over the factors or mechanisms that the number is about, at the values along the dimensions that

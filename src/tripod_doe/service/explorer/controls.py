@@ -59,7 +59,6 @@ def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
     """What a view shows, in words: ``thrust amplitude (N), order 3, over joint angle``.
 
     Args:
-        cube, view: What is looked at.
         minus_name: Name of the run that is subtracted.
     """
     parts = [label_of(cube[view.variable])]

@@ -15,9 +15,6 @@ from tripod_doe.analyses.registry import findings_of, table_of
 def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
     """A cube without its values.
 
-    Args:
-        cube: A cube, or the result of an analysis.
-
     Returns:
         ``sizes`` of the dimensions; ``coordinates`` by name with dims, units, meaning and values; ``variables`` with
         dims, units, meaning and the words of flags; ``attributes``.

@@ -72,8 +72,6 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     """A study file whose points are those that a view shows, for the variable that it shows.
 
     Args:
-        cube: The cube that is looked at.
-        view: The view, filled in.
         data: Its slice, as `seen` gives it.
 
     Returns:

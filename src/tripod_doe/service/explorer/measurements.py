@@ -38,7 +38,6 @@ def compared_upload(
     """Compare an uploaded measurement with one point of a cube, or with the points over speed.
 
     Args:
-        path: Result directory or cube.
         measurement: Text of the table (CSV).
         select, nearest, columns, pulses_per_revolution, reference_angle, speeds: As the flags of ``tripod-doe
             compare``.

@@ -46,9 +46,6 @@ def explore(path: str, items: Items, place: str, minus_name: str = "") -> Any:
     """What a view of a result directory can be changed to, and what it is called elsewhere.
 
     Args:
-        path: The result directory.
-        items: The view.
-        place: The directory as a user of the machine calls it.
         minus_name: Name of the run that is subtracted.
 
     Returns:

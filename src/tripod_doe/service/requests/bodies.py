@@ -23,9 +23,7 @@ def read_form(body: bytes, form: type[Form], nesting: int) -> Form:
     """Read a body that has a form.
 
     Args:
-        body: As it was sent.
         form: What it must be.
-        nesting: Depth of brackets within each other.
 
     Raises:
         RefusedError: 413 if it is nested too deep, 422 if it is no JSON or does not fit the form.

@@ -90,9 +90,7 @@ def changed_text(text: str, key: str, value: str) -> Any:
     """The text of a study file after one field was changed.
 
     Args:
-        text: Before.
         key: ``study.name``, ``design.kind`` or the like, or ``parameter.NAME``.
-        value: What the field says now.
 
     Raises:
         InputError: If the text is no TOML, or the field cannot be read.

@@ -21,12 +21,7 @@ _PACE = 0.5  # seconds between two counts: each goes to all who watch
 
 
 class RunProgress:
-    """The points of a run, counted as they are finished, and the pace at which they are.
-
-    Args:
-        run: The run.
-        directory: Its result directory.
-    """
+    """The points of a run, counted as they are finished, and the pace at which they are."""
 
     def __init__(self, run: Run, directory: Path) -> None:
         self._steps = directory / STEPS
@@ -95,8 +90,6 @@ class Progress:
     """The points of one result directory, read from its journal as far as they are new.
 
     Args:
-        directory: The result directory of a study.
-        total: Points to compute.
         expected: Outcomes besides finished that do not count as failures.
     """
 

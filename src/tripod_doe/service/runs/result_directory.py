@@ -26,8 +26,6 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
 
     Args:
         run: As it was known last.
-        counts, steps: What is there of it now.
-        directory: Its result directory.
     """
     if run.kind == "workflow":
         left = [step["name"] for step in steps if step["state"] in ("waiting", "failed", "blocked")]

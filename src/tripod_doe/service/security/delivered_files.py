@@ -22,7 +22,6 @@ def check_delivered(directory: Path, found: bool) -> None:
     of the machine, a file that is closed to them was closed on purpose.
 
     Args:
-        directory: The result directory.
         found: Whether the command line filled it.
 
     Raises:

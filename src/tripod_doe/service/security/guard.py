@@ -58,9 +58,6 @@ class Guard:
     """Middleware that checks every request, and gives every answer the headers that keep browsers strict.
 
     Args:
-        app: What answers.
-        settings: Of the server.
-        sessions: Browsers that are signed in.
         refusal_answer: (request, refusal, settings, root) -> answer, a page where a person asked for one.
     """
 

@@ -48,7 +48,6 @@ def start_program(module: str, words: Sequence[str], log: Path, lock: int, nicen
 
     Args:
         module: Full name of the module.
-        words: Arguments of the program.
         log: File for what it says.
         lock: An open file, closed here, into which the process writes its number and a line end; it holds it until it
             ends, and what it starts itself does not.

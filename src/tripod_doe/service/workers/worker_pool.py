@@ -37,7 +37,6 @@ class WorkerPool:
 
     Args:
         count: Number of processes.
-        limits: What they take.
         patience: Seconds for which a question waits for a worker that is free.
     """
 
@@ -55,7 +54,6 @@ class WorkerPool:
             question: Place of a function, as ``workers.questions:plan``.
             seconds: CPU time for the answer.
             as_json: Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
-            **arguments: Of the function.
 
         Raises:
             RefusedError: What the function refused; 413 where the answer takes too long.

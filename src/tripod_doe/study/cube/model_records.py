@@ -30,9 +30,6 @@ class ModelRecords:
     """Models of the points of a study with a result, collected part by part.
 
     Sentences about an ablation count the points with all mechanisms on, whose thrust is broken down.
-
-    Args:
-        study: The study.
     """
 
     def __init__(self, study: Study) -> None:
@@ -48,7 +45,6 @@ class ModelRecords:
         """Add some points, and return the known errors of their models.
 
         Args:
-            points: The points.
             used: Parameters that a pilot or retries changed at each point; an empty word where they are unchanged.
             answered: Points that have a result, or may get one, shape (point,). No error is stated of the others.
             outputs: Outputs of the points, each of shape (point, ...).

@@ -20,12 +20,7 @@ _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask
 
 
 def cube_attributes(study: Study, points: Points, models: ModelRecords) -> dict[str, Any]:
-    """Provenance of a cube.
-
-    Args:
-        study, points: The study, and all its points.
-        models: Records of their models.
-    """
+    """Provenance of a cube."""
     return {
         "Conventions": "CF-1.8",
         "title": study.file.study.name,

@@ -55,7 +55,6 @@ def response_values(
     """The responses of a study at some points.
 
     Args:
-        study, points: The study and these points of it.
         outputs, labels: All outputs that runs gave, with labels along their dimensions.
         finished: Whether a point finished, shape (point,).
 

@@ -37,8 +37,6 @@ class CubeFile:
 
     Args:
         store: xarray's store of the new file.
-        points: All points of the cube.
-        lengths: Of a slab along the dimensions of the cube.
         levels: Coordinates along the dimensions of a grid; none for a list of points.
     """
 
@@ -54,7 +52,6 @@ class CubeFile:
         """Write the next slab.
 
         Args:
-            slab: Its place.
             part: Its points, along ``point``; a variable that only other slabs have is missing there.
         """
         if self._points.is_grid:

@@ -27,7 +27,6 @@ class StoredResults:
     """Places of the newest results of all points in the finished blocks of a study, in eight bytes per point.
 
     Args:
-        asked: The study and its points.
         blocks: All finished blocks, the newest last, each as a function that reads it.
 
     Attributes:
@@ -62,9 +61,6 @@ def write_cube(
     """Write ``cube.nc`` and ``cost.nc``; a kill leaves the old ones or the new ones.
 
     Args:
-        asked: The study and its points.
-        results: Its finished blocks.
-        directory: Where they are written.
         action: The action, for the history of the files.
         check: Called before the files take their places; raises if they must not.
 

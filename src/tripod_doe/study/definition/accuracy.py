@@ -49,7 +49,6 @@ def check_accuracy(
     """Check the accuracy that an automatic choice must meet.
 
     Args:
-        simulator: The simulator of the study.
         demands: Allowed relative errors by quantity.
         confidence, floor, budget: See `Accuracy`.
         taken: Parameters that the study sets itself; the choice leaves them alone.

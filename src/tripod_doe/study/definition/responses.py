@@ -87,9 +87,7 @@ def check_responses(
     """The responses of a study.
 
     Args:
-        simulator: The simulator of the study.
         tables: Their tables, in the order of the file: a formula may use the responses before it.
-        values: Values of the parameters of one of its points.
 
     Raises:
         InputError: If a name is taken or a formula is wrong, with the key and the place in the formula.
@@ -188,7 +186,6 @@ def evaluated(
     """All responses of some points, each with its numerical error.
 
     Args:
-        responses: The responses.
         arrays: Outputs and parameters of the points by name, the points along `POINT`.
         errors: Numerical errors of outputs, in their unit, of the shape of the output each; an output without one is
             missing.

@@ -26,7 +26,6 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: St
 
     Args:
         scene: A key of `SCENES`; ignored where a function is named.
-        function: Where to import the function from.
         folder: Folder of the study file, searched for the function's module first.
 
     Raises:

@@ -87,7 +87,6 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
 
     Args:
         text: The study file.
-        origin: Where it came from, for messages.
         folder: Where its files and functions are looked up; the current folder if omitted, without restriction.
     """
     folder = folder or StudyFolder(Path.cwd())

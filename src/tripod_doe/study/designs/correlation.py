@@ -25,7 +25,6 @@ def correlation_matrix(given: Correlation, names: list[str]) -> FloatArray:
     Args:
         given: Triples [factor, factor, correlation], a table of tables, or the whole matrix in the order of the
             factors.
-        names: The factors.
 
     Raises:
         InputError: If a factor is unknown, or a number is no correlation.

@@ -139,7 +139,6 @@ def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatA
     """The points of a sampled design on the unit cube before the factors are correlated, shape (point, factor).
 
     Args:
-        table: The design.
         tables: Its factors by name, as the study file describes them.
 
     Raises:

@@ -73,9 +73,7 @@ def most_samples(table: DesignTable, models: int, block: int) -> int:
     """Samples of all models together that a split from the pilot may have.
 
     Args:
-        table: The design.
         models: Number of models.
-        block: Points of a sample.
 
     Raises:
         InputError: If the truth and the pilot already have more.

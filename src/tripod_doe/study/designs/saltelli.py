@@ -30,7 +30,6 @@ def first_order_blocks(pairs: FloatArray, tables: Mapping[str, FactorTable]) -> 
 
     Args:
         pairs: A and B side by side, shape (sample, 2 factor).
-        tables: The factors by name.
 
     Returns:
         ndarray, shape (sample (groups + 2), factor)

@@ -63,7 +63,6 @@ def sampled(
     Args:
         sample: Its points on the unit cube.
         uncorrelated, grouped: See `Family`.
-        points: Points of a sample.
         block: See `Family`; the points of a sample if omitted.
         bounded: Whether distributions with infinite tails are refused.
     """

@@ -23,7 +23,6 @@ def start_child(module: str, *words: str) -> subprocess.Popen[str]:
 
     Args:
         module: Full name of the module.
-        words: Arguments of the program.
     """
     return subprocess.Popen(
         command(module, *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment(), text=True

@@ -22,7 +22,6 @@ class DaskWorkers:
     """Workers that several studies share.
 
     Args:
-        count: Worker processes of this machine, one thread each.
         scheduler: An existing Dask scheduler, used in place of own workers.
     """
 

@@ -61,7 +61,6 @@ class OnDask:
     """Runs blocks on the workers of a client.
 
     Args:
-        client: Client of their scheduler.
         replaced: Gives a client in place of one whose scheduler is lost.
         exclusive: Whether only one block may run at a time.
         code: Code of the user's function, for workers that may not see the study's folder.

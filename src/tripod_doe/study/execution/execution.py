@@ -77,7 +77,6 @@ class Execution:
         """Run points in blocks, and yield each block as it finishes.
 
         Args:
-            asked: The study and its points.
             missing: Indices of the points to run.
             careful: Run nothing in this process unless `workers` is 0: a point may end it.
 

@@ -172,7 +172,6 @@ def rescue(path: Path, reason: str) -> str:
 
     Args:
         path: The journal, whose directory this process holds.
-        reason: What is damaged.
 
     Returns:
         What was kept and lost, for people.

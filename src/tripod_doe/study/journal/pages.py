@@ -29,7 +29,6 @@ def stored_rows(path: Path, page_bytes: int) -> Iterator[Row]:
 
     Args:
         path: The file; its log is that with ``-wal`` at the end of its name.
-        page_bytes: Size of its pages.
     """
     pages, log = _pages(path, 0, 0, page_bytes), _log(path, page_bytes)
     yield from _rows([*pages[1:], *(page for _, page in log)], dict(enumerate(pages, 1)) | dict(log))

@@ -93,9 +93,7 @@ def taken(labels: Variable, left: IntArray | None, count: int, selection: Select
     """Positions whose labels a selection takes; of many labels a stretch at a time is in memory.
 
     Args:
-        labels: Labels along a dimension.
         left: Positions among which they are looked for; None for all.
-        count: Length of the dimension.
         selection: What is wanted.
         nearest: Whether the nearest label is taken where none matches.
     """

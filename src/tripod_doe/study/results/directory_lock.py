@@ -30,7 +30,6 @@ class DirectoryLock:
     """Lock of a directory for this process, whose host, number and token are written to its file ``.lock``.
 
     Args:
-        path: The directory.
         take_over: Whether to take the lock of a process of another host. A process of this host keeps it while it is
             alive.
 

@@ -87,7 +87,6 @@ def stored_study(directory: Path, most_points: int | None = None) -> Study:
     """Read the study of a result directory.
 
     Args:
-        directory: The result directory.
         most_points: Of the study; None without a limit.
 
     Raises:
