@@ -94,8 +94,8 @@ def compare(path: Path, out: Path, checked: int, workers: int = 1) -> dict[str, 
         "candidates": {str(label): int(number) for label, number in points if number},
         "recorded_share": choice.attrs.get("recorded_share"),
         **{
-            each.name: told(errors(auto, full, chosen, each, study.accuracy.floor), each.allowed)
-            for each in study.accuracy.demands
+            each.name: told(errors(auto, full, chosen, each, study.accuracy.demands.floor), each.allowed)
+            for each in study.accuracy.demands.quantities
         },
         "expected_not_met": int((choice["accuracy_met"] == 0).sum()),
         "counted_cpu_s": price,

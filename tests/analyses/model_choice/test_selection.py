@@ -12,7 +12,7 @@ import tripod_doe as td
 from tripod_doe.analyses.model_choice.pilot_errors import pilot_errors
 from tripod_doe.analyses.model_choice.selection import choose, without_pilot
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.definition.accuracy import Accuracy, Demand
+from tripod_doe.study.definition.accuracy import Accuracy, Demand, Demands
 
 CANDIDATES = (
     Candidate({"model": "cheap"}, 1e-6, 10),
@@ -22,7 +22,7 @@ CANDIDATES = (
 
 
 def accuracy(allowed=0.03, confidence=0.9, floor=0.01, candidates=CANDIDATES):
-    return Accuracy((Demand("a_3", "a", 3, allowed),), confidence, floor, None, candidates)
+    return Accuracy(Demands((Demand("a_3", "a", 3, allowed),), floor), confidence, None, candidates)
 
 
 def pilot(x, misses, numerical=0.0, outcome=None, evaluations=None):
@@ -180,9 +180,9 @@ def test_a_pilot_that_cannot_serve_is_refused():
     with pytest.raises(td.InputError, match="fewer than two candidates"):
         pilot_errors(cube.isel(point=slice(0, 9)), ["x"], accuracy())
     with pytest.raises(td.InputError, match="no output b"):
-        pilot_errors(cube, ["x"], Accuracy((Demand("b_3", "b", 3, 0.1),), 0.9, 0.01, None, CANDIDATES))
+        pilot_errors(cube, ["x"], Accuracy(Demands((Demand("b_3", "b", 3, 0.1),), 0.01), 0.9, None, CANDIDATES))
     with pytest.raises(td.InputError, match="a goes from 0 to 3"):
-        pilot_errors(cube, ["x"], Accuracy((Demand("a_7", "a", 7, 0.1),), 0.9, 0.01, None, CANDIDATES))
+        pilot_errors(cube, ["x"], Accuracy(Demands((Demand("a_7", "a", 7, 0.1),), 0.01), 0.9, None, CANDIDATES))
     failed = pilot(X, np.zeros((3, 9)), outcome=np.repeat([[0], [0], [1]], 9, axis=1))
     with pytest.raises(td.InputError, match="finished at no point"):
         pilot_errors(failed, ["x"], accuracy())

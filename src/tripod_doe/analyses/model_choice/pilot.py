@@ -138,5 +138,7 @@ def _kept(study: Study, accuracy: Accuracy) -> list[str]:
     """
     if not study.simulator.outputs:
         return []
-    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)} | set(study.stored)
+    wanted = {name for demand in accuracy.demands.quantities for name in (demand.output, demand.error)} | set(
+        study.stored
+    )
     return [name for name in study.simulator.outputs if name in wanted]

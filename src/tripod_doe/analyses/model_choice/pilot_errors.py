@@ -116,7 +116,10 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
         raise InputError(
             f"the pilot's reference ({candidates[-1].label}) finished at no point: nothing can be compared"
         )
-    pairs = [_errors(pilot, demand, table[known], reference[known], accuracy.floor) for demand in accuracy.demands]
+    pairs = [
+        _errors(pilot, demand, table[known], reference[known], accuracy.demands.floor)
+        for demand in accuracy.demands.quantities
+    ]
     differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*pairs, strict=True))
     columns = {name: column[first][known] for name, column in own.items()}
     return PilotErrors(

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.model_choice.pilot_errors import HOPELESS, PilotErrors
 from tripod_doe.analyses.model_choice.selection import labelled
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.simulator import Candidate, Demands
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.results.stored_choice import accuracy_of
@@ -118,13 +118,13 @@ def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
     full = next((at for at, candidate in enumerate(accuracy.candidates) if candidate.full), None)
     if not full:
         return None
-    demands, given = Demands(accuracy.demands, accuracy.floor), points.at(rows)
+    given = points.at(rows)
     shares, errors, similar = [], [], 0
     for candidate in accuracy.candidates[:full]:
         columns = dict(study.simulator.columns(study.base, given, rows.size))
         for name, value in candidate.values.items():
             columns[name] = np.full(rows.size, value, object if isinstance(value, str) else float)
-        recorded = study.simulator.recorded_errors(columns, demands)
+        recorded = study.simulator.recorded_errors(columns, accuracy.demands)
         if recorded is None:
             return None
         recorded, similar = np.nan_to_num(recorded, nan=HOPELESS, posinf=HOPELESS), recorded.shape[1]

@@ -126,13 +126,13 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
     measured = PilotErrors(
         {name: column[:0] for name, column in columns.items()},
         candidates,
-        np.zeros((0, 1, len(accuracy.demands))),
-        np.zeros((0, len(accuracy.demands))),
+        np.zeros((0, 1, len(accuracy.demands.quantities))),
+        np.zeros((0, len(accuracy.demands.quantities))),
         np.array([candidates[0].price]),
         np.zeros(1, int),
     )
     choice = labelled(
-        measured, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan)
+        measured, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands.quantities)), np.nan)
     )
     price = float(candidates[0].price * count)
     return choice.assign_attrs(
@@ -241,7 +241,7 @@ def labelled(
 
     The accuracy is expected to be met where `met`, shape (point,), says so; by default where `error` is at most one.
     """
-    allowed = np.array([demand.allowed for demand in accuracy.demands])
+    allowed = np.array([demand.allowed for demand in accuracy.demands.quantities])
     numbers, labels = np.arange(len(measured.candidates), dtype=np.int32), [way.label for way in measured.candidates]
     chosen = {
         name: np.array([way.values[name] for way in measured.candidates])[candidate] for name in accuracy.parameters
@@ -290,12 +290,16 @@ def labelled(
         coords={
             "candidate_number": ("candidate_number", numbers, {"long_name": "candidate"}),
             "candidate_label": ("candidate_number", labels, {"long_name": "candidate in words"}),
-            "quantity": ("quantity", [demand.name for demand in accuracy.demands], {"long_name": "quantity asked for"}),
+            "quantity": (
+                "quantity",
+                [demand.name for demand in accuracy.demands.quantities],
+                {"long_name": "quantity asked for"},
+            ),
         },
         attrs={
-            "accuracy": json.dumps({demand.name: demand.allowed for demand in accuracy.demands}),
+            "accuracy": json.dumps({demand.name: demand.allowed for demand in accuracy.demands.quantities}),
             "confidence": accuracy.confidence,
-            "floor": accuracy.floor,
+            "floor": accuracy.demands.floor,
             "pilot_unknown": int((~measured.known).sum()),
         },
     )

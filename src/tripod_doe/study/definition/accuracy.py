@@ -20,10 +20,8 @@ AUTO = "auto"
 class Accuracy:
     """The checked table [accuracy] of a study with model = "auto"."""
 
-    demands: tuple[Demand, ...]  # the quantities with their allowed errors
-    confidence: float  # share of the points in which it must be met
-    # share of the largest value, see `Demands`
-    floor: float
+    demands: Demands  # the quantities with their allowed errors
+    confidence: float  # share of the points in which they must be met
     budget_cpu_s: float | None  # largest estimated price of pilot and study; None without
     candidates: tuple[Candidate, ...]  # the models to choose from, from the cheapest to the finest
 
@@ -50,7 +48,8 @@ def check_accuracy(
 
     Args:
         demands: Allowed relative errors by quantity.
-        confidence, floor, budget: See `Accuracy`.
+        confidence, budget: See `Accuracy`.
+        floor: See `Demands`.
         taken: Parameters that the study sets itself; the choice leaves them alone.
 
     Raises:
@@ -63,7 +62,7 @@ def check_accuracy(
         fixed = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
         why = f"the study sets {fixed} itself, so nothing is left to choose" if fixed else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
-    return Accuracy(check_demands(simulator, demands, floor).quantities, confidence, floor, budget, candidates)
+    return Accuracy(check_demands(simulator, demands, floor), confidence, budget, candidates)
 
 
 def check_demands(simulator: Simulator, demands: Mapping[str, float], floor: float) -> Demands:

@@ -34,8 +34,8 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
         return None
     frozen, accuracy = read_dataset(directory / CHOICE), accuracy_of(study)
     old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
-    new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands}
-    new |= {"confidence": accuracy.confidence, "floor": accuracy.floor}
+    new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands.quantities}
+    new |= {"confidence": accuracy.confidence, "floor": accuracy.demands.floor}
     changes = [
         f"  accuracy.{key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}"
         for key in sorted(old.keys() | new.keys())
