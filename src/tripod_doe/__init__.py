@@ -33,12 +33,14 @@ if TYPE_CHECKING:
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
     from tripod_doe.workflow.derive import derive
+    from tripod_doe.workflow.fit import FitSummary, fit
     from tripod_doe.workflow.run import RunSummary, run
     from tripod_doe.workflow.workflow_file import workflow_schema
 
 _HOME = {
     "CubeError": "errors",
     "InputError": "errors",
+    "FitSummary": "workflow.fit",
     "Outcome": "simulator",
     "Output": "simulator",
     "Parameter": "simulator",
@@ -52,6 +54,7 @@ _HOME = {
     "diff": "analyses.diff.diff",
     "derive": "workflow.derive",
     "find": "analyses.findings",
+    "fit": "workflow.fit",
     "load_study": "study.definition.study",
     "model_point": "analyses.comparison.model_point",
     "morris_effects": "analyses.sensitivity.morris",
@@ -71,6 +74,7 @@ _HOME = {
 
 __all__ = [
     "CubeError",
+    "FitSummary",
     "InputError",
     "Outcome",
     "Output",
@@ -86,6 +90,7 @@ __all__ = [
     "derive",
     "diff",
     "find",
+    "fit",
     "load_study",
     "model_point",
     "morris_effects",

@@ -1,4 +1,4 @@
-"""Count points, time and bytes of a study or a workflow before anything runs."""
+"""Count points, time and bytes of a study, a workflow or a fit before anything runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CHECK_SECONDS = 25e-6
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
-    parser.add_argument("file", metavar="FILE.toml", type=Path, help="study file or workflow file")
+    parser.add_argument("file", metavar="FILE.toml", type=Path, help="file of a study, a workflow or a fit")
     parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
     parser.add_argument(
         "--out",
@@ -32,8 +32,10 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition.study_file import is_workflow
+    from tripod_doe.study.definition.study_file import is_fit, is_workflow
 
+    if is_fit(options.file):
+        return _plan_fit(options)
     return (_plan_workflow if is_workflow(options.file) else _plan_study)(options)
 
 
@@ -77,4 +79,14 @@ def _plan_workflow(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("estimate points, time and size of a study or a workflow; writes nothing", _add_arguments, _run)
+def _plan_fit(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.fit_plan import plan_fit
+
+    for name, given in (("out", options.out), ("quick", options.quick)):
+        if given:
+            raise InputError(f"{option(name)}: {options.file} is a fit, which takes no such flag here")
+    print(plan_fit(options.file, not options.no_timing, options.untrusted).describe(max(options.workers, 1)))
+    return DONE
+
+
+COMMAND = Command("estimate points, time and size of a study, workflow or fit; writes nothing", _add_arguments, _run)

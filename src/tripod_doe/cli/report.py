@@ -14,9 +14,14 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.pages.fit import write_fit_page
     from tripod_doe.pages.study import write_report
+    from tripod_doe.study.results.result_cube import FIT_FILE, open_cube
 
-    print(write_report(options.directory))
+    if (options.directory / FIT_FILE).is_file():
+        print(write_fit_page(options.directory, open_cube(options.directory)))
+    else:
+        print(write_report(options.directory))
     return DONE
 
 

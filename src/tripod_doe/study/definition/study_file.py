@@ -266,11 +266,22 @@ def is_workflow(path: Path) -> bool:
     return "workflow" in text and "study" not in text
 
 
+def is_fit(path: Path) -> bool:
+    """Whether a TOML file is a fit's.
+
+    Raises:
+        InputError: If it cannot be read.
+    """
+    return "fit" in parse_toml(read_text(path, "file"), str(path))
+
+
 def parse_file(text: str, origin: str = "study") -> StudyFile:
     """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
     raw = parse_toml(text, origin)
     if "workflow" in raw and "study" not in raw:
         raise InputError(f"{origin}: this is a workflow, not a study: `tripod-doe workflow` runs it")
+    if "fit" in raw and "study" not in raw:
+        raise InputError(f"{origin}: this is a fit, not a study: `tripod-doe fit` runs it")
     if "designs" in raw:
         raise InputError(f"{origin}: the file: unknown key 'designs'; a sub-design is written [design.NAME]")
     design = raw.get("design")

@@ -134,12 +134,7 @@ class ResultDirectory:
         there, grew = self._done(asked) if done is None else asked.done(done)
         if (not there.any() and grew) or not stored.exists():
             return
-        kernels = self._journal.recall(KERNELS)
-        if kernels != study.simulator.source_hash:
-            raise InputError(
-                f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
-                f"{study.simulator.source_hash}); choose another {option('out')}"
-            )
+        self.refuse_other_kernels(study)
         same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
         before = study if same else stored_study(self.path)
         _refuse_unstored(before, study, self.path)
@@ -152,6 +147,21 @@ class ResultDirectory:
             f"{study.origin}: the study differs from the study of the results in {self.path}; choose another "
             f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
         )
+
+    def refuse_other_kernels(self, study: Study) -> None:
+        """Refuse (InputError) a study whose points another version of the kernels has begun; else note the version."""
+        kernels = self._journal.recall(KERNELS)
+        if kernels is None:
+            self._journal.remember({KERNELS: study.simulator.source_hash})
+        elif kernels != study.simulator.source_hash:
+            raise InputError(
+                f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
+                f"{study.simulator.source_hash}); choose another {option('out')}"
+            )
+
+    def blocks(self) -> Iterator[FinishedBlock]:
+        """All finished blocks, the oldest first."""
+        return self._journal.blocks()
 
     def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
         """`StudyPoints.done` of the journal, cached for the checks of a study and for its missing points."""

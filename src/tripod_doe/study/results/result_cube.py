@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     from tripod_doe.study.definition.study import Study
     from tripod_doe.study.study_points import StudyPoints
 
+FIT_FILE = "fit.nc"
+"""File of a result directory with the result of a fit, which has no cube of its own."""
+
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 
 
@@ -95,6 +98,8 @@ def _joined(cube: xr.Dataset, *costs: xr.Dataset) -> xr.Dataset:
 def cube_files(path: Path) -> list[Path]:
     """The files of a cube: of a result directory its cube and, where there are any, its costs; else the file itself.
 
+    Of the directory of a fit it is the fit.
+
     Raises
     ------
     CubeError
@@ -103,6 +108,8 @@ def cube_files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     if not (path / "cube.nc").exists():
+        if (path / FIT_FILE).exists():
+            return [path / FIT_FILE]
         out = option("out", str(path))
         raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with {out}")
     return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]

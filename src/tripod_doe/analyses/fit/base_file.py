@@ -1,0 +1,104 @@
+"""The fitted joint as TOML: values to paste into [base], and a study of tolerances with what is not known of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.fit.identifiability import FOUND
+from tripod_doe.quantities import number
+from tripod_doe.simulator import Value
+
+_DEVIATIONS = 1.96  # of half a 95 % interval of a normal distribution
+_SAMPLES = 256
+
+
+def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
+    """The table [base] with what was known and what was fitted, each fitted value with its interval as a comment.
+
+    Args:
+        result: From `fit_dataset`.
+        base: The table [base] of the fit file.
+    """
+    lines = [f"# {result.attrs['title']}: the joint as it was fitted, to paste into a study", "[base]"]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in base.items()]
+    for name in result["unknown"].values.tolist():
+        own = result.sel(unknown=name, unknown_2=name)
+        if not math.isfinite(float(own["value"])):
+            lines.append(f"# {name}: each record or group has its own, see value_of_record in fit.nc")
+            continue
+        words = f"{number(float(own['low']))} to {number(float(own['high']))}"
+        verdict = str(own["verdict"].item())
+        lines.append(f"{name} = {_rounded(own)}  # 95 %: {words}; {verdict}")
+    return "\n".join(lines) + "\n"
+
+
+def _rounded(own: xr.Dataset) -> str:
+    """A value to two digits more than its interval leaves."""
+    value, width = float(own["value"]), float(own["high"] - own["low"])
+    if width <= 0:
+        return f"{value:.6g}"
+    digits = max(3 - math.floor(math.log10(width)), 0)
+    return f"{round(value, min(digits, 12)):.{min(digits, 12)}f}".rstrip("0").rstrip(".") or "0"
+
+
+def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
+    """A study of what is not known: the unknowns with their distributions and correlations, for the tolerance analysis.
+
+    An unknown that the records determine is normal, cut off at its bounds. Of any other one only its interval is known.
+    """
+    shared = [name for name in result["unknown"].values.tolist() if np.isfinite(result["value"].sel(unknown=name))]
+    operating = {
+        name: values[values.size // 2]
+        for name in result.coords
+        if result[name].dims == ("record",) and name != "record" and (values := np.sort(result[name].values)).size
+    }
+    lines = [
+        f"# {result.attrs['title']}: what the fit leaves open, as distributions; run it as any study",
+        "[study]",
+        f"name = {json.dumps(str(result.attrs['title']) + ': what is not known')}",
+        'question = "How far does what is not known of the joint spread the orders of its thrust force?"',
+        "",
+        "[base]",
+        *(f"{name} = {json.dumps(value)}" for name, value in base.items()),
+        *(
+            f"{name} = {json.dumps(value.item())}  # the middle of the records"
+            for name, value in operating.items()
+            if name not in base
+        ),
+        "",
+    ]
+    for name in shared:
+        lines += [f"[factors.{name}]", *_distribution(result.sel(unknown=name)), ""]
+    lines += ["[design]", 'kind = "sobol"', f"samples = {_SAMPLES}"]
+    if pairs := list(_correlations(result, shared)):
+        lines += ["correlation = [", *(f"    {json.dumps(pair)}," for pair in pairs), "]"]
+    return "\n".join([*lines, "", "[keep]", 'outputs = ["thrust_amplitude"]', "", "[analysis.tolerance]", ""])
+
+
+def _distribution(own: xr.Dataset) -> list[str]:
+    """Keys of the distribution of one unknown."""
+    low, high, value = (float(own[name]) for name in ("low", "high", "value"))
+    if own["verdict"].item() != FOUND:
+        return [f"low = {low:.6g}", f"high = {high:.6g}", f"# {own['verdict'].item()}: only its interval is known"]
+    std = max((high - low) / (2 * _DEVIATIONS), 1e-9 * max(abs(value), 1e-9))
+    return [
+        'distribution = "truncated-normal"',
+        f"mean = {value:.6g}",
+        f"std = {std:.4g}",
+        f"low = {float(own['bound_low']):.6g}",
+        f"high = {float(own['bound_high']):.6g}",
+    ]
+
+
+def _correlations(result: xr.Dataset, names: list[str]) -> Iterator[list[str | float]]:
+    """Pairs of unknowns with a correlation worth a name; slightly below 1, so that the matrix stays definite."""
+    for at, first in enumerate(names):
+        for second in names[at + 1 :]:
+            value = float(result["correlation"].sel(unknown=first, unknown_2=second))
+            if math.isfinite(value) and abs(value) > 0.05:
+                yield [first, second, round(0.98 * value, 3)]

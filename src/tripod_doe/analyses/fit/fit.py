@@ -1,0 +1,229 @@
+"""The fit: minima from several starts, records that do not fit, profiles, verdicts, and the model asked for.
+
+The search runs on the cheapest model that knows the unknowns. Where a finer one is asked for, its difference from the
+cheap one at the minimum is added to the cheap model, and the minimum is looked for again, until it stays: so the finer
+model is computed at a few minima only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, t
+
+from tripod_doe.analyses.fit.exploration import explore, first_places, interpolated
+from tripod_doe.analyses.fit.identifiability import FOUND, Combination, combinations, covariance_of, verdict
+from tripod_doe.analyses.fit.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.profiles import BetterMinimum, Profile, profile
+from tripod_doe.analyses.fit.search import Descent, Predict, Problem, distinct
+from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.errors import InputError
+
+CONFIDENCE = 0.95
+"""Level of all intervals of a fit."""
+
+_HUBER = 0.99  # probability of a larger chi squared from which on a record counts less in the first search
+_BAD = 1e-4  # probability of a larger chi squared, by chance, below which a record is left out
+_FEWEST = 4  # records from which on one can be told from the others
+_LOOKS = 16  # descents on the interpolated model
+_WEIGHINGS = 2  # by the errors of the model at the minimum so far
+_RESTARTS = 6  # from better minima
+_CORRECTIONS = 5  # of the cheap model by the one asked for
+_STAYS = 0.1  # of the standard deviation: a minimum that moves less by a correction stays
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a fit gives, on the unit cube of its scalars."""
+
+    problem: Problem  # the last one: without bad records, with the corrected model
+    best: Descent  # its minimum, with derivatives
+    jacobian: FloatArray  # whitened, shape (residual, scalar)
+    covariance: FloatArray  # of the scalars, scatter included, shape (scalar, scalar)
+    scatter: float  # chi squared over degrees of freedom, at least 1
+    freedom: int  # degrees of freedom
+    allowed: float  # growth of chi squared at the ends of the intervals
+    profiles: tuple[Profile, ...]  # one a scalar
+    verdicts: tuple[str, ...]  # one a scalar
+    combinations: tuple[Combination, ...]  # known combinations of scalars that are not known one by one
+    bad: NDArray[np.bool_]  # records left out as they do not fit the others, shape (record,)
+    others: tuple[Descent, ...]  # further minima within the interval
+    corrections: int  # how often the model asked for was computed at a minimum
+    failed_places: int  # starting places where a point failed
+
+
+def solve(
+    layout: Layout,
+    rows: Rows,
+    predict: Predict,
+    *,
+    finer: Predict | None = None,
+    starts: int = 3,
+    seed: int = 0,
+    robust: bool = True,
+    weigh: Callable[[Descent], Rows] | None = None,
+    tell: Callable[[str], None] = lambda stage: None,
+) -> Solution:
+    """Fit the scalars of a layout to measured orders.
+
+    Args:
+        layout, rows: What is fitted to what.
+        predict: The model, or a cheap one.
+        finer: The model asked for where `predict` is a cheaper one.
+        starts, seed: Descents, and the seed of the places that they begin at.
+        robust: Whether records that do not fit the others are left out.
+        weigh: Gives the rows with the errors of the model at a minimum.
+        tell: Takes the name of each stage as it begins.
+
+    Raises:
+        InputError: If no starting place has an answer for all records.
+    """
+    used = np.ones(rows.records, bool)
+    misfit = Misfit(rows, used, layout.priors())
+    per_record = max(round(misfit.data / rows.records), 1)
+    judged = robust and rows.records >= _FEWEST
+    loss = float(chi2.ppf(_HUBER, per_record)) if judged else np.inf
+    problem = Problem(layout, misfit, predict, loss)
+    tell("a first look at the whole range")
+    places = first_places(layout, seed)
+    answers = predict(places[:, layout.owner])
+    failed = int((~np.isfinite(answers).all(axis=1)).sum())
+    between = interpolated(layout, places, answers)
+    if between is None:
+        begins = problem.minima(starts, seed)
+    else:
+        begins = explore(Problem(layout, misfit, between), Problem(layout, misfit, between, loss), _LOOKS, starts, seed)
+    tell("search")
+    begun = [problem.begin(each.place) for each in begins]
+    costs = [each for each in begun if each is not None]
+    found = distinct([problem.descend(each) for each in sorted(costs, key=lambda each: each.cost)[:starts]])
+    if not found:
+        raise InputError(f"none of {failed} starting points has an answer for all records; narrow the ranges")
+    bad = _bad_records(problem, found[0], per_record) if judged else ~used
+    for _ in range(_WEIGHINGS):
+        rows = rows if weigh is None else weigh(found[0])
+        plain = Problem(layout, Misfit(rows, ~bad, layout.priors()), predict)
+        found = distinct([plain.descend(replace(each, cost=plain.cost(each.prediction, each.place))) for each in found])
+    corrections = 0
+    if finer is not None:
+        tell("refinement")
+        plain, found, corrections = _corrected(plain, found, predict, finer)
+    return _with_profiles(plain, found, bad, corrections, failed, tell)
+
+
+def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np.bool_]:
+    """Records whose chi squared is far beyond that of the others; at most a third of all."""
+    own = problem.compare(best.prediction, best.place).chi2
+    usual = max(float(np.median(own)) / float(chi2.median(per_record)), 1.0)
+    bad = own > usual * float(chi2.isf(_BAD, per_record))
+    worst = np.argsort(-own)[: own.size // 3]
+    kept = np.zeros(own.size, bool)
+    kept[worst] = True
+    return np.asarray(bad & kept)
+
+
+def _corrected(
+    problem: Problem, found: list[Descent], cheap: Predict, finer: Predict
+) -> tuple[Problem, list[Descent], int]:
+    """The problem with the cheap model corrected at its minimum, and its minima."""
+    best, count = found[0], 0
+    for _ in range(_CORRECTIONS):
+        offset = np.nan_to_num(finer(best.place[None])[0] - cheap(best.place[None])[0])
+        count += 1
+        problem = Problem(problem.layout, problem.misfit, _shifted(cheap, offset))
+        moved = problem.begin(best.place)
+        if moved is None:
+            break
+        moved = problem.descend(moved)
+        jacobian = problem.misfit.jacobian(problem.compare(moved.prediction, moved.place), moved.slope)
+        deviation = np.sqrt(np.diag(covariance_of(jacobian)))
+        still = np.abs(moved.place - best.place) <= _STAYS * np.minimum(deviation, 1.0)
+        best = moved
+        if still.all():
+            break
+    return problem, [best], count
+
+
+def _shifted(predict: Predict, offset: ComplexArray) -> Predict:
+    def shifted(places: FloatArray) -> ComplexArray:
+        return np.asarray(predict(places) + offset, complex)
+
+    return shifted
+
+
+def _with_profiles(
+    problem: Problem,
+    found: list[Descent],
+    bad: NDArray[np.bool_],
+    corrections: int,
+    failed: int,
+    tell: Callable[[str], None],
+) -> Solution:
+    """Intervals and verdicts at the best minimum, again from a better one where a profile comes upon it."""
+    for left in range(_RESTARTS, -1, -1):
+        best = replace(found[0], slope=problem.slopes(found[0].place, found[0].prediction))
+        compared = problem.compare(best.prediction, best.place)
+        jacobian = problem.misfit.jacobian(compared, best.slope)
+        freedom = problem.misfit.data - problem.misfit.free - problem.layout.count
+        scatter = max(best.cost / freedom, 1.0) if freedom > 0 else 1.0
+        factor = float(t.ppf((1 + CONFIDENCE) / 2, freedom)) if freedom > 0 else 1.96
+        if scatter == 1.0:  # deviations are known: chance is normal
+            factor = 1.96
+        allowed = factor**2 * scatter
+        covariance = covariance_of(jacobian)
+        try:
+            profiles = []
+            for scalar in range(problem.layout.count):
+                tell(f"profile {scalar + 1} of {problem.layout.count}")
+                profiles.append(profile(problem, best, scalar, allowed, covariance))
+            break
+        except BetterMinimum as better:
+            if not left:
+                raise
+            tell("a better minimum")
+            found = distinct([problem.descend(better.descent), *found])
+    others = tuple(each for each in found[1:] if each.cost - best.cost < allowed)
+    profiles = [_with_other_minima(problem, best, own, others, allowed) for own in profiles]
+    verdicts = tuple(verdict(own, jacobian, allowed) for own in profiles)
+    unclear = [scalar for scalar, word in enumerate(verdicts) if word != FOUND]
+    return Solution(
+        problem,
+        best,
+        jacobian,
+        covariance * scatter,
+        scatter,
+        freedom,
+        allowed,
+        tuple(profiles),
+        verdicts,
+        tuple(combinations(problem.layout, jacobian, best.place, unclear, allowed)),
+        bad,
+        others,
+        corrections,
+        failed,
+    )
+
+
+def _with_other_minima(
+    problem: Problem, best: Descent, own: Profile, others: tuple[Descent, ...], allowed: float
+) -> Profile:
+    """A profile whose interval reaches over further minima that fit nearly as well."""
+    for other in others:
+        place = float(other.place[own.scalar])
+        if own.low <= place <= own.high:
+            continue
+        left = allowed - (other.cost - best.cost)
+        jacobian = problem.misfit.jacobian(problem.compare(other.prediction, other.place), other.slope)
+        try:
+            beyond = profile(problem, other, own.scalar, max(left, 0.01), covariance_of(jacobian))
+        except BetterMinimum:
+            continue
+        if place < own.low:
+            own = replace(own, low=beyond.low, open_low=beyond.open_low)
+        else:
+            own = replace(own, high=beyond.high, open_high=beyond.open_high)
+    return own

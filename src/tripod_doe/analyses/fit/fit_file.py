@@ -1,0 +1,169 @@
+"""The form of a fit file: its tables and keys, with errors that name table, key and value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.definition.study_file import Scalar, complaints, parse_toml, read_text
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class HeadTable(_Table):
+    """[fit]: name, question, and how the fit is made."""
+
+    name: str = Field(min_length=1, description="short name of the fit")
+    question: str = Field("", description="the question it answers, as the report repeats it")
+    starts: int = Field(3, ge=1, le=100, description="starting points of the search")
+    seed: int = Field(0, ge=0, description="seed of the starting points")
+    robust: bool = Field(True, description="whether records that do not fit the others are left out, and named")
+    model_error: Literal["recorded"] | float = Field(
+        "recorded", description="relative error of the model's orders: recorded for similar points, or a number"
+    )
+
+
+class UnknownTable(_Table):
+    """[unknowns.PARAMETER]: the range of an unknown, and which records share its value."""
+
+    low: float = Field(description="lower bound")
+    high: float = Field(description="upper bound")
+    scale: Literal["linear", "log"] = Field("linear", description="scale on which the range is searched")
+    per: str = Field("all", description="records that share a value: all, record (each its own), or a column")
+    mean: float | None = Field(None, description="expected value, where something is known before; with std")
+    std: float | None = Field(None, gt=0, description="standard deviation of what is known before")
+
+
+class RecordsTable(_Table):
+    """[records]: the measured records, and what of them is fitted."""
+
+    files: list[str] = Field([], description="files or patterns, relative to the fit file")
+    table: str | None = Field(None, description="CSV file with the column file, and a column per value that differs")
+    orders: list[int] = Field([2, 3], min_length=1, description="rotating orders that are fitted")
+    waveform: bool = Field(False, description="fit the orders 1 to 12, which are the waveform without its mean")
+    columns: dict[str, str] = Field({}, description="headings of the files by our names of the columns")
+    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the zero of the records")
+    sign: Literal[1, -1, "free"] = Field(1, description="sign of the force; free if it is not known")
+    force_scale_error: float = Field(0.0, ge=0, lt=1, description="relative uncertainty of the force sensor's scale")
+
+
+class CandidateTable(_Table):
+    """[next.at.PARAMETER]: values of an operating parameter."""
+
+    values: list[Scalar] = Field(min_length=1, description="the values it takes")
+
+
+class NextTable(_Table):
+    """[next]: operating points that could be measured next, and the unknown that they are to narrow."""
+
+    narrow: str | None = Field(None, description="the unknown; the least known one if omitted")
+    within: float = Field(0.05, gt=0, description="half width of its interval, relative, that is aimed at")
+    at: dict[str, CandidateTable] = Field({}, description="operating parameters, whose grid is taken")
+    table: str | None = Field(None, description="CSV file of operating points, in place of a grid")
+
+
+class FitFile(_Table):
+    """A whole fit file."""
+
+    fit: HeadTable
+    base: dict[str, Scalar] = Field({}, description="values that are known and that all records share")
+    unknowns: dict[str, UnknownTable] = Field(min_length=1, description="what is fitted")
+    records: RecordsTable
+    next: NextTable | None = None
+
+    @property
+    def orders(self) -> list[int]:
+        """The orders that are fitted, ascending."""
+        return list(range(1, 13)) if self.records.waveform else sorted(set(self.records.orders))
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """A fit file with its text and place."""
+
+    file: FitFile  # its tables
+    text: str  # as written
+    origin: str  # where it came from, for messages
+    folder: StudyFolder  # where its files are looked up
+
+    def fail(self, where: str, error: InputError | str) -> InputError:
+        """An error that names this file and the key."""
+        return InputError(str(error)).at(f"{self.origin}: {where}")
+
+
+def load_fit(path: str | Path, untrusted: bool = False) -> FitRequest:
+    """Read and check the form of a fit file.
+
+    Raises:
+        InputError: If it cannot be read, or a table, key or value in it is wrong.
+    """
+    path = Path(path)
+    text, origin = read_text(path, "fit file"), str(path)
+    raw = parse_toml(text, origin)
+    if "fit" not in raw:
+        kind = next((f"this is a {name} file, not a fit" for name in ("study", "workflow") if name in raw), "")
+        raise InputError(f"{origin}: {kind or 'the file: table [fit] is missing'}")
+    try:
+        file = FitFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
+    request = FitRequest(file, text, origin, StudyFolder.of(path, untrusted))
+    _check(request)
+    return request
+
+
+def _known_keys(path: list[str]) -> Iterable[str]:
+    tables: dict[str, type[BaseModel]] = {
+        "fit": HeadTable,
+        "unknowns": UnknownTable,
+        "records": RecordsTable,
+        "next": NextTable,
+    }
+    return (tables.get(path[0], FitFile) if path else FitFile).model_fields
+
+
+def _check(request: FitRequest) -> None:
+    """Refuse tables whose keys contradict each other."""
+    file = request.file
+    if bool(file.records.files) == bool(file.records.table):
+        raise request.fail("[records]", 'give either files = ["rig/*.csv"] or table = "records.csv"')
+    if wrong := [order for order in file.records.orders if not 1 <= order <= 12]:
+        raise request.fail("[records]", f"orders = {wrong}: rotating orders are 1 to 12")
+    if isinstance(file.fit.model_error, float) and not 0 <= file.fit.model_error < 1:
+        raise request.fail("[fit]", f"model_error = {file.fit.model_error:g}: must be at least 0 and below 1")
+    for name, table in file.unknowns.items():
+        where = f"[unknowns.{name}]"
+        if table.low >= table.high:
+            raise request.fail(where, f"low = {table.low:g} must be below high = {table.high:g}")
+        if table.scale == "log" and table.low <= 0:
+            raise request.fail(where, f'low = {table.low:g}: must be above 0 with scale = "log"')
+        if (table.mean is None) != (table.std is None):
+            raise request.fail(where, "mean and std belong together: give both, or neither")
+        if name in file.base:
+            raise request.fail(where, f"{name} is also a base value; remove it from [base]")
+    if file.next:
+        _check_next(request, file.next)
+
+
+def _check_next(request: FitRequest, table: NextTable) -> None:
+    unknowns = request.file.unknowns
+    if bool(table.at) == bool(table.table):
+        raise request.fail("[next]", "give either [next.at.PARAMETER] with values, or table = a CSV file")
+    if table.narrow is not None and table.narrow not in unknowns:
+        raise request.fail("[next]", f"narrow = {table.narrow!r}: not an unknown{near_match(table.narrow, unknowns)}")
+    if both := [name for name in table.at if name in unknowns]:
+        raise request.fail(f"[next.at.{both[0]}]", "it is an unknown; candidates set what is known")
+
+
+def fit_schema() -> dict[str, Any]:
+    """JSON Schema of fit files."""
+    return FitFile.model_json_schema()

@@ -1,0 +1,114 @@
+"""What data say of each unknown: verdicts, correlations, and the combinations that are known where a single one is not.
+
+Everything follows from the whitened Jacobian over the unit cube of the unknowns: a singular value s means that its
+direction is known to a standard deviation of 1/s of the ranges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_doe.analyses.fit.profiles import Profile
+from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.array_types import FloatArray
+
+FOUND, ONE_SIDED, NOT_IDENTIFIED, COMBINATION = "found", "one-sided", "not-identified", "combination"
+"""Verdicts."""
+
+_KNOWN = 0.25  # of a range: a direction with a shorter half interval is known
+_FAR = 10.0  # times the half interval that an unknown would have if all others were known
+_PART = 0.02  # of the largest part of a direction, below which an unknown is not named
+_LEAST = 1e-6  # singular value over the largest, below which a direction has no information at all
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction that data determine among unknowns that they do not determine one by one."""
+
+    parts: tuple[tuple[int, float], ...]  # scalars with their factors, in units of the parameters or decades
+    value: float  # of the combination
+    half: float  # half width of its interval
+
+
+def covariance_of(jacobian: FloatArray) -> FloatArray:
+    """Covariance of the scalars over the unit cube; a direction without information has a large one, not infinity."""
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    floor = max(_LEAST * float(singular.max(initial=0.0)), 1e-3)
+    return np.asarray((directions.T / np.maximum(singular, floor) ** 2) @ directions, float)
+
+
+def correlation_of(covariance: FloatArray) -> FloatArray:
+    """Correlations of a covariance."""
+    deviation = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(deviation, deviation), float)
+
+
+def verdict(profile: Profile, jacobian: FloatArray, allowed: float) -> str:
+    """What data say of one scalar.
+
+    Found where its profile ends on both sides. Where it does not, but would if all other unknowns were known, only a
+    combination is known; so it is where only bounds end it, and it is far longer than it would be if all other unknowns
+    were known. Else it is bounded on one side, or not identified.
+
+    Args:
+        profile: Of the scalar.
+        jacobian: Whitened, shape (residual, scalar).
+        allowed: Growth of chi squared at the ends of an interval.
+    """
+    length = float(np.linalg.norm(jacobian[:, profile.scalar]))
+    alone = np.sqrt(allowed) / length if length > 0 else np.inf
+    far = profile.high - profile.low > 2 * _FAR * alone
+    if not (profile.open_low or profile.open_high):
+        return COMBINATION if profile.leans and far else FOUND
+    if profile.helped or far:
+        return COMBINATION
+    return NOT_IDENTIFIED if profile.open_low and profile.open_high else ONE_SIDED
+
+
+def combinations(
+    layout: Layout, jacobian: FloatArray, place: FloatArray, unclear: list[int], allowed: float
+) -> list[Combination]:
+    """Known directions among the scalars that are not known one by one, the best known first.
+
+    Args:
+        layout: The scalars.
+        jacobian: Whitened, shape (residual, scalar).
+        place: The minimum.
+        unclear: The scalars whose verdict is a combination.
+        allowed: Growth of chi squared at the ends of an interval.
+    """
+    if len(unclear) < 2:
+        return []
+    others = [scalar for scalar in range(layout.count) if scalar not in unclear]
+    part = jacobian[:, unclear]
+    if others:  # what the known ones can make up for says nothing
+        basis = np.linalg.qr(jacobian[:, others])[0]
+        part = part - basis @ (basis.T @ part)
+    _, singular, directions = np.linalg.svd(part, full_matrices=False)
+    known = []
+    for strength, direction in zip(singular, directions, strict=True):
+        if strength <= 0 or (half := float(np.sqrt(allowed) / strength)) > _KNOWN:
+            continue
+        known.append(_combination(layout, place, unclear, direction, half))
+    return known
+
+
+def _combination(
+    layout: Layout, place: FloatArray, scalars: list[int], direction: FloatArray, half: float
+) -> Combination:
+    """A direction of places as a sum of values, or of their logarithms; the main part has the factor 1."""
+    lengths, values = [], []
+    for scalar in scalars:
+        unknown = layout.unknowns[layout.owner[scalar]]
+        ends = np.array([unknown.low, unknown.high])
+        ends = np.log10(ends) if unknown.log else ends
+        lengths.append(float(ends[1] - ends[0]))
+        values.append(float(ends[0] + (ends[1] - ends[0]) * place[scalar]))
+    factors, main = direction / np.array(lengths), int(np.argmax(np.abs(direction)))
+    largest = float(factors[main])
+    factors = factors / largest
+    kept = [at for at in range(len(scalars)) if abs(direction[at]) >= _PART * abs(direction[main])]
+    value = float(sum(factors[at] * values[at] for at in kept))
+    return Combination(tuple((scalars[at], float(factors[at])) for at in kept), value, abs(half / largest))

@@ -1,0 +1,177 @@
+"""Whitened differences of measured and predicted orders, with what is of no interest solved for and projected out.
+
+A residual is the difference of two complex amplitudes over its standard deviation, along the measured one and across
+it. Nuisances of a record are the angle of its marker and, if it is not known, the sign of the force; nuisances of all
+records are errors of the model that they share, and the scale of the force sensor, with what is known of them before.
+For each prediction the nuisances take their best values (variable projection, Golub and Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
+
+_ROUNDS = 3  # of Gauss-Newton on the angles, which start at most some degrees off
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Measured orders, one row an order of a record."""
+
+    record: IntArray  # number of the record, shape (row,)
+    order: IntArray  # rotating order, shape (row,)
+    measured: ComplexArray  # complex amplitudes, shape (row,)
+    # along, across: standard deviations of a measured amplitude along itself and at right angles to it, shape (row,);
+    # across is infinite where only the real part counts
+    along: FloatArray
+    across: FloatArray
+    own_error: FloatArray  # standard deviation of the model's error in this row alone, N, shape (row,)
+    shared_error: FloatArray  # that of the error which all rows of an order share, N, shape (row,)
+    free_phase: NDArray[np.bool_]  # whether the angle of the marker is not known, shape (record,)
+    free_sign: NDArray[np.bool_]  # whether the sign of the force is not known, shape (record,)
+    scale_error: float = 0.0  # relative deviation of the force sensor's scale
+
+    @property
+    def records(self) -> int:
+        """Number of records."""
+        return self.free_phase.size
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Residuals of a prediction at the best values of the nuisances."""
+
+    residual: FloatArray  # whitened; rows, then shared nuisances with their sign reversed, then priors
+    aligned: ComplexArray  # the prediction as the record would show it, shape (row,)
+    turn: ComplexArray  # by which predictions are multiplied for that, shape (row,)
+    chi2: FloatArray  # sum of squares of each record, shape (record,)
+    nuisances: FloatArray  # orthonormal basis of what nuisances can do to the residuals, shape (residual, nuisance)
+
+
+class Misfit:
+    """Residuals of predictions, and their derivatives.
+
+    Args:
+        rows: The measured orders.
+        used: Which records count, shape (record,).
+        prior: Expected places of the scalars and their deviations, shape (scalar,) each.
+    """
+
+    def __init__(self, rows: Rows, used: NDArray[np.bool_], prior: tuple[FloatArray, FloatArray]) -> None:
+        self.rows, self.used = rows, used
+        self._mean, self._std = prior
+        size = np.abs(rows.measured)
+        self._unit = np.where(size > 0, rows.measured / np.where(size > 0, size, 1), 1.0 + 0j)
+        counts = used[rows.record]
+        along = np.where(counts, np.hypot(rows.along, rows.own_error), np.inf)
+        across = np.where(counts, np.hypot(rows.across, rows.own_error), np.inf)
+        self._weights = 1 / np.concatenate([along, across])
+        self._shared = self._whitened(self._shared_columns(size))
+        self.data = int((self._weights > 0).sum())
+        self._angles = np.flatnonzero(rows.free_phase & used)
+        column = np.full(rows.records, -1)
+        column[self._angles] = np.arange(self._angles.size)
+        turned = np.flatnonzero(column[rows.record] >= 0)
+        self._turned = turned, column[rows.record][turned]  # rows with a free angle, and the column of each
+        third = np.where(rows.order == 3, np.inf, size)
+        self._by = np.array(
+            [max(np.flatnonzero(rows.record == r), key=lambda at: third[at]) for r in range(rows.records)]
+        )
+
+    @property
+    def free(self) -> int:
+        """Degrees of freedom that nuisances without prior take."""
+        return int(self._angles.size)
+
+    def _shared_columns(self, size: FloatArray) -> ComplexArray:
+        """What shared nuisances of deviation 1 add to the prediction, shape (row, nuisance)."""
+        rows, columns = self.rows, []
+        for order in np.unique(rows.order):
+            own = np.where(rows.order == order, rows.shared_error, 0.0) * self._unit
+            if own.any():
+                columns += [own, 1j * own]
+        if rows.scale_error:
+            columns.append(rows.scale_error * size * self._unit)
+        return np.array(columns, complex).reshape(len(columns), size.size).T
+
+    def _whitened(self, values: ComplexArray) -> FloatArray:
+        """Complex differences (row, ...) as whitened numbers, shape (2 rows, ...)."""
+        turned = (values.T * np.conj(self._unit)).T
+        parts = np.concatenate([turned.real, turned.imag])
+        return np.asarray((parts.T * self._weights).T, float)
+
+    def compare(self, prediction: ComplexArray, place: FloatArray) -> Compared:
+        """Residuals of a prediction (row,) made at some places (scalar,)."""
+        rows = self.rows
+        sign, angle = self._begin(prediction)
+        shared = self._shared.shape[1]
+        beta = np.zeros(shared)
+        for _ in range(_ROUNDS if self._angles.size else 1):
+            turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
+            difference = self._whitened(rows.measured - turn * prediction) - self._shared @ beta
+            columns = self._columns(turn * prediction)
+            full = np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
+            right = np.concatenate([difference, -beta])
+            step = np.linalg.lstsq(full, right, rcond=None)[0] if full.shape[1] else np.zeros(0)
+            angle[self._angles] += step[: self._angles.size]
+            beta = beta + step[self._angles.size :]
+        turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
+        data = self._whitened(rows.measured - turn * prediction) - self._shared @ beta
+        columns = self._columns(turn * prediction)
+        full = np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
+        known = np.isfinite(self._std)
+        prior = ((place - self._mean) / self._std)[known]
+        basis = np.linalg.qr(full)[0] if full.shape[1] else full
+        basis = np.vstack([basis, np.zeros((prior.size, basis.shape[1]))])
+        squares = data[: rows.record.size] ** 2 + data[rows.record.size :] ** 2
+        chi2 = np.bincount(rows.record, squares, rows.records).astype(float)
+        aligned = turn * prediction
+        return Compared(np.concatenate([data, -beta, prior]), aligned, turn, chi2, basis)
+
+    def jacobian(self, compared: Compared, slope: ComplexArray) -> FloatArray:
+        """Derivatives of the residuals by the scalars, nuisances projected out, shape (residual, scalar).
+
+        Args:
+            compared: The prediction.
+            slope: Its derivatives, shape (row, scalar).
+        """
+        data = -self._whitened((compared.turn * slope.T).T)
+        known = np.flatnonzero(np.isfinite(self._std))
+        prior = np.zeros((known.size, slope.shape[1]))
+        prior[np.arange(known.size), known] = 1 / self._std[known]
+        full = np.vstack([data, np.zeros((self._shared.shape[1], slope.shape[1])), prior])
+        return np.asarray(full - compared.nuisances @ (compared.nuisances.T @ full), float)
+
+    def _columns(self, aligned: ComplexArray) -> FloatArray:
+        """Derivatives of the whitened prediction by free angles and shared nuisances."""
+        turned = np.zeros((aligned.size, self._angles.size), complex)
+        turned[self._turned] = (1j * self.rows.order * aligned)[self._turned[0]]
+        return np.hstack([self._whitened(turned), self._shared])
+
+    def _begin(self, prediction: ComplexArray) -> tuple[FloatArray, FloatArray]:
+        """Signs and angles of the records, from the best of all alignments of one order of each record.
+
+        A record is aligned by its third order, which is fitted in most cases, else by its largest one; k turns of
+        360/k deg fit an order k alike.
+        """
+        rows, by = self.rows, self._by
+        record, least = rows.record, np.full(rows.records, np.inf)
+        sign, angle = np.ones(rows.records), np.zeros(rows.records)
+        order = rows.order[by]
+        for tried in (1.0, -1.0) if rows.free_sign.any() else (1.0,):
+            own_sign = np.where(rows.free_sign, tried, 1.0)
+            first = np.angle(rows.measured[by] * np.conj(own_sign * prediction[by])) / order
+            for turn in range(int(order[rows.free_phase].max(initial=1))):
+                own = np.where(rows.free_phase, first + 2 * np.pi * turn / order, 0.0)
+                away = rows.measured - own_sign[record] * np.exp(1j * rows.order * own[record]) * prediction
+                part = self._whitened(away) ** 2
+                squares = np.bincount(record, part[: record.size] + part[record.size :], rows.records)
+                better = (squares < least) & (turn < np.where(rows.free_phase, order, 1))
+                sign, angle, least = (
+                    np.where(better, new, old) for new, old in ((own_sign, sign), (own, angle), (squares, least))
+                )
+        return sign, angle

@@ -1,0 +1,238 @@
+"""Records of a rig as a fit takes them: orders of each revolution, and what is known of the joint in each record."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tripod_doe.analyses.comparison.measurement import read_measurement
+from tripod_doe.analyses.comparison.model_point import complex_orders
+from tripod_doe.analyses.comparison.order_tracking import track_orders
+from tripod_doe.analyses.fit.fit_file import FitRequest
+from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.simulator import Parameter, Value
+
+_SPEED = "speed_rpm"
+_FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
+_FEW = 3  # degrees of freedom below which a scatter is hardly known
+_FEW_FACTOR = 3.0
+_OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
+"""Keys of [records] that a column of the table may give for each record."""
+
+
+@dataclass(frozen=True)
+class RigRecord:
+    """One record."""
+
+    name: str  # of its file
+    orders: ComplexArray  # complex amplitudes of each revolution, shape (revolution, order)
+    angle_error_deg: float  # error of the angle that all revolutions may share
+    parameters: Mapping[str, Value]  # values of the joint that differ between records
+    labels: Mapping[str, str]  # other columns of the table, as text
+    reference_angle_deg: float | None  # None where the record is aligned by an order
+    sign: float | None  # of the force; None where it is not known
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A row of the table of records."""
+
+    path: Path
+    parameters: Mapping[str, Value]
+    labels: Mapping[str, str]
+    own: Mapping[str, Any]
+
+
+def read_records(request: FitRequest, parameters: Mapping[str, Parameter]) -> list[RigRecord]:
+    """Read all records of a fit.
+
+    Args:
+        request: The fit file.
+        parameters: Parameters of the joint by name.
+
+    Raises:
+        InputError: For every file that cannot be read or used, and for a table that names what is not known.
+    """
+    asked = list(_listed(request, parameters))
+    records, wrong = list[RigRecord](), list[str]()
+    for row in asked:
+        try:
+            records.append(_read(request, row))
+        except InputError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise request.fail("[records]", "\n".join(wrong))
+    return records
+
+
+def _listed(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterator[_Asked]:
+    table = request.file.records
+    if table.table is not None:
+        yield from _rows_of_table(request, parameters)
+        return
+    paths: dict[Path, None] = {}
+    for pattern in table.files:
+        if set(pattern) & set("*?["):
+            found = sorted(request.folder.path.glob(pattern)) if request.folder.trusted else []
+            if not found:
+                raise request.fail("[records]", f"files = {pattern!r}: no file has such a name")
+            paths |= dict.fromkeys(found)
+        else:
+            paths[request.folder.file(pattern, "files")] = None
+    yield from (_Asked(path, {}, {}, {}) for path in paths)
+
+
+def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterator[_Asked]:
+    name = str(request.file.records.table)
+    where = f"[records]: table = {name!r}"
+    header, rows = read_csv(request, name, where)
+    if "file" not in header:
+        raise request.fail(where, f"no column 'file'{closest('file', header)}; it names the record of each row")
+    for column in header:
+        if column in request.file.base:
+            raise request.fail(where, f"{column} is also a base value; remove it from [base]")
+        if column in request.file.unknowns:
+            raise request.fail(where, f"{column} is also an unknown; remove one of them")
+    for line, row in enumerate(rows, start=2):
+        cells = dict(zip(header, (cell.strip() for cell in row), strict=False))
+        try:
+            path = request.folder.file(cells.pop("file"), "file")
+            own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
+            known = {key: _value(parameters[key], cells[key]) for key in cells if key in parameters}
+        except InputError as error:
+            raise request.fail(where, f"line {line}: {error}") from error
+        labels = {key: text for key, text in cells.items() if key not in parameters and key not in _OWN}
+        yield _Asked(path, known, labels, own)
+
+
+def read_csv(request: FitRequest, name: str, where: str) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a table beside the fit file; every row has a cell for each column.
+
+    Raises:
+        InputError: If it cannot be read, has no rows, or rows of another length.
+    """
+    path = request.folder.file(name, "table")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            lines = [row for row in csv.reader(stream, strict=True) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise request.fail(where, f"cannot read {path}: {reason}") from error
+    if len(lines) < 2:
+        raise request.fail(where, "it has no rows below its header")
+    header = [cell.strip() for cell in lines[0]]
+    for line, row in enumerate(lines[1:], start=2):
+        if len(row) != len(header):
+            raise request.fail(where, f"line {line} has {len(row)} fields, the header {len(header)}")
+    return header, lines[1:]
+
+
+def _value(parameter: Parameter, text: str) -> Value:
+    """A cell as its parameter takes it."""
+    if parameter.kind == "choice":
+        return parameter.check(text)
+    try:
+        return parameter.check(float(text))
+    except ValueError as error:
+        raise InputError(f"{parameter.name} = {text!r}: expected a number ({parameter.range_text})") from error
+
+
+def _own(key: str, text: str) -> Any:
+    if key == "sign" and text not in ("1", "+1", "-1", "free"):
+        raise InputError(f"sign = {text!r}: unknown{near_match(text, ('1', '-1', 'free'))}")
+    try:
+        return text if text == "free" else int(text) if key != "reference_angle_deg" else float(text)
+    except ValueError as error:
+        raise InputError(f"{key} = {text!r}: expected a number") from error
+
+
+def _read(request: FitRequest, asked: _Asked) -> RigRecord:
+    """One record: its file, over revolutions."""
+    table = request.file.records
+    settings = {key: getattr(table, key) for key in _OWN} | dict(asked.own)
+    measured = read_measurement(asked.path, settings["pulses_per_revolution"], table.columns)
+    try:
+        tracked = track_orders(measured.rotation_deg, measured.thrust_n, measured.time_s)
+    except InputError as error:
+        raise InputError(f"{asked.path}: {error}") from error
+    parameters = dict(asked.parameters)
+    if _SPEED not in {*parameters, *request.file.base, *request.file.unknowns}:
+        if "speed_rpm" not in tracked:
+            raise InputError(
+                f"{asked.path}: its speed is not known: give speed_rpm in [base] or in the table of records, or a "
+                "column time_s"
+            )
+        parameters[_SPEED] = float(tracked["speed_rpm"].mean())
+    sign = settings["sign"]
+    return RigRecord(
+        name=asked.path.name,
+        orders=complex_orders(tracked),
+        angle_error_deg=measured.angle_error_deg,
+        parameters=parameters,
+        labels=asked.labels,
+        reference_angle_deg=settings["reference_angle_deg"],
+        sign=None if sign == "free" else float(sign),
+    )
+
+
+@dataclass(frozen=True)
+class MeasuredOrders:
+    """Mean orders of a record with their deviations."""
+
+    mean: ComplexArray  # shape (order,)
+    # along, across: standard deviation of the mean along itself, and at right angles to it, shape (order,)
+    along: FloatArray
+    across: FloatArray
+
+
+def measured_orders(record: RigRecord, orders: Sequence[int]) -> MeasuredOrders:
+    """Mean orders of a record; their deviations follow from the scatter between revolutions.
+
+    A deviation that is estimated from few revolutions counts as larger, as Student's distribution is wider.
+    """
+    each = record.orders[:, list(orders)] * (record.sign or 1.0)
+    reference = record.reference_angle_deg
+    each = each * np.exp(-1j * np.radians(reference or 0.0) * np.array(orders))
+    mean, freedom = each.mean(axis=0), each.shape[0] - 1
+    factor = np.sqrt(freedom / (freedom - 2)) if freedom >= _FEW else _FEW_FACTOR
+    turned = each * np.exp(-1j * np.angle(mean))
+    along, across = (factor * part.std(axis=0, ddof=1) / np.sqrt(freedom + 1) for part in (turned.real, turned.imag))
+    if reference is not None:  # the marker is known to half a sample, in all revolutions alike
+        edge = np.radians(record.angle_error_deg) / np.sqrt(3)
+        across = np.hypot(across, np.array(orders) * edge * np.abs(mean))
+    floor = _FLOOR * float(np.abs(mean).max())
+    return MeasuredOrders(mean, np.hypot(along, floor), np.hypot(across, floor))
+
+
+def make_rows(
+    records: Sequence[RigRecord], orders: Sequence[int], own: FloatArray, shared: FloatArray, scale_error: float
+) -> Rows:
+    """All fitted orders of all records as rows, record by record.
+
+    Args:
+        records, orders: The records, and the orders of each that are fitted.
+        own, shared: Standard deviation of the model's error, in one record alone and in all of them, in N, shape
+            (record, order).
+        scale_error: Relative deviation of the force sensor's scale.
+    """
+    parts = [measured_orders(record, orders) for record in records]
+    count = len(records)
+    return Rows(
+        record=np.repeat(np.arange(count), len(orders)),
+        order=np.tile(np.array(orders, np.int64), count),
+        measured=np.concatenate([part.mean for part in parts]),
+        along=np.concatenate([part.along for part in parts]),
+        across=np.concatenate([part.across for part in parts]),
+        own_error=own.ravel(),
+        shared_error=shared.ravel(),
+        free_phase=np.array([record.reference_angle_deg is None for record in records]),
+        free_sign=np.array([record.sign is None for record in records]),
+        scale_error=scale_error,
+    )

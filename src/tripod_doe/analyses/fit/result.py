@@ -1,0 +1,286 @@
+"""The result of a fit as a cube: values, intervals and verdicts, measured beside fitted, what to measure next."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.fit.fit import CONFIDENCE, Solution
+from tripod_doe.analyses.fit.fit_file import FitRequest
+from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, NOT_IDENTIFIED, ONE_SIDED, correlation_of
+from tripod_doe.analyses.fit.model_error import ModelError
+from tripod_doe.analyses.fit.next_record import Gain
+from tripod_doe.analyses.fit.records import RigRecord
+from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.orders import amplitude_and_phase
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.simulator import Value
+
+_RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
+"""Verdicts from the best to the worst."""
+
+_POINTS = 41  # of a profile, as it is stored
+_NORMAL = 1.96  # deviations of half a 95 % interval
+
+
+@dataclass(frozen=True)
+class Next:
+    """What records at candidates would do."""
+
+    unknown: str  # the one to narrow, with its record or group
+    within: float  # relative half width that is aimed at
+    operating: Mapping[str, Sequence[Value]]  # what differs between the candidates
+    gains: Sequence[Gain | None]  # None where the model fails
+    predicted: Sequence[FloatArray | None]  # amplitudes, shape (order,)
+
+
+@makes_kind("fit")
+def fit_dataset(
+    request: FitRequest,
+    records: Sequence[RigRecord],
+    names: Sequence[str],
+    orders: Sequence[int],
+    models: tuple[str, str],
+    solution: Solution,
+    error: ModelError,
+    following: Next | None,
+) -> xr.Dataset:
+    """Label the result of a fit.
+
+    Args:
+        request, records, names, orders: The fit file, the records with their names, and the orders that were fitted.
+        models: The model asked for, and the one of the search.
+        solution, error, following: The fit, the errors of the model, and the candidates if there are any.
+    """
+    layout = solution.problem.layout
+    variables = _unknowns(layout, solution) | _records(solution, error, len(orders))
+    if any(unknown.per != "all" for unknown in layout.unknowns):
+        variables |= _by_record(layout, solution)
+    unknown_names = [unknown.name for unknown in layout.unknowns]
+    coordinates: dict[str, Any] = {
+        "unknown": ("unknown", unknown_names, {"long_name": "parameter that is fitted"}),
+        "unknown_2": ("unknown_2", unknown_names, {"long_name": "parameter that is fitted"}),
+        "record": ("record", list(names), {"long_name": "file of the record"}),
+        "order": ("order", np.array(orders, np.int32), _meaning("1", "rotating order")),
+    }
+    for name in dict.fromkeys(name for record in records for name in record.parameters):
+        values = [record.parameters.get(name, np.nan) for record in records]
+        coordinates[name] = ("record", values, _of_parameter(name))
+    attrs = _attributes(request, models, solution, error)
+    if following is not None:
+        more, places = _candidates(following, len(orders))
+        variables |= more
+        coordinates |= places
+        attrs |= {"next_unknown": following.unknown, "next_within": following.within}
+    return xr.Dataset(variables, coordinates, attrs)
+
+
+def _meaning(unit: str, meaning: str) -> dict[str, str]:
+    return {"units": unit, "long_name": meaning}
+
+
+def _of_parameter(name: str) -> dict[str, str]:
+    parameter = JOINT_PARAMETERS[name]
+    return _meaning(parameter.unit, parameter.meaning)
+
+
+def _scalars_of(layout: Layout, which: int) -> list[int]:
+    return list(dict.fromkeys(layout.index[which].tolist()))
+
+
+def _ends(layout: Layout, solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Values of the scalars and the ends of their intervals."""
+    places = [solution.best.place]
+    places += [np.array([getattr(own, end) for own in solution.profiles]) for end in ("low", "high")]
+    value, low, high = (layout.physical(np.clip(place, 0, 1)) for place in places)
+    return value, low, high
+
+
+def _unknowns(layout: Layout, solution: Solution) -> dict[str, Any]:
+    """Variables over the unknowns; numbers of those that are shared by all records only."""
+    count = len(layout.unknowns)
+    value, low, high = _ends(layout, solution)
+    shared = [_scalars_of(layout, which) for which in range(count)]
+    rows = [[part[own[0]] if len(own) == 1 else np.nan for own in shared] for part in (value, low, high)]
+    verdicts = [max((solution.verdicts[s] for s in own), key=_RANK.index) for own in shared]
+    mean = np.zeros((count, layout.count))
+    for which, own in enumerate(shared):
+        mean[which, own] = 1 / len(own)
+    correlation = correlation_of(mean @ solution.covariance @ mean.T)
+    _, singular, directions = np.linalg.svd(solution.jacobian, full_matrices=False)
+    profiles = _profiles(layout, solution, shared)
+    meaning = {"comment": "not a number where each record or group has its own: see value_of_record"}
+    return profiles | {
+        "value": ("unknown", rows[0], _meaning("1", "fitted value, in the unit of the parameter") | meaning),
+        "low": ("unknown", rows[1], _meaning("1", f"lower end of its {100 * CONFIDENCE:g} % interval") | meaning),
+        "high": ("unknown", rows[2], _meaning("1", f"upper end of its {100 * CONFIDENCE:g} % interval") | meaning),
+        "verdict": ("unknown", np.array(verdicts, object), {"long_name": "what the records say of it, at the worst"}),
+        "bound_low": ("unknown", [u.low for u in layout.unknowns], _meaning("1", "lower bound of the search")),
+        "bound_high": ("unknown", [u.high for u in layout.unknowns], _meaning("1", "upper bound of the search")),
+        "correlation": (
+            ("unknown", "unknown_2"),
+            correlation,
+            _meaning("1", "correlation of the fitted values; of their means over records where each has its own"),
+        ),
+        "singular_value": (
+            "direction",
+            singular,
+            _meaning("1", "range of a direction of the unknowns over its standard deviation"),
+        ),
+        "direction_part": (
+            ("direction", "unknown"),
+            np.stack([np.linalg.norm(directions[:, own], axis=1) for own in shared], axis=1),
+            _meaning("1", "part of an unknown in a direction"),
+        ),
+    }
+
+
+def _profiles(layout: Layout, solution: Solution, shared: list[list[int]]) -> dict[str, Any]:
+    """Profiles of the unknowns that all records share, at the points that were computed."""
+    longest = max(own.places.size for own in solution.profiles)
+    longest = min(longest, _POINTS)
+    values, growth = np.full((2, len(shared), longest), np.nan)
+    for which, own in enumerate(shared):
+        if len(own) == 1:
+            profile = solution.profiles[own[0]]
+            count = min(profile.places.size, longest)
+            values[which, :count] = layout.unknowns[which].physical(profile.places[:count])
+            growth[which, :count] = profile.growth[:count]
+    dims = ("unknown", "profile_point")
+    return {
+        "profile_value": (dims, values, _meaning("1", "value along the profile, in the unit of the parameter")),
+        "profile_growth": (dims, growth, _meaning("1", "growth of chi squared, all other unknowns at their best")),
+    }
+
+
+def _by_record(layout: Layout, solution: Solution) -> dict[str, Any]:
+    """Value, interval and verdict of each unknown in each record."""
+    value, low, high = _ends(layout, solution)
+    dims = ("unknown", "record")
+    words = np.array(solution.verdicts, object)[layout.index]
+    return {
+        "value_of_record": (dims, value[layout.index], _meaning("1", "fitted value in a record")),
+        "low_of_record": (dims, low[layout.index], _meaning("1", "lower end of its 95 % interval")),
+        "high_of_record": (dims, high[layout.index], _meaning("1", "upper end of its 95 % interval")),
+        "verdict_of_record": (dims, words, {"long_name": "what the records say of it"}),
+    }
+
+
+def _records(solution: Solution, error: ModelError, width: int) -> dict[str, Any]:
+    """Measured beside fitted, over record and order."""
+    rows = solution.problem.misfit.rows
+    compared = solution.problem.compare(solution.best.prediction, solution.best.place)
+    measured, measured_phase = amplitude_and_phase(rows.measured)
+    fitted, fitted_phase = amplitude_and_phase(compared.aligned)
+    shape, dims = (rows.records, width), ("record", "order")
+    half = f"half of the {100 * CONFIDENCE:g} % interval of"
+    whole = np.hypot(error.own, error.shared)
+
+    def table(values: FloatArray, unit: str, meaning: str) -> Any:
+        return dims, np.asarray(values).reshape(shape), _meaning(unit, meaning)
+
+    return {
+        "measured": table(measured, "N", "measured amplitude, mean over revolutions"),
+        "measured_error": table(_NORMAL * rows.along, "N", f"{half} it, from the scatter between revolutions"),
+        "fitted": table(fitted, "N", "amplitude of the fitted model"),
+        "model_error": table(_NORMAL * whole, "N", f"{half} the model's amplitude"),
+        "residual": table(measured - fitted, "N", "measured minus fitted amplitude"),
+        "measured_phase_deg": table(measured_phase, "degree", "measured phase"),
+        "fitted_phase_deg": table(fitted_phase, "degree", "phase of the fitted model, aligned with the record"),
+        "misfit": (
+            "record",
+            np.sqrt(_chi2_of_all(solution) / (2 * width)),
+            _meaning("1", "root mean square of measured minus fitted complex amplitudes over their deviations"),
+        ),
+        "left_out": (
+            "record",
+            solution.bad.astype(np.int8),
+            _meaning("1", "1 where the record does not fit the others and was left out"),
+        ),
+    }
+
+
+def _chi2_of_all(solution: Solution) -> FloatArray:
+    """Chi squared of each record, also of those left out."""
+    from tripod_doe.analyses.fit.misfit import Misfit
+
+    problem = solution.problem
+    every = Misfit(problem.misfit.rows, np.ones_like(solution.bad), problem.layout.priors())
+    prediction = solution.best.prediction
+    if not np.isfinite(prediction).all():
+        return problem.compare(np.nan_to_num(prediction), solution.best.place).chi2
+    return every.compare(prediction, solution.best.place).chi2
+
+
+def _candidates(following: Next, width: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Variables over the candidates, and their operating values as coordinates."""
+    gains = following.gains
+    part = [np.nan if gain is None else gain.part for gain in gains]
+    records = [np.nan if gain is None else gain.records for gain in gains]
+    predicted = [np.full(width, np.nan) if one is None else one for one in following.predicted]
+    half = [np.full(width, np.nan) if gain is None else gain.half for gain in gains]
+    own = following.unknown
+    variables = {
+        "next": (
+            "candidate",
+            part,
+            _meaning("1", f"half width of the interval of {own} with one more record here, over that without"),
+        ),
+        "next_records": (
+            "candidate",
+            records,
+            _meaning("1", f"records here until {own} is known within {100 * following.within:g} %"),
+        ),
+        "predicted": (("candidate", "order"), np.array(predicted), _meaning("N", "predicted amplitude")),
+        "predicted_error": (("candidate", "order"), np.array(half), _meaning("N", "half of its 95 % interval")),
+    }
+    places = {
+        f"candidate_{name}": ("candidate", list(values), _of_parameter(name))
+        for name, values in following.operating.items()
+    }
+    return variables, places
+
+
+def _attributes(
+    request: FitRequest, models: tuple[str, str], solution: Solution, error: ModelError
+) -> dict[str, str | float | int]:
+    """Provenance, and what is known of the fit as a whole."""
+    layout = solution.problem.layout
+    names, logs = layout.names(), [layout.unknowns[which].log for which in layout.owner]
+    combined = [
+        {
+            "parts": [[names[scalar], logs[scalar], factor] for scalar, factor in each.parts],
+            "value": each.value,
+            "half": each.half,
+        }
+        for each in solution.combinations
+    ]
+    return {
+        "Conventions": "CF-1.8",
+        "title": request.file.fit.name,
+        "question": request.file.fit.question,
+        "source": f"tripod-doe {version('tripod-doe')}",
+        "fit": request.text,
+        "model": models[0],
+        "search_model": models[1],
+        "corrections": solution.corrections,
+        "model_error_source": error.source,
+        "confidence_level": CONFIDENCE,
+        "chi_squared": solution.best.cost,
+        "degrees_of_freedom": solution.freedom,
+        "scatter": solution.scatter,
+        "growth_at_ends": solution.allowed,
+        "records_left_out": int(solution.bad.sum()),
+        "aligned_by_order": int(solution.problem.misfit.rows.free_phase.any()),
+        "other_minima": len(solution.others),
+        "combinations": json.dumps(combined),
+        "scalars": json.dumps(names),
+    }

@@ -1,0 +1,320 @@
+"""A fit file with its records: checked, laid out as scalars, and put to the model as points.
+
+Whatever computes points is handed in, so that nothing here knows of journals or workers.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.fit.fit import Solution, solve
+from tripod_doe.analyses.fit.fit_file import FitRequest
+from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.analyses.fit.model_error import ModelError, model_error
+from tripod_doe.analyses.fit.next_record import CandidateRows, Gain, gains
+from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_csv, read_records
+from tripod_doe.analyses.fit.result import Next
+from tripod_doe.analyses.fit.search import Descent, Predict
+from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
+from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Parameter, Simulator, Value, check_parameters
+from tripod_doe.study.definition.scenes import load_simulator
+
+Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, FloatArray]]
+"""Complex orders 0 to 12 of points and what their runs report of their error, from columns; NaN where one failed."""
+
+_CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
+"""The model on which the search runs, by the model asked for."""
+
+_STEP = 0.01  # of a range, for derivatives at candidates
+
+
+class RigFit:
+    """A fit file with its records, unknowns, and the points that they need."""
+
+    def __init__(self, request: FitRequest) -> None:
+        self.request, self.file = request, request.file
+        self.simulator: Simulator = load_simulator("joint")
+        self._check_names()
+        self.records = read_records(request, self.simulator.parameters)
+        self.orders = self.file.orders
+        self.layout = self._make_layout()
+        self.candidates = self._candidates()
+        self.model = str(self.file.base.get("model", self.simulator.parameters["model"].default))
+        self.cheap = _CHEAP.get(self.model, self.model)
+
+    def _check_names(self) -> None:
+        """Refuse unknown parameters and values or ranges that they do not take."""
+        request, parameters = self.request, self.simulator.parameters
+        try:
+            check_parameters(parameters, self.file.base)
+        except InputError as error:
+            raise request.fail("[base]", error) from error
+        for name, table in self.file.unknowns.items():
+            where = f"[unknowns.{name}]"
+            if name not in parameters:
+                raise request.fail(where, f"unknown parameter{near_match(name, parameters)}")
+            if parameters[name].kind != "number":
+                raise request.fail(where, f"only a parameter with a range of numbers can be fitted, {name} has none")
+            try:
+                parameters[name].check(table.low)
+                parameters[name].check(table.high)
+            except InputError as error:
+                raise request.fail(where, error) from error
+
+    def _make_layout(self) -> Layout:
+        unknowns, groups = [], []
+        names = self.record_names
+        columns = list(self.records[0].labels)
+        for name, table in self.file.unknowns.items():
+            if table.per not in ("all", "record", *columns):
+                raise self.request.fail(
+                    f"[unknowns.{name}]",
+                    f"per = {table.per!r}: neither all, record, nor a column of the table of records"
+                    f"{near_match(table.per, ('all', 'record', *columns))}",
+                )
+            unknowns.append(
+                Unknown(name, table.low, table.high, table.scale == "log", table.per, table.mean, table.std)
+            )
+            own = {"all": [""] * len(names), "record": names}.get(table.per)
+            groups.append(own or [f"{table.per} {record.labels[table.per]}" for record in self.records])
+        return make_layout(unknowns, names, groups)
+
+    @cached_property
+    def record_names(self) -> list[str]:
+        """Names of the records, each once."""
+        names = [record.name for record in self.records]
+        return [f"{name} ({at + 1})" if names.count(name) > 1 else name for at, name in enumerate(names)]
+
+    def _candidates(self) -> list[dict[str, Value]]:
+        """Operating points of [next], as values of parameters."""
+        table, parameters = self.file.next, self.simulator.parameters
+        if table is None:
+            return []
+        if table.table is not None:
+            where = f"[next]: table = {table.table!r}"
+            header, lines = read_csv(self.request, table.table, where)
+            rows = [dict(zip(header, map(_number, line), strict=True)) for line in lines]
+        else:
+            where, names = "[next.at]", list(table.at)
+            rows = [
+                dict(zip(names, values, strict=True))
+                for values in itertools.product(*(table.at[name].values for name in names))
+            ]
+        checked = list[dict[str, Value]]()
+        for row in rows:
+            try:
+                checked.append({n: v for n, v in check_parameters(parameters, row).items() if v is not None})
+            except InputError as error:
+                raise self.request.fail(where, error) from error
+        return checked
+
+    @cached_property
+    def varied(self) -> list[str]:
+        """Parameters that differ between records or candidates."""
+        own = [name for record in self.records for name in record.parameters]
+        own += [name for candidate in self.candidates for name in candidate]
+        return [name for name in dict.fromkeys(own) if name != "model" and name not in self.file.unknowns]
+
+    @cached_property
+    def base(self) -> dict[str, Value]:
+        """Values that all points share."""
+        known = check_parameters(self.simulator.parameters, self.file.base)
+        return {name: value for name, value in known.items() if name not in ("model", *self.varied)}
+
+    def _operating(self, own: Mapping[str, Value]) -> dict[str, Value]:
+        """What differs between records, of one of them or of a candidate."""
+        usual: dict[str, Value] = {}
+        for name in self.varied:
+            parameter: Parameter = self.simulator.parameters[name]
+            from_records = [record.parameters[name] for record in self.records if name in record.parameters]
+            usual[name] = self.file.base.get(name, _middle(from_records) if from_records else parameter.default)
+        return {name: own.get(name, usual[name]) for name in self.varied}
+
+    def columns(
+        self, operating: Sequence[Mapping[str, Value]], values: FloatArray, model: str
+    ) -> dict[str, NDArray[Any]]:
+        """Columns of some points, from their operating values and their unknowns, shape (point, unknown)."""
+        parameters = self.simulator.parameters
+        rows = [self._operating(own) for own in operating]
+        columns = {"model": np.array([model] * len(rows), object)}
+        columns |= {name: parameters[name].column([row[name] for row in rows]) for name in self.varied}
+        return columns | {u.name: values[:, at] for at, u in enumerate(self.layout.unknowns)}
+
+    def columns_at_middle(self, model: str) -> dict[str, NDArray[Any]]:
+        """Columns of one point a record, with the unknowns in the middle of their ranges."""
+        values = self.layout.values(np.full((1, self.layout.count), 0.5))[0]
+        return self.columns([record.parameters for record in self.records], values, model)
+
+    def predictor(self, points: Answers, model: str) -> Predict:
+        """The model as the search takes it."""
+        operating = [record.parameters for record in self.records]
+
+        def predict(places: FloatArray) -> ComplexArray:
+            values = self.layout.values(places)  # (trial, record, unknown)
+            trials = values.shape[0]
+            flat = values.reshape(-1, values.shape[-1])
+            orders, _ = points(self.columns(operating * trials, flat, model))
+            return np.asarray(orders[:, self.orders].reshape(trials, -1), complex)
+
+        return predict
+
+    def all_columns(self, columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Every parameter at some points."""
+        return self.simulator.columns(self.base, columns, len(columns["model"]))
+
+    def error_at(self, points: Answers, place: FloatArray) -> ModelError:
+        """Errors of the model asked for at the records, for unknowns at some places."""
+        values = self.layout.values(place[None])[0]
+        operating = [record.parameters for record in self.records]
+        columns = self.columns(operating, values, self.cheap)
+        orders, reported = points(columns)
+        own = measured_sizes(self.records, self.orders)
+        amplitude = np.where(np.isfinite(orders[:, self.orders]), np.abs(orders[:, self.orders]), own)
+        columns["model"] = np.array([self.model] * len(operating), object)
+        return model_error(
+            self.simulator,
+            self.all_columns(columns),
+            self.orders,
+            amplitude,
+            reported[:, self.orders],
+            self.file.fit.model_error,
+        )
+
+    def rows(self, error: ModelError) -> Rows:
+        """Measured orders with the errors of the model."""
+        return make_rows(self.records, self.orders, error.own, error.shared, self.file.records.force_scale_error)
+
+    def fit(self, points: Answers, tell: Callable[[str], None]) -> tuple[Solution, ModelError]:
+        """Search, refine, and profile; `tell` takes the name of each stage as it begins."""
+        errors = [self.error_at(points, np.full(self.layout.count, 0.5))]
+
+        def weigh(best: Descent) -> Rows:
+            errors.append(self.error_at(points, best.place))
+            return self.rows(errors[-1])
+
+        try:
+            solution = solve(
+                self.layout,
+                self.rows(errors[0]),
+                self.predictor(points, self.cheap),
+                finer=None if self.cheap == self.model else self.predictor(points, self.model),
+                starts=self.file.fit.starts,
+                seed=self.file.fit.seed,
+                robust=self.file.fit.robust,
+                weigh=weigh,
+                tell=tell,
+            )
+        except InputError as error:
+            raise self.request.fail("[unknowns]", error) from error
+        return solution, errors[-1]
+
+    def next(self, points: Answers, solution: Solution) -> Next | None:
+        """What one more record at each candidate would do."""
+        if not self.candidates or self.file.next is None:
+            return None
+        layout, best = self.layout, solution.best
+        names = [unknown.name for unknown in layout.unknowns]
+        relative = [_relative(layout, solution, scalar) for scalar in range(layout.count)]
+        scalars = list(range(layout.count))
+        if self.file.next.narrow is not None:
+            scalars = [s for s in scalars if names[layout.owner[s]] == self.file.next.narrow]
+        scalar = max(scalars, key=lambda s: relative[s])
+        value, slope = _value_and_slope(layout, best.place, scalar)
+        rows = self._candidate_rows(points, solution)
+        able = [at for at, row in enumerate(rows) if row is not None]
+        gained: list[Gain | None] = [None] * len(rows)
+        aim = self.file.next.within * abs(value) / slope
+        for at, gain in zip(able, gains(solution, self.orders, [rows[a] for a in able], scalar, aim), strict=True):  # type: ignore[misc]
+            gained[at] = gain
+        predicted = [None if row is None else np.abs(row.prediction) for row in rows]
+        operating = [self._operating(candidate) for candidate in self.candidates]
+        shown = [name for name in self.varied if any(name in candidate for candidate in self.candidates)]
+        return Next(
+            layout.names()[scalar],
+            self.file.next.within,
+            {name: [row[name] for row in operating] for name in shown},
+            gained,
+            predicted,
+        )
+
+    def _candidate_rows(self, points: Answers, solution: Solution) -> list[CandidateRows | None]:
+        """The model and its derivatives at every candidate; None where it fails."""
+        layout, count, width = self.layout, len(self.candidates), len(self.layout.unknowns)
+        own_value = np.array([_of_candidate(layout, which, solution.best.place) for which in range(width)])
+        trials = np.vstack([own_value, own_value + np.diag(np.where(own_value > 0.5, -_STEP, _STEP))])
+        values = np.stack([u.physical(trials[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
+        flat = np.repeat(values, count, axis=0)
+        columns = self.columns(self.candidates * (width + 1), flat, self.cheap)
+        orders, reported = points(columns)
+        chosen = orders[:, self.orders].reshape(width + 1, count, -1)
+        columns = {name: column[:count] for name, column in columns.items()}
+        columns["model"] = np.array([self.model] * count, object)
+        amplitude = np.nan_to_num(np.abs(chosen[0]))
+        error = model_error(
+            self.simulator,
+            self.all_columns(columns),
+            self.orders,
+            amplitude,
+            reported[:count, self.orders],
+            self.file.fit.model_error,
+        )
+        steps = np.diag(trials[1:] - own_value)
+        rows: list[CandidateRows | None] = []
+        new = [which for which, u in enumerate(layout.unknowns) if u.per != "all"]
+        for at in range(count):
+            if not np.isfinite(chosen[:, at]).all():
+                rows.append(None)
+                continue
+            by_unknown = (chosen[1:, at] - chosen[0, at]) / steps[:, None]  # (unknown, order)
+            slope = np.zeros((len(self.orders), layout.count + len(new)), complex)
+            for which, unknown in enumerate(layout.unknowns):
+                scalar = layout.index[which, 0] if unknown.per == "all" else layout.count + new.index(which)
+                slope[:, scalar] = by_unknown[which]
+            rows.append(CandidateRows(chosen[0, at], slope, error.own[at], error.shared[at]))
+        return rows
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
+
+
+def _middle(values: Sequence[Value]) -> Value:
+    """The middle one of some values."""
+    ordered = sorted(values, key=lambda value: (isinstance(value, str), value))
+    return ordered[len(ordered) // 2]
+
+
+def measured_sizes(records: Sequence[RigRecord], orders: Sequence[int]) -> FloatArray:
+    """Measured amplitudes, shape (record, order)."""
+    return np.array([np.abs(measured_orders(record, orders).mean) for record in records])
+
+
+def _of_candidate(layout: Layout, which: int, place: FloatArray) -> float:
+    """Place of an unknown at a candidate: its own, or the mean over records."""
+    return float(np.clip(place[layout.index[which]].mean(), 0, 1))
+
+
+def _value_and_slope(layout: Layout, place: FloatArray, scalar: int) -> tuple[float, float]:
+    """Value of a scalar, and its derivative by its place."""
+    unknown, step = layout.unknowns[layout.owner[scalar]], 1e-6
+    here = float(unknown.physical(place[scalar]))
+    there = unknown.physical(place[scalar] + np.array([-step, step]))
+    return here, float(there[1] - there[0]) / (2 * step)
+
+
+def _relative(layout: Layout, solution: Solution, scalar: int) -> float:
+    """Half width of an interval over the value."""
+    value, slope = _value_and_slope(layout, solution.best.place, scalar)
+    half = (solution.profiles[scalar].high - solution.profiles[scalar].low) / 2
+    return half * slope / max(abs(value), 1e-12)

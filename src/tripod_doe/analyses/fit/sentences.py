@@ -1,0 +1,258 @@
+"""What a fit says of each unknown and of the records, in sentences and rows of tables."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.quantities import count_of, interval, level, number, with_unit
+from tripod_doe.report.responses import ORDINALS, spoken
+
+UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")
+"""Heads of the table of unknowns."""
+
+RECORD_HEADS = ("record", "order", "measured N", "+- N", "fitted N", "model +- N", "difference N", "note")
+"""Heads of the table of records."""
+
+_CORRELATED = 0.9  # correlation from which the reader should know
+_WIDE = 1.3  # root of chi squared over degrees of freedom from which the reader should know
+_SHOWN = 3  # combinations and candidates that sentences state
+
+
+def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
+    """Sentences on what the records say, and on what they do not.
+
+    Args:
+        fit: From `fit_dataset`.
+    """
+    sentences = [_unknown_sentence(fit, str(unknown)) for unknown in fit["unknown"].values]
+    sentences += _combined(fit)
+    sentences += _next_sentences(fit)
+    sentences += _correlated(fit)
+    return sentences + list(_cautions(fit))
+
+
+def _unit(name: str) -> str:
+    return JOINT_PARAMETERS[name].unit_text
+
+
+def _unknown_sentence(fit: xr.Dataset, name: str) -> str:
+    own = fit.sel(unknown=name)
+    value, low, high = (float(own[key]) for key in ("value", "low", "high"))
+    if not math.isfinite(value):
+        return _sentence_of_records(own, name)
+    return f"{_subject(name)} {_statement(str(own['verdict'].item()), value, low, high, own, _unit(name))}."
+
+
+def _subject(name: str) -> str:
+    text = spoken(name)
+    return text[:1].upper() + text[1:]
+
+
+def _statement(verdict: str, value: float, low: float, high: float, own: xr.Dataset, unit: str) -> str:
+    """What is known of a value, as the end of a sentence."""
+    ends = f"{number(low)} to {with_unit(number(high), unit)}"
+    if verdict == FOUND:
+        return f"is {with_unit(number(value), unit)}, with 95 % confidence {ends}"
+    if verdict == ONE_SIDED:
+        below = low <= float(own["bound_low"]) * (1 + 1e-9) + 1e-12
+        side, end = ("at most", high) if below else ("at least", low)
+        return (
+            f"is {side} {with_unit(number(end), unit)} with 95 % confidence; the records set no other limit within its "
+            f"bounds {number(float(own['bound_low']))} to {number(float(own['bound_high']))}"
+        )
+    if verdict == COMBINATION:
+        return f"is known only together with other unknowns: by itself it may be anything from {ends}"
+    return f"does not follow from these records: anything from {ends} fits"
+
+
+def _sentence_of_records(own: xr.Dataset, name: str) -> str:
+    """What is known of an unknown that has a value in each record or group."""
+    values = own["value_of_record"].values
+    words = own["verdict_of_record"].values.tolist()
+    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    unit = _unit(name)
+    return (
+        f"{_subject(name)} differs between records: from {number(float(values.min()))} to "
+        f"{with_unit(number(float(values.max())), unit)} ({counts})."
+    )
+
+
+def _combined(fit: xr.Dataset) -> list[str]:
+    """Combinations that are known where single unknowns are not."""
+    known = json.loads(fit.attrs["combinations"])
+    texts = [f"{combination_text(each['parts'])} = {interval(each['value'], each['half'])}" for each in known[:_SHOWN]]
+    if not texts:
+        return []
+    return [f"Known with 95 % confidence: {'; '.join(texts)}."]
+
+
+def combination_text(parts: list[list[object]]) -> str:
+    """A combination of unknowns, as a sum with factors."""
+    text = ""
+    for name, is_log, factor in parts:
+        amount = float(str(factor))
+        shown = f"log10 {name}" if is_log else str(name)
+        size = "" if abs(abs(amount) - 1) < 0.005 else f"{number(abs(amount), 2)} "
+        sign = ("-" if amount < 0 else "") if not text else (" - " if amount < 0 else " + ")
+        text += f"{sign}{size}{shown}"
+    return text
+
+
+def _correlated(fit: xr.Dataset) -> list[str]:
+    names = fit["unknown"].values.tolist()
+    values = fit["correlation"].values
+    pairs = [
+        f"{first} and {second} ({number(float(values[at, other]), 2)})"
+        for at, first in enumerate(names)
+        for other, second in enumerate(names)
+        if at < other and abs(values[at, other]) >= _CORRELATED
+    ]
+    return [f"Strongly correlated: {', '.join(pairs)}."] if pairs else []
+
+
+def _next_sentences(fit: xr.Dataset) -> list[str]:
+    """The candidates that narrow the unknown the most."""
+    if "next" not in fit or not np.isfinite(fit["next"]).any():
+        return []
+    part = fit["next"].values
+    order = [at for at in np.argsort(part) if math.isfinite(part[at])]
+    best = fit.isel(candidate=int(order[0]))
+    records = float(best["next_records"])
+    within = f"{level(100 * float(fit.attrs['next_within']))} %"
+    own = fit.attrs["next_unknown"]
+    if records == 0:
+        more = f" It is already known within {within}."
+    elif math.isfinite(records):
+        more = f" With {count_of(int(records), 'such record')} it would be known within {within}."
+    else:
+        more = f" Records there alone do not reach {within}."
+    return [
+        f"Measure next at {candidate_text(fit, int(order[0]))}: the interval of {own} becomes "
+        f"{number(100 * (1 - float(best['next'])), 2)} % shorter.{more}"
+    ]
+
+
+def candidate_text(fit: xr.Dataset, at: int) -> str:
+    """The operating values of a candidate in words."""
+    names = [str(name) for name in fit.coords if fit[name].dims == ("candidate",) and str(name) != "candidate"]
+    parts = []
+    for name in names:
+        own = name.removeprefix("candidate_")
+        value = fit[name].values[at]
+        shown = str(value) if isinstance(value, str) else level(float(value))
+        parts.append(with_unit(f"{spoken(own)} {shown}", _unit(own)))
+    return ", ".join(parts)
+
+
+def _cautions(fit: xr.Dataset) -> Iterator[str]:
+    attrs = fit.attrs
+    if bad := [str(name) for name, left in zip(fit["record"].values, fit["left_out"].values, strict=True) if left]:
+        yield f"Left out, as no joint within the bounds fits them beside the others: {', '.join(bad)}."
+    root = math.sqrt(float(attrs["scatter"]))
+    if root > _WIDE:
+        yield (
+            f"Measured and fitted orders differ by {number(root, 2)} times what their uncertainties explain; all "
+            "intervals are widened by this factor."
+        )
+    if attrs["other_minima"]:
+        yield (
+            f"{count_of(int(attrs['other_minima']), 'other minimum').replace('minimums', 'minima')} of the search fit "
+            "within the 95 % confidence; the intervals reach over them."
+        )
+    if attrs["aligned_by_order"]:
+        skews = [name for name in fit["unknown"].values.tolist() if name.startswith("initial_skew_")]
+        more = (
+            " The trunnions are then not told apart: skews may change places in a circle, 1 to 2 to 3." if skews else ""
+        )
+        yield f"Without a reference angle, records are aligned by an order of their own.{more}"
+    yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}."
+    if attrs["search_model"] != attrs["model"]:
+        yield (
+            f"The search ran on {attrs['search_model']}, corrected by {attrs['model']} at "
+            f"{count_of(int(attrs['corrections']), 'minimum').replace('minimums', 'minima')}."
+        )
+    if attrs.get("failed_points"):
+        yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed; the search went around."
+
+
+def unknown_rows(fit: xr.Dataset) -> list[list[str]]:
+    """Rows of the table of unknowns: one an unknown, or one a record where each has its own."""
+    rows = []
+    for name in fit["unknown"].values.tolist():
+        own = fit.sel(unknown=name)
+        partner = _partner(fit, name)
+        if math.isfinite(float(own["value"])):
+            cells = [number(float(own[key])) for key in ("value", "low", "high")]
+            rows.append([name, *cells, _unit(name), str(own["verdict"].item()), partner])
+            continue
+        seen = set()
+        for record in fit["record"].values.tolist():
+            each = own.sel(record=record)
+            cells = [number(float(each[f"{key}_of_record"])) for key in ("value", "low", "high")]
+            if (key := tuple(cells)) in seen:
+                continue
+            seen.add(key)
+            rows.append([f"{name} of {record}", *cells, _unit(name), str(each["verdict_of_record"].item()), partner])
+    return rows
+
+
+def _partner(fit: xr.Dataset, name: str) -> str:
+    """The unknown with which another one is most correlated."""
+    own = fit["correlation"].sel(unknown=name).drop_sel(unknown_2=name)
+    if not own.size:
+        return ""
+    at = int(np.argmax(np.abs(own.values)))
+    return f"{own['unknown_2'].values[at]} ({number(float(own.values[at]), 2)})"
+
+
+def record_rows(fit: xr.Dataset) -> list[list[str]]:
+    """Rows of the table of records: measured beside fitted orders."""
+    rows = []
+    for record in fit["record"].values.tolist():
+        own = fit.sel(record=record)
+        for order in fit["order"].values.tolist():
+            one = own.sel(order=order)
+            measured, error, fitted, model, residual = (
+                number(float(one[key])) for key in ("measured", "measured_error", "fitted", "model_error", "residual")
+            )
+            note = "left out" if int(own["left_out"]) else ""
+            rows.append([record, str(order), measured, error, fitted, model, residual, note])
+    return rows
+
+
+def candidate_rows(fit: xr.Dataset) -> list[list[str]]:
+    """Rows of the table of candidates, the best first."""
+    part = fit["next"].values
+    rows = []
+    for at in np.argsort(np.where(np.isfinite(part), part, np.inf)):
+        own = fit.isel(candidate=int(at))
+        predicted = [
+            interval(float(own["predicted"].sel(order=order)), float(own["predicted_error"].sel(order=order)))
+            for order in fit["order"].values
+        ]
+        records = float(own["next_records"])
+        shown = number(records) if math.isfinite(records) else "not there alone"
+        rows.append([candidate_text(fit, int(at)), number(100 * (1 - part[at]), 2), shown, *predicted])
+    return rows
+
+
+def candidate_heads(fit: xr.Dataset) -> list[str]:
+    """Heads of the table of candidates."""
+    within = f"{level(100 * float(fit.attrs['next_within']))} %"
+    orders = [f"{ORDINALS[int(order)]} N" for order in fit["order"].values]
+    return ["operating point", "interval shorter by %", f"records until within {within}", *orders]
+
+
+def fit_lines(fit: xr.Dataset) -> list[str]:
+    """The result for a terminal: the table of unknowns, then sentences."""
+    rows = [list(UNKNOWN_HEADS), *unknown_rows(fit)]
+    widths = [max(len(row[at]) for row in rows) for at in range(len(UNKNOWN_HEADS))]
+    table = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [*table, "", *find_in_fit(fit)]

@@ -1,0 +1,96 @@
+"""Run a fit: records in, points through the engine of studies, and out come fit.nc, base.toml and a page."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
+from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.result import fit_dataset
+from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.pages.fit import write_fit_page
+from tripod_doe.simulator import check_parameters
+from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+from tripod_doe.study.execution.execution import Execution
+from tripod_doe.study.failures import Failure
+from tripod_doe.study.results.directory import ResultDirectory, make_directory
+from tripod_doe.study.results.result_cube import FIT_FILE
+from tripod_doe.workflow.fit_points import FitPoints, points_study
+
+
+@dataclass(frozen=True)
+class FitSummary:
+    """Results of a fit: where they are, and what they say."""
+
+    directory: Path  # with fit.nc, base.toml, tolerance.toml, report/index.html and steps/points
+    # computed, reused: points of this run and of earlier ones
+    computed: int
+    reused: int
+    failures: Sequence[Failure]  # points that failed, by outcome and reason
+    result: xr.Dataset  # as in fit.nc
+
+    @property
+    def good(self) -> bool:
+        """Whether every point had an answer."""
+        return not self.failures
+
+
+def fit(
+    file: str | Path,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    retry_failed: bool = False,
+    progress: bool = True,
+    oversubscribe: bool = False,
+    untrusted: bool = False,
+) -> FitSummary:
+    """Fit unknown parameters of the joint to measured records.
+
+    Args:
+        file: The fit file.
+        out: Result directory: fit.nc, base.toml, tolerance.toml, report/index.html, and all points in steps/points. A
+            fit that was stopped goes on where it was.
+        workers: Worker processes, see `run`.
+        retry_failed: Compute points that failed again.
+        progress: Whether stages are printed to standard error.
+        oversubscribe: Allow more workers than this machine has processors.
+        untrusted: For a file from a stranger: refuse files outside of its folder.
+
+    Raises:
+        InputError: If the file, a record or the directory cannot be used.
+        StorageError: If writing fails; finished points are kept.
+    """
+    request = load_fit(file, untrusted)
+    rig = RigFit(request)
+    directory = make_directory(out)
+    place = make_directory(directory / "steps" / "points")
+    study = points_study(f"{rig.file.fit.name}: points", rig.base, request.origin, place)
+    with Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
+        points = FitPoints(study, kept, execution, retry_failed, progress)
+
+        def tell(stage: str) -> None:
+            if progress:
+                print(f"fit: {stage}, {points.count:,} points", file=sys.stderr)
+
+        solution, error = rig.fit(points, tell)
+        following = rig.next(points, solution)
+        points.write(f"tripod-doe fit: {points.computed} points computed")
+        failures, computed, count = points.failures, points.computed, points.count
+    result = fit_dataset(
+        request, rig.records, rig.record_names, rig.orders, (rig.model, rig.cheap), solution, error, following
+    )
+    result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
+    write_dataset(stamp_history(result, f"tripod-doe fit: {computed} points computed"), directory / FIT_FILE)
+    replace_text(directory / "fit.toml", request.text)
+    known = check_parameters(rig.simulator.parameters, rig.file.base)
+    replace_text(directory / "base.toml", base_text(result, known))
+    replace_text(directory / "tolerance.toml", tolerance_text(result, known))
+    write_fit_page(directory, result)
+    return FitSummary(directory, computed, count - computed, failures, result)

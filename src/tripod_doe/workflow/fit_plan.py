@@ -1,0 +1,93 @@
+"""Price of a fit before anything runs, from the number of its points and the time of some."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from tripod_doe.analyses.fit.exploration import place_count
+from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.quantities import count_of, duration
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.plan import RECORDED, Plan, plan
+
+_DESCENT, _PER_UNKNOWN = 16, 4  # evaluations of all records in a descent, and of them for each unknown
+_PROFILE = 24  # evaluations of all records for the profile of a scalar
+_CORRECTIONS = 3  # usual evaluations by the model asked for
+_OWN_SECONDS = 3e-3  # of an evaluation, beside its points
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """Counts and prices of a fit."""
+
+    records: int  # number of records
+    scalars: tuple[str, ...]  # what is fitted, each with its record or group
+    search_points: int  # usual number of points of the model of the search
+    asked_points: int  # usual number of points of the model asked for, where it is another one
+    models: tuple[str, str]  # the model asked for, and the one of the search
+    plans: tuple[Plan, ...]  # of the points of all records, with the model of the search and the one asked for
+    seconds: tuple[float, float, float] | None  # CPU seconds: lower quartile, mean, upper quartile; None if not known
+
+    def describe(self, workers: int = 2) -> str:
+        """The plan as text, with the wall time on a number of workers."""
+        lines = [
+            f"records      {self.records}",
+            f"unknowns     {count_of(len(self.scalars), 'number')}: {', '.join(self.scalars)}",
+            f"points       about {self.search_points:,} with {self.models[1]}",
+        ]
+        if self.asked_points:
+            lines[-1] += f", about {self.asked_points:,} with {self.models[0]}"
+        if self.seconds is None:
+            lines.append("price        not known: nothing was timed")
+        else:
+            low, mean, high = map(duration, self.seconds)
+            timed = sum(each.timed for each in self.plans)
+            source = f"{low} to {high}, from {timed} timed points" if timed else RECORDED
+            lines.append(f"CPU time     {mean} ({source})")
+            lines.append(f"wall time    {duration(self.seconds[1] / max(workers, 1))} on {workers} workers, or more")
+        lines += [f"model        {text.removeprefix('Model ')}" for each in self.plans for text in each.models]
+        return "\n".join(lines + [f"warning      {text}" for each in self.plans for text in each.warnings])
+
+
+def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> FitPlan:
+    """Read all records of a fit, and count and time its points; nothing is written.
+
+    Args:
+        file: The fit file.
+        timing: Whether points are timed, for at most ten seconds a model.
+        untrusted: For a file from a stranger: refuse files outside of its folder.
+
+    Raises:
+        InputError: If the file or a record cannot be used.
+    """
+    rig = RigFit(load_fit(file, untrusted))
+    records, width, scalars = len(rig.records), len(rig.layout.unknowns), rig.layout.count
+    trials = place_count(rig.layout) + rig.file.fit.starts * (_DESCENT + _PER_UNKNOWN * width) + _PROFILE * scalars
+    search = trials * records + (width + 1) * len(rig.candidates)
+    models = list(dict.fromkeys([rig.cheap, rig.model]))
+    counts = [search, _CORRECTIONS * records][: len(models)]
+    plans = [plan(_one_of_each(rig, model), timing, recorded=True) for model in models]
+    seconds = None
+    if all(each.cpu_hours for each in plans):
+        parts = [
+            [3600 * count / records * hours for hours in each.cpu_hours]
+            for each, count in zip(plans, counts, strict=True)
+            if each.cpu_hours
+        ]
+        low, mean, high = (sum(part) + _OWN_SECONDS * trials for part in zip(*parts, strict=True))
+        seconds = low, mean, high
+    asked = counts[1] if len(counts) > 1 else 0
+    return FitPlan(records, tuple(rig.layout.names()), search, asked, (rig.model, rig.cheap), tuple(plans), seconds)
+
+
+def _one_of_each(rig: RigFit, model: str) -> Study:
+    """A study of the points of all records, with the unknowns in the middle of their ranges."""
+    columns = rig.columns_at_middle(model)
+    lines = ["[study]", 'name = "points of the records"', "[base]"]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in rig.base.items()]
+    for name, column in columns.items():
+        lines += [f"[factors.{name}]", f"values = {json.dumps(column.tolist())}"]
+    return parse_study("\n".join([*lines, "[design]", 'kind = "zip"', ""]), rig.request.origin, rig.request.folder)

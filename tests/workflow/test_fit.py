@@ -1,0 +1,222 @@
+"""Fits from files to answers: hidden frictions come back, a kill costs nothing, bad records and failures are named."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.cli.main import main
+from tripod_doe.workflow import fit_points
+
+MEASUREMENTS = Path(__file__).parents[2] / "measurements"
+sys.path.append(str(MEASUREMENTS))
+import make_rig  # noqa: E402
+
+TRUTH = {"groove_sliding_friction": 0.075, "needle_sliding_friction": 0.055}
+HEAD = """
+[fit]
+name = "two frictions"
+model_error = 0
+starts = 1
+[base]
+model = "equilibrium"
+"""
+UNKNOWNS = """
+[unknowns.groove_sliding_friction]
+low = 0.02
+high = 0.15
+[unknowns.needle_sliding_friction]
+low = 0.01
+high = 0.1
+scale = "log"
+"""
+RECORDS = """
+[records]
+table = "records.csv"
+orders = [3]
+"""
+NEXT = """
+[next]
+narrow = "needle_sliding_friction"
+[next.at.joint_angle_deg]
+values = [4, 8, 12]
+"""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rig")
+    make_rig.make_rig(folder, TRUTH, "equilibrium")
+    return folder
+
+
+@pytest.fixture
+def written(rig, tmp_path):
+    """A fit file beside a copy of the records."""
+
+    def write(text):
+        folder = tmp_path / "rig"
+        if not folder.exists():
+            shutil.copytree(rig, folder)
+        (folder / "fit.toml").write_text(text)
+        return folder / "fit.toml"
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def fitted(rig, tmp_path_factory):
+    (rig / "fit.toml").write_text(HEAD + UNKNOWNS + RECORDS + NEXT)
+    out = tmp_path_factory.mktemp("fit")
+    return out, td.fit(rig / "fit.toml", out, workers=0, progress=False)
+
+
+def test_hidden_frictions_come_back(fitted):
+    """Exact physics: the records are of the same model; noise of 2 % in 576 samples leaves these intervals."""
+    fit = xr.open_dataset(fitted[0] / "fit.nc")
+    for name, truth in TRUTH.items():
+        own = fit.sel(unknown=name)
+        assert float(own["low"]) < truth < float(own["high"])
+        assert str(own["verdict"].item()) == "found"
+    assert float(fit["value"].sel(unknown="groove_sliding_friction")) == pytest.approx(0.075, rel=0.01)
+    assert fit["correlation"].dims == ("unknown", "unknown_2")
+    assert float(fit["correlation"].sel(unknown="needle_sliding_friction", unknown_2="groove_sliding_friction")) < -0.5
+    assert fit["measured"].dims == fit["fitted"].dims == fit["residual"].dims == ("record", "order")
+    assert np.allclose(fit["measured"] - fit["fitted"], fit["residual"])
+    assert (np.abs(fit["residual"]) < 3 * fit["measured_error"]).all()
+    assert fit["next"].dims == ("candidate",)
+    assert (fit["next"] <= 1.0).all()
+
+
+def test_what_it_leaves_in_its_directory(fitted, capsys):
+    out = fitted[0]
+    page = (out / "report" / "index.html").read_text()
+    assert "What to measure next" in page
+    assert main(["query", str(out), "--variable", "verdict", "--format", "json"]) == 0
+    assert [row["verdict"] for row in json.loads(capsys.readouterr().out)] == ["found", "found"]
+    assert main(["check", str(out)]) == 0
+    assert main(["report", str(out)]) == 0
+    capsys.readouterr()
+    base = out.parent / "study.toml"
+    base.write_text(
+        '[study]\nname = "pasted"\n' + (out / "base.toml").read_text() + "[factors.torque_n_m]\nvalues = [50]\n"
+    )
+    pasted = td.load_study(base)
+    assert pasted.base["groove_sliding_friction"] == pytest.approx(0.075, rel=0.01)
+    tolerance = td.load_study(out / "tolerance.toml")
+    assert list(tolerance.factors) == list(TRUTH)
+
+
+def test_a_kill_loses_no_point_and_changes_nothing(fitted, tmp_path, monkeypatch):
+    """Invariance: stopped in the middle, run again, the result is the same, and no point is computed twice."""
+    rig = Path(fitted[0])
+    source = xr.open_dataset(rig / "fit.nc").attrs["fit"]
+    file = fitted[1].directory.parent / "again.toml"
+    folder = next(path.parent for path in file.parent.parent.rglob("records.csv"))
+    (folder / "again.toml").write_text(source)
+    whole = fit_points.FitPoints._compute
+
+    def stopped(self, asked, missing):
+        whole(self, asked, missing)
+        if self.computed > 300:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(fit_points.FitPoints, "_compute", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            td.fit(folder / "again.toml", tmp_path / "out", workers=0, progress=False)
+    assert not (tmp_path / "out" / "fit.nc").exists()
+    again = td.fit(folder / "again.toml", tmp_path / "out", workers=0, progress=False)
+    assert again.reused > 300
+    assert again.computed + again.reused == fitted[1].computed
+    first, second = (xr.open_dataset(path / "fit.nc") for path in (fitted[0], tmp_path / "out"))
+    xr.testing.assert_identical(first.drop_attrs(), second.drop_attrs())
+
+
+def test_a_record_that_does_not_fit_is_left_out_and_named(written, tmp_path):
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    bad = file.parent / "record_3.csv"
+    head, *rows = bad.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    bad.write_text("\n".join([head, *(f"{t},{a},{1.3 * float(f):.3f}" for t, a, f in cells), ""]))
+    result = td.fit(file, tmp_path / "out", workers=0, progress=False).result
+    assert result["record"].values[result["left_out"].values == 1].tolist() == ["record_3.csv"]
+    own = result.sel(unknown="groove_sliding_friction")
+    assert float(own["low"]) < 0.075 < float(own["high"])
+    assert "record_3.csv" in (tmp_path / "out" / "report" / "index.html").read_text()
+
+
+def test_an_unknown_of_each_record(written, tmp_path):
+    """Each record may have its own value: that of the groove comes out the same in all, within its interval."""
+    text = UNKNOWNS.partition("[unknowns.needle_sliding_friction]")[0] + 'per = "record"\n'
+    result = td.fit(
+        written(HEAD + "needle_sliding_friction = 0.055\n" + text + RECORDS),
+        tmp_path / "out",
+        workers=0,
+        progress=False,
+    ).result
+    own = result.sel(unknown="groove_sliding_friction")
+    assert own["value_of_record"].dims == ("record",)
+    assert (own["low_of_record"] < 0.075 * 1.002).all()
+    assert (own["high_of_record"] > 0.075 * 0.998).all()
+    assert own["value_of_record"].values == pytest.approx(np.full(8, 0.075), rel=0.02)
+    assert set(own["verdict_of_record"].values) == {"found"}
+    assert np.isnan(own["value"])
+
+
+def test_what_records_do_not_tell_is_said(written, tmp_path):
+    """Exact physics: the thrust goes with friction over pitch radius, so one record knows nothing but their ratio."""
+    size = "[unknowns.pitch_radius_mm]\nlow = 19\nhigh = 24\n"
+    base = "joint_angle_deg = 6\ntorque_n_m = 100\nneedle_sliding_friction = 0.055\n"
+    groove = UNKNOWNS.partition("[unknowns.needle_sliding_friction]")[0]
+    file = written(HEAD + base + groove + size + '[records]\nfiles = ["record_1.csv"]\norders = [3]\n')
+    result = td.fit(file, tmp_path / "out", workers=0, progress=False).result
+    assert result["verdict"].values.tolist() == ["combination", "combination"]
+    (known,) = json.loads(result.attrs["combinations"])
+    factors = {name: factor for name, _, factor in known["parts"]}
+    slope = -factors["pitch_radius_mm"] / factors["groove_sliding_friction"]  # of friction over radius along the valley
+    friction = float(result["value"].sel(unknown="groove_sliding_friction"))
+    assert 0 < slope < 2 * friction / float(result["value"].sel(unknown="pitch_radius_mm"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            ("[unknowns.groove_sliding_friction]", "[unknowns.grove_sliding_friction]"),
+            "did you mean 'groove_sliding_friction'",
+        ),
+        (("high = 0.15", "high = 0.01"), "low = 0.02 must be below high = 0.01"),
+        (("orders = [3]", "orders = [3, 13]"), "rotating orders are 1 to 12"),
+        (("orders = [3]", "oders = [3]"), "did you mean 'orders'"),
+        (('scale = "log"', 'per = "joint"'), "per = 'joint'"),
+        (("records.csv", "record.csv"), "cannot read"),
+        (('table = "records.csv"', 'files = ["nothing*.csv"]'), "no file has such a name"),
+        (('model = "equilibrium"', 'model = "equilibrium"\nneedle_sliding_friction = 0.05'), "remove it from [base]"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said(written, tmp_path, capsys, change, words):
+    file = written((HEAD + UNKNOWNS + RECORDS).replace(*change))
+    assert main(["fit", str(file), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert str(file) in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_plan_prices_it(written, capsys):
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    assert main(["plan", str(file), "--no-timing"]) == 0
+    said = capsys.readouterr().out
+    assert "records      8" in said
+    assert "2 numbers" in said
+    assert "CPU time" in said
+    assert main(["run", str(file), "--out", "nowhere"]) == 2
+    assert "tripod-doe fit" in capsys.readouterr().err
