@@ -15,6 +15,7 @@ import xarray as xr
 
 from started import Process
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
@@ -369,7 +370,7 @@ def test_a_storm_notices_what_is_lost_and_what_is_written_elsewhere(benchmark, t
     with xr.open_dataset(disturbed.out / "cube.nc") as cube:
         changed = cube.load()
     changed["y"][1] += 1e-9
-    changed.to_netcdf(disturbed.out / "cube.nc")
+    write_dataset(changed, disturbed.out / "cube.nc")
     (disturbed.folder / "stray").write_text("")
     disturbed.compare()
     assert disturbed.faults == ["out1: cube.nc differs", f"written elsewhere: {disturbed.folder / 'stray'}"]

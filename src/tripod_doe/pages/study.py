@@ -46,7 +46,6 @@ from tripod_doe.report.templates import render
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
-from tripod_doe.study.results.check import refuse_other_study
 from tripod_doe.study.results.result_cube import is_shown, opened_cube
 
 _MOST_FAILED = 50
@@ -116,10 +115,7 @@ def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
     CubeError
         If one is damaged or of another study.
     """
-    paths = sorted((directory / "analysis").glob("*.nc"))
-    for path in paths:
-        refuse_other_study(path)
-    return {path.stem: read_dataset(path) for path in paths}
+    return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
 
 
 def make_page(

@@ -25,7 +25,8 @@ from tripod_doe.names import path_within
 from tripod_doe.pages.workflow import chain_page, step_page, write_charts
 from tripod_doe.pages.workflow_chart import StepView
 from tripod_doe.quantities import duration
-from tripod_doe.study.cube.file_digest import is_damaged
+from tripod_doe.study.cube.file_checks import DIGEST, STEP, is_of_its_step
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
@@ -168,14 +169,16 @@ class _Chain:
         """A step that was finished before from the same inputs, None where it was not."""
         folder = self.folder(step.name)
         try:
-            record = json.loads((folder / "step.json").read_text(encoding="utf-8"))
+            record = json.loads((folder / STEP).read_text(encoding="utf-8"))
             of, seconds, detail = record["hash"], float(record["seconds"]), str(record["detail"])
         except (OSError, ValueError, KeyError, TypeError):  # missing or damaged: the step runs again
             return None
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
         if of != step.hash or not all(mark.exists() for mark in marks):
             return None
-        if any(is_damaged(mark) for mark in marks if mark.is_file()):
+        if any(is_damaged(mark) or (mark.suffix == ".nc" and not is_sealed(mark)) for mark in marks if mark.is_file()):
+            return None
+        if not is_of_its_step(folder / "cube.nc"):
             return None
         return self.view(step, "reused", seconds, detail)
 
@@ -199,11 +202,13 @@ class _Chain:
             return self._report_state(self.view(step, "failed", time.perf_counter() - started, reason))
         seconds = round(time.perf_counter() - started, 3)
         record = {"hash": step.hash, "seconds": seconds, "detail": detail}
+        if isinstance(step.table, AnalysisStep):
+            record[DIGEST] = stored_digest(self.folder(name) / "cube.nc")
         if lacking:  # its inputs may yet be completed under the same hash, so it is made again next time
-            (self.folder(step.name) / "step.json").unlink(missing_ok=True)
+            (self.folder(step.name) / STEP).unlink(missing_ok=True)
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
         else:
-            replace_text(self.folder(step.name) / "step.json", json.dumps(record))
+            replace_text(self.folder(step.name) / STEP, json.dumps(record))
         return self._report_state(self.view(step, "finished", seconds, detail))
 
     def _reads_failed(self, step: Step) -> bool:

@@ -13,7 +13,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.errors import CubeError
 from tripod_doe.simulator import BlockResult, Outcome
-from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, journal_path
+from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, damage, journal_path
 from tripod_doe.study.journal.rows import PAGE_BYTES
 from tripod_doe.study.results.directory import ResultDirectory
 
@@ -250,3 +250,24 @@ def test_a_journal_with_views_or_triggers_is_not_read(out, strange):
         Journal(out, read_only=True)
     with Journal(out) as journal:  # what is whole is kept, in tables of its own
         assert numbers(journal) == list(range(BLOCKS))
+
+
+@pytest.mark.parametrize("key", [SHOWN, "repairs"])
+@pytest.mark.parametrize(
+    "value", ["abc", "", "-5", "9" * 40, "9" * 5000, "\x1b[31mred", "[]", "1e400", "\N{SUPERSCRIPT TWO}"]
+)
+def test_a_note_that_must_be_a_number_and_is_none_costs_no_block(out, capsys, key, value):
+    """Its checksum fits, as whoever can write a file can write its checksum: it ended in an internal error."""
+    with Journal(out) as journal:
+        journal.remember({key: value})
+    assert "is no number" in damage(journal_path(out))
+    with (
+        pytest.raises(CubeError, match=r"the journal is damaged .*is no number"),
+        Journal(out, read_only=True) as journal,
+    ):
+        journal.check()
+    ResultDirectory(out).close()
+    assert "60 blocks can be read" in capsys.readouterr().err
+    with Journal(out) as journal:
+        assert numbers(journal) == list(range(BLOCKS))
+        assert journal.state() == str(BLOCKS)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import shutil
+import signal
+from contextlib import contextmanager
 from pathlib import Path
 
 import netCDF4
@@ -14,7 +17,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study.cube import netcdf
+from tripod_doe.study.cube import file_checks
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.netcdf import write_dataset
@@ -159,7 +162,7 @@ def test_coordinates_have_checksums_too(cube):
 
 
 def test_a_large_cube_that_is_read_in_parts_is_checked_part_by_part(cube, monkeypatch, capsys):
-    monkeypatch.setattr(netcdf, "MOST_CHECKED", 1000)
+    monkeypatch.setattr(file_checks, "MOST_CHECKED", 1000)
     flip(cube, 8 * (cube.stat().st_size // 2))
     assert main(["query", str(cube), "--variable", "y", "--select", "x=3"]) == 2
     assert "cube.nc: not a readable cube" in capsys.readouterr().err
@@ -194,15 +197,107 @@ def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_pat
     assert read["cpu_seconds"].equals(before["cpu_seconds"])
     capsys.readouterr()
     refused = file.startswith("analysis")
-    assert main(["report", str(out)]) == (2 if refused else 0)
-    assert ("its results are of another study" in capsys.readouterr().err) == refused
+    commands = [["report", str(out)], ["query", str(out / file), "--variable", "ST" if refused else "outcome"]]
+    for command in commands[: 2 if refused else 1]:
+        assert main(command) == (2 if refused else 0)
+        assert ("its results are of another study" in capsys.readouterr().err) == refused
+    for read_file in (td.open_cube, read_dataset):
+        with pytest.raises(td.CubeError, match="its results are of another study"):
+            read_file(out / file)
+
+
+@pytest.mark.parametrize("file", ["cube.nc", "cost.nc", "analysis/sobol.nc"])
+@pytest.mark.parametrize("lost", ["last sector", "last sector, and one of texts", "the checksum alone"])
+def test_a_result_without_its_checksum_is_refused_and_made_anew(folder, capsys, file, lost):
+    """Texts vanished in silence, or HDF5 looped for ever, as a file without a checksum counted as whole."""
+    out = folder / "out"
+    before = answer(out / file if file.startswith("analysis") else out)[1]
+    content = bytearray((out / file).read_bytes())
+    if lost == "the checksum alone":
+        del content[-83:]
+    else:
+        end = (len(content) - 1) // 512 * 512
+        content[end:] = bytes(len(content) - end)
+    if lost.endswith("texts"):
+        heap = content.index(b"GCOL") // 512 * 512
+        content[heap : heap + 512] = bytes(512)
+    (out / file).write_bytes(content)
+    reason = "the checksum at its end is missing" if lost == "the checksum alone" else "does not fit its checksum"
+    message, read = answer(out / file if file.startswith("analysis") else out)
+    assert read is None
+    assert reason in message
+    assert [checked.path for checked in check_files(out) if not checked.is_whole] == [out / file]
+    assert main(["run", str(folder / "checked.toml"), "--out", str(out), "--workers", "0"]) == 0
+    assert all(checked.is_whole for checked in check_files(out))
+    assert answer(out / file if file.startswith("analysis") else out)[1].equals(before)
+    capsys.readouterr()
+    loose = folder / "loose.nc"
+    loose.write_bytes(content)
+    assert (main(["check", str(loose)]) == 3) == (lost != "the checksum alone")
+    assert ("names, attributes and texts are not checked" in capsys.readouterr().out) == (lost == "the checksum alone")
+
+
+@pytest.mark.parametrize("file", [*FILES, "study.toml", "report/index.html", ".lock", "journal.sqlite-wal"])
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_what_is_no_file_is_refused_and_not_opened(folder, capsys, file, kind):
+    """A pipe held up every command, and a device filled the memory."""
+    out = folder / "out"
+    (out / file).parent.mkdir(exist_ok=True)
+    (out / file).unlink(missing_ok=True)
+    if kind == "pipe":
+        os.mkfifo(out / file)
+    else:
+        (out / file).symlink_to("/dev/zero")
+    commands = [["query", str(out), "--variable", "outcome"], ["check", str(out)], ["report", str(out)]]
+    commands += [["query", str(out / file), "--variable", "ST"]] if file.startswith("analysis") else []
+    commands += [["run", str(folder / "checked.toml"), "--out", str(out), "--workers", "0"]] if kind == "pipe" else []
+    with within(30):
+        codes = [main(command) for command in commands]
+    assert set(codes) <= {0, 1, 2, 3}
+    assert "internal error" not in capsys.readouterr().err
+    assert (codes[1] == 3) == ("sqlite" in file or (kind == "pipe" and file in (*FILES, "study.toml")))
+
+
+@contextmanager
+def within(seconds):
+    """A limit of time, also for what waits in the system."""
+
+    def late(*_):
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_links_are_named(folder, capsys):
+    out = folder / "out"
+    (out / "cost.nc").rename(folder / "elsewhere.nc")
+    (out / "cost.nc").symlink_to(folder / "elsewhere.nc")
+    assert main(["check", str(out)]) == 0
+    assert f"skipped  {out / 'cost.nc'}: a symbolic link" in capsys.readouterr().out
+    (folder / "link").symlink_to(out)
+    assert main(["check", str(folder / "link")]) == 0
+    assert "cube.nc" in capsys.readouterr().out
+
+
+def test_texts_of_a_file_without_a_checksum_are_read_by_check(whole, tmp_path):
+    """Their type has no size: an error of Python was shown as damage."""
+    loose = tmp_path / "loose.nc"
+    loose.write_bytes((whole / "out" / "analysis" / "sobol.nc").read_bytes()[:-83])
+    (checked,) = check_files(loose)
+    assert checked.is_whole
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_damage_without_a_checksum_ends_with_a_message(folder, capsys, seed):
     """Of names and attributes, where the digest is gone: netCDF4 raises errors of many kinds."""
-    cube = folder / "out" / "cube.nc"
-    content = cube.read_bytes()[:-83]
+    cube = folder / "cube.nc"  # in the result directory it would be refused
+    content = (folder / "out" / "cube.nc").read_bytes()[:-83]
     places = [at for at in range(len(content)) if content[at : at + 2] == b"OH"]  # headers of variables
     rng = random.Random(seed)
     place = rng.choice(places)

@@ -182,3 +182,23 @@ def test_a_directory_with_planted_links_is_refused(tmp_path, capsys, name, comma
     assert main(words) == 2
     assert f"{name} is a link to {str(target)!r}" in capsys.readouterr().err
     assert not list(elsewhere.iterdir())
+
+
+@pytest.mark.parametrize(
+    "signature",
+    [
+        '{"host": "HERE", "process": 99999999999999999999}',
+        '{"host": "HERE", "process": -1}',
+        '{"host": "HERE", "process": true}',
+        '{"host": "HERE", "process": 1, "since": "x"}',
+        '{"host": "HERE", "process": 1, "since": 1e999}',
+        '{"host": ["a"], "process": 5, "token": {}}',
+        "[" * 100_000,
+        "9" * 5000,
+    ],
+)
+def test_a_signature_that_no_process_wrote_names_nobody(tmp_path, signature):
+    """Regression: numbers that no process can have ended in internal errors."""
+    (tmp_path / ".lock").write_text(signature.replace("HERE", socket.gethostname()))
+    DirectoryLock(tmp_path).release()
+    assert (tmp_path / ".lock").read_text() == ""

@@ -10,6 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import CubeError
+from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.cube.netcdf import reading
 from tripod_doe.study.results.result_cube import cube_files, cube_so_far, unshown_state
@@ -34,6 +35,8 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
     files = [] if state else cube_files(place)
     if not all(file.exists() for file in files):
         raise CubeError(f"{place.name}: no point has finished yet")
+    for file in files:
+        refuse_unfit(file)
     key = (str(place), state, *((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
     if state and key not in _kept:
         _keep(key, cube_so_far(place))

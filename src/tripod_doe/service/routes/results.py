@@ -14,6 +14,7 @@ from starlette.types import Receive, Scope, Send
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Comparison
 from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, AnyService, Body, errors_at, gives, takes
+from tripod_doe.service.service import Service
 from tripod_doe.study.results.result_cube import is_shown
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
@@ -54,7 +55,7 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
     """The cube as a netCDF file; while the study runs, with the points that are finished."""
     directory = service.results(run_id, step)
     if is_shown(directory):
-        return _file(directory / "cube.nc")
+        return _file(service, directory / "cube.nc")
     folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
     try:
         service.ask("workers.questions:cube", path=str(directory), folder=str(folder))
@@ -88,7 +89,7 @@ def compare(run_id: str, body: Body, service: AnyService, step: Step = None) -> 
 @router.get("/analysis/{name}.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> Response:
     """The result of an analysis as a netCDF file."""
-    return _file(service.analysis_file(run_id, name, step))
+    return _file(service, service.analysis_file(run_id, name, step))
 
 
 class _TemporaryFile(FileResponse):
@@ -102,7 +103,8 @@ class _TemporaryFile(FileResponse):
             shutil.rmtree(Path(self.path).parent)
 
 
-def _file(path: Path) -> Response:
+def _file(service: Service, path: Path) -> Response:
     if not path.is_file():
         raise RefusedError(404, f"{path.name}: this run has no such file yet")
+    service.ask("workers.questions:check_file", path=str(path))
     return FileResponse(path, media_type=_TYPES["netcdf"], filename=path.name)

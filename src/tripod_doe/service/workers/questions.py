@@ -141,6 +141,13 @@ def cube(path: str, folder: str) -> None:
     write_cube_so_far(Path(path), Path(folder))
 
 
+def check_file(path: str) -> None:
+    """Refuse a file that must not be delivered; see `refuse_unfit`."""
+    from tripod_doe.study.cube.file_checks import refuse_unfit
+
+    refuse_unfit(Path(path))
+
+
 def describe(path: str) -> Any:
     """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
     from tripod_doe.service.explorer.descriptions import describe_cube

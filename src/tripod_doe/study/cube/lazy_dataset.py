@@ -20,7 +20,8 @@ from xarray.backends import BackendArray, NetCDF4DataStore
 from xarray.core import indexing
 from xarray.indexes import PandasIndex
 
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, refuse_damaged, shared_file
+from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, shared_file
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box, slabs
 
@@ -31,9 +32,9 @@ def read_dataset(path: Path) -> xr.Dataset:
     """Read a netCDF file into memory.
 
     Raises:
-        CubeError: If the file is missing or damaged.
+        CubeError: If the file is missing, damaged or of another study than its directory.
     """
-    refuse_damaged(path, whole=True)
+    refuse_unfit(path, whole=True)
     with lazy_dataset(path) as stored, reading(path):
         return stored.load()
 
@@ -54,9 +55,9 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         by_number: Whether points of a list can be selected by their numbers.
 
     Raises:
-        CubeError: If the file is missing or damaged.
+        CubeError: If the file is missing, damaged or of another study than its directory.
     """
-    refuse_damaged(path)
+    refuse_unfit(path)
     with reading(path):
         # not while values are read: Dask's threads, which take it for each, would wait for this one
         with NETCDF_LOCK, warnings.catch_warnings():

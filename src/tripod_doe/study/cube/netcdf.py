@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.cube.file_digest import is_damaged, seal
+from tripod_doe.study.cube.file_digest import seal
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box
 
@@ -38,9 +37,6 @@ CHUNK_BYTES = 2_000_000
 
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
-
-MOST_CHECKED = 100_000_000
-"""Bytes of a file up to which its digest is checked when it is opened: 0.2 s."""
 
 _UNREADABLE = (OSError, RuntimeError, ValueError, KeyError, AttributeError, IndexError, TypeError)
 """Errors of netCDF4 and xarray for a damaged file."""
@@ -112,39 +108,6 @@ def reading(path: Path) -> Iterator[None]:
         yield
     except _UNREADABLE as error:
         raise CubeError(f"{path}: not a readable cube ({error}); {remedy(path)}") from error
-
-
-def refuse_damaged(path: Path, whole: bool = False) -> None:
-    """Refuse a file that does not match its digest.
-
-    Args:
-        path: The file; one without a digest is taken as it is.
-        whole: Whether a large file is read for that, too.
-
-    Raises:
-        CubeError: If it is damaged.
-    """
-    with reading(path):
-        if is_damaged(path, None if whole else MOST_CHECKED):
-            raise CubeError(f"{path}: damaged: its content does not fit its checksum; {remedy(path)}")
-
-
-def study_hash(path: Path) -> str:
-    """Read the hash of the study of a cube; empty without one.
-
-    Raises:
-        CubeError: If the file is missing or damaged.
-    """
-    refuse_damaged(path)
-    with reading(path):
-        state = path.stat()
-        return _study_hash(path, (state.st_ino, state.st_size, state.st_mtime_ns))
-
-
-@lru_cache(maxsize=1000)
-def _study_hash(path: Path, version: tuple[int, ...]) -> str:
-    with opened_file(path) as stored:
-        return str(stored.study_hash) if "study_hash" in stored.ncattrs() else ""
 
 
 @contextmanager

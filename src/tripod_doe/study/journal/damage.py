@@ -8,7 +8,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,7 @@ _WITHOUT_ACCESS = {
 }
 _HEADER = b"SQLite format 3\0" + PAGE_BYTES.to_bytes(2, "big")
 _VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # the next fields of the header
+_MOST_DIGITS = 18  # of a number in a note
 _COMMIT = 0.5  # seconds that a commit may take between its log and its end
 _BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
 _NOTES = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note"
@@ -143,7 +144,10 @@ def _note_damage(connection: sqlite3.Connection) -> str:
     for note in notes:
         if reason := _reason(note.check):
             return f"note {note.key!r}: {reason}"
-    shown = next((int(note.value) for note in notes if note.key == SHOWN), 0)
+    for note in notes:
+        if note.key in (SHOWN, REPAIRS) and (reason := _reason(partial(counted, note.key, note.value))):
+            return reason
+    shown = next((counted(SHOWN, note.value) for note in notes if note.key == SHOWN), 0)
     ((newest,),) = connection.execute("SELECT coalesce(max(id), 0) FROM block")
     return f"block {shown} is not there" if shown > newest else ""
 
@@ -159,12 +163,23 @@ def _log_damage(connection: sqlite3.Connection, logged: set[int]) -> str:
     return f"its log hides {count_of(hidden(), 'block')} behind damage" if hidden() else ""
 
 
-def _reason(check: Callable[[], None]) -> str:
+def _reason(check: Callable[[], object]) -> str:
     try:
         check()
     except DamagedRowError as error:
         return str(error)
     return ""
+
+
+def counted(key: str, note: str | None) -> int:
+    """The number in a note, 0 where it is not there.
+
+    Raises:
+        DamagedRowError: If it is none: a checksum shows accidents only.
+    """
+    if note is not None and not (note.isascii() and note.isdigit() and len(note) <= _MOST_DIGITS):
+        raise DamagedRowError(f"note {key!r} is no number")
+    return int(note or 0)
 
 
 def rescue(path: Path, reason: str) -> str:
@@ -181,6 +196,9 @@ def rescue(path: Path, reason: str) -> str:
     """
     whole = {row.id: row.kernels for row in _blocks(stored_rows(path, PAGE_BYTES))}
     notes = {note.key: note.value for note in _notes(stored_rows(path, PAGE_BYTES))}
+    for key in (SHOWN, REPAIRS):
+        if _reason(partial(counted, key, notes.get(key))):
+            del notes[key]
     if not whole:
         remedy = f"move it elsewhere or choose another {option('out')}"
         raise CubeError(f"{path}: not a readable journal ({reason}); {remedy}")

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.study.journal.damage import KERNELS, REPAIRS, SHOWN, connected, damage, is_damage, rescue
+from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.study.journal.damage import KERNELS, REPAIRS, SHOWN, connected, counted, damage, is_damage, rescue
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
@@ -78,6 +79,8 @@ class Journal:
 
     def __init__(self, directory: Path, read_only: bool = False) -> None:
         self.path, self._writes = journal_path(directory), not read_only
+        for name in ("", "-wal", "-shm", "-journal"):  # its companions
+            refuse_irregular(self.path.with_name(f"{self.path.name}{name}"), CubeError)
         if read_only:
             with self._reading("its first bytes"):
                 self._connection = connected(self.path, "ro")
@@ -138,7 +141,9 @@ class Journal:
     def state(self) -> str:
         """Name what the journal holds, by a word that differs after every commit; "0" where it holds nothing."""
         newest = self._newest()
-        if newest < (shown := int(self.recall(SHOWN) or 0)):
+        with self._reading("its notes"):
+            shown = counted(SHOWN, self.recall(SHOWN))
+        if newest < shown:
             raise self._damaged(f"block {shown} is not there")
         return str(newest)
 

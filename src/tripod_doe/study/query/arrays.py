@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, refuse_damaged
+from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.results.result_cube import cube_files, cube_so_far, is_shown
 
@@ -120,7 +121,7 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     try:
         with NETCDF_LOCK:
             for file in cube_files(Path(path)):
-                refuse_damaged(file)
+                refuse_unfit(file)
                 with reading(file):
                     stored.append(netCDF4.Dataset(file))
                     labels = _coordinate_names(stored[-1])

@@ -6,15 +6,19 @@ import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from tripod_doe.errors import CubeError, InputError, option
-from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
-from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, study_hash
+from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.file_digest import is_sealed
+from tripod_doe.study.cube.netcdf import opened_file, reading
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.journal import STUDY_HASH, Journal, damage, journal_path
+from tripod_doe.study.journal import Journal, damage, journal_path
 from tripod_doe.study.results.result_cube import refuse_changed_study
 
 _SLAB_BYTES = 32_000_000
+_TEXT_BYTES = 64
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,7 @@ class CheckedFile:
     path: Path
     damage: str = ""  # a sentence with the remedy; empty where it is intact
     note: str = ""  # parts that were not checked
+    is_checked: bool = True  # whether any of it was
 
     @property
     def is_whole(self) -> bool:
@@ -39,7 +44,7 @@ def check_files(path: Path) -> list[CheckedFile]:
     """
     if not path.exists():
         raise InputError(f"{path}: there is no such file or directory")
-    checked = list(_checked(path))
+    checked = list(_checked(path.resolve() if path.is_symlink() else path))
     if not checked:
         raise InputError(f"{path}: no netCDF file and no journal here; name a result directory or a cube")
     return checked
@@ -47,8 +52,8 @@ def check_files(path: Path) -> list[CheckedFile]:
 
 def _checked(path: Path) -> Iterator[CheckedFile]:
     if path.is_symlink():  # to a place elsewhere
-        return
-    if path.is_dir():
+        yield CheckedFile(path, note="a symbolic link; check the file to which it leads", is_checked=False)
+    elif path.is_dir():
         for inner in sorted(path.iterdir()):
             if not inner.name.startswith("."):
                 yield from _checked(inner)
@@ -61,57 +66,32 @@ def _checked(path: Path) -> Iterator[CheckedFile]:
 
 
 def _checked_netcdf(path: Path) -> CheckedFile:
-    checked = _checked_content(path)
-    if not checked.is_whole:
-        return checked
     try:
-        refuse_other_study(path)
-    except CubeError as error:
-        return CheckedFile(path, str(error).removeprefix(f"{path}: "))
-    return checked
-
-
-def refuse_other_study(path: Path) -> None:
-    """Refuse a file of a result directory that names another study.
-
-    Raises:
-        CubeError: If it does; the message says how the file is made anew.
-    """
-    if not _is_of_its_directory(path):
-        raise CubeError(f"{path}: its results are of another study; {remedy(path)}")
-
-
-def _is_of_its_directory(path: Path) -> bool:
-    """Whether a file names the study of its result directory; true where one of them is not known."""
-    directory = path.parent.parent if path.parent.name == "analysis" else path.parent
-    if not journal_path(directory).exists():
-        return True
-    try:
-        with Journal(directory, read_only=True) as journal:
-            expected = journal.recall(STUDY_HASH)
-        return expected is None or study_hash(path) in ("", expected)
-    except CubeError:  # of the journal, which is checked itself
-        return True
-
-
-def _checked_content(path: Path) -> CheckedFile:
-    if is_sealed(path):
-        return CheckedFile(path, f"its content does not fit its checksum; {remedy(path)}" if is_damaged(path) else "")
-    try:
+        refuse_unfit(path, whole=True)
+        if is_sealed(path):
+            return CheckedFile(path)
         with reading(path), opened_file(path) as stored:
             for variable in stored.variables.values():
-                for slab in slabs(variable.shape, box(variable.shape, variable.dtype.itemsize, _SLAB_BYTES)):
+                for slab in slabs(variable.shape, box(variable.shape, _item_bytes(variable), _SLAB_BYTES)):
                     variable[slab.place]  # HDF5 checks its chunks
     except CubeError as error:
         return CheckedFile(path, str(error).removeprefix(f"{path}: "))
     return CheckedFile(path, note="without a checksum of the file: names, attributes and texts are not checked")
 
 
+def _item_bytes(variable: Any) -> int:
+    """Bytes of a value in memory; of a text, which is as long as it is, those of its place."""
+    return int(getattr(variable.dtype, "itemsize", _TEXT_BYTES))
+
+
 def _checked_journal(path: Path) -> CheckedFile:
     try:
+        refuse_irregular(path, CubeError)
         damaged = damage(path)
     except sqlite3.Error as error:
         return CheckedFile(path, f"cannot be read: {error}")
+    except CubeError as error:
+        return CheckedFile(path, str(error).removeprefix(f"{path}: "))
     if not damaged:
         return CheckedFile(path)
     rerun = (

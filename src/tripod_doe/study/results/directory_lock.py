@@ -20,9 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
+from tripod_doe.regular_files import refuse_irregular
 
 _LOCK = ".lock"
 _SIGNING = 0.2  # seconds in which a process that has the lock names itself
+_LONGEST = 1000  # characters of the signature
+_MOST_PROCESSES, _END_OF_TIME = 2**31, 1e12
 _CLOCK = 2.0  # seconds by which the start of a process is uncertain
 
 
@@ -117,11 +120,15 @@ def _opened(file: Path) -> int:
 def _holder(file: Path) -> dict[str, Any]:
     """Host, number and token of the holder of a directory; empty where they are not known."""
     try:
-        holder = json.loads(file.read_text())
-    except (OSError, ValueError):
+        refuse_irregular(file)
+        holder = json.loads(file.read_text()[:_LONGEST])
+    except (OSError, ValueError, RecursionError, InputError):
         return {}
-    known = isinstance(holder, dict) and isinstance(holder.get("process"), int) and "host" in holder
-    return holder if known else {}
+    if not isinstance(holder, dict) or not isinstance(holder.get("host"), str):
+        return {}
+    process, since = holder.get("process"), holder.get("since", 0.0)
+    is_process = type(process) is int and 0 < process < _MOST_PROCESSES
+    return holder if is_process and type(since) in (int, float) and abs(since) < _END_OF_TIME else {}
 
 
 def _gone(holder: dict[str, Any]) -> bool:

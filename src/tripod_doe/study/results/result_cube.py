@@ -12,7 +12,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.cube.netcdf import study_hash
+from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.study.cube.file_checks import study_hash
 from tripod_doe.study.journal import SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -188,6 +189,7 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
         If it was damaged or edited.
     """
     path = directory / "study.toml"
+    refuse_irregular(path, CubeError)
     if path.exists() and journal.recall(STUDY) not in (None, text_digest(path.read_bytes())):
         raise CubeError(
             f"{path}: damaged or edited: it is not the study of these results; run the study again with the same "

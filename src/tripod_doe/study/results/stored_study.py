@@ -16,7 +16,8 @@ from typing import Any
 import tomlkit
 
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import InputError, option
+from tripod_doe.errors import CubeError, InputError, option
+from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_file import StudyFile, parse_file, parse_toml, read_text
@@ -94,6 +95,7 @@ def stored_study(directory: Path, most_points: int | None = None) -> Study:
     """
     path = directory / STORED
     try:
+        refuse_irregular(path)
         text = read_text(path, "study")
         folder = ResultFolder(directory, False, most_points, _record(directory, parse_file(text, str(path))))
         return parse_study(text, str(path), folder)
@@ -110,8 +112,20 @@ def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
     if journal_path(directory).is_file():
         with Journal(directory, read_only=True) as journal:
             if (note := journal.recall(FUNCTION)) is not None:
-                return json.loads(note)
+                return _recorded(note, directory)
     return {"arguments": dict.fromkeys([*file.base, *file.factors])}
+
+
+def _recorded(note: str, directory: Path) -> dict[str, Any]:
+    try:
+        record: dict[str, Any] = json.loads(note)
+        RecordedFunction("", record)
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise CubeError(
+            f"{journal_path(directory)}: its note {FUNCTION!r} is no record of a function; run the study again with "
+            f"the same {option('out')}"
+        ) from error
+    return record
 
 
 def keep_sources(study: Study, directory: Path) -> dict[str, str]:

@@ -1,0 +1,99 @@
+"""What a netCDF file must be before it is read: a file, undamaged, and in a result directory one of its results.
+
+All readers of netCDF files call `refuse_unfit`.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+from tripod_doe.errors import CubeError
+from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
+from tripod_doe.study.cube.netcdf import opened_file, reading, remedy
+from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path
+
+MOST_CHECKED = 100_000_000
+"""Bytes of a file up to which its digest is checked when it is opened: 0.2 s."""
+
+STEP, DIGEST = "step.json", "cube_digest"
+"""The record of a finished step of a workflow, and its key for the digest of the cube of an analysis."""
+
+_RESULTS = ("cube.nc", "cost.nc", "choice.nc")
+_ANALYSES = "analysis"
+
+
+def refuse_unfit(path: Path, whole: bool = False) -> None:
+    """Refuse a file that is none, that is damaged, or that does not belong to its result directory.
+
+    Args:
+        path: The file; outside of a result directory, one without a digest is taken as it is.
+        whole: Whether a large file is read for that, too.
+
+    Raises:
+        CubeError: With the reason and the remedy.
+    """
+    _refuse_damaged(path, whole)
+    if (directory := _directory_of(path)) is not None:
+        _refuse_other_study(path, directory)
+    elif not is_of_its_step(path):
+        raise CubeError(f"{path}: it is not the result of this step of the workflow; {remedy(path)}")
+
+
+def _refuse_damaged(path: Path, whole: bool) -> None:
+    refuse_irregular(path, CubeError)
+    with reading(path):
+        if is_damaged(path, None if whole else MOST_CHECKED):
+            raise CubeError(f"{path}: damaged: its content does not fit its checksum; {remedy(path)}")
+        if _directory_of(path) is not None and not is_sealed(path):
+            raise CubeError(
+                f"{path}: the checksum at its end is missing, as another program changed the file, or its end is lost; "
+                f"{remedy(path)}; or move the file out of the result directory to read it as it is"
+            )
+
+
+def _directory_of(path: Path) -> Path | None:
+    """The result directory that a file is a result of, by its place; None for any other file."""
+    inside = path.name in _RESULTS or path.parent.name == _ANALYSES
+    directory = path.parent.parent if path.parent.name == _ANALYSES else path.parent
+    return directory if inside and journal_path(directory).exists() else None
+
+
+def is_of_its_step(path: Path) -> bool:
+    """Whether the cube of a step of a workflow is the one in the step's record; true where it has none."""
+    record = path.with_name(STEP)
+    if path.name != "cube.nc" or not record.is_file():
+        return True
+    try:
+        recorded = json.loads(record.read_text(encoding="utf-8")).get(DIGEST)
+    except (OSError, ValueError, RecursionError, AttributeError):  # then the step runs again
+        return True
+    return recorded is None or recorded == stored_digest(path)
+
+
+def _refuse_other_study(path: Path, directory: Path) -> None:
+    with Journal(directory, read_only=True) as journal:
+        expected = journal.recall(STUDY_HASH)
+    known = study_hash(path)
+    if expected is not None and known != expected and (known or path.parent.name == _ANALYSES):
+        raise CubeError(f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}")
+
+
+def study_hash(path: Path) -> str:
+    """Read the hash of the study of a cube or an analysis; empty without one.
+
+    Raises:
+        CubeError: If the file is missing or damaged.
+    """
+    _refuse_damaged(path, whole=False)
+    with reading(path):
+        state = path.stat()
+        return _study_hash(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+
+
+@lru_cache(maxsize=1000)
+def _study_hash(path: Path, version: tuple[int, ...]) -> str:
+    with opened_file(path) as stored:
+        return str(stored.study_hash) if "study_hash" in stored.ncattrs() else ""
