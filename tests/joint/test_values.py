@@ -7,7 +7,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.values import JointValues
 
 
@@ -25,6 +27,7 @@ from tripod_doe.joint.values import JointValues
         ("roller_radius_mm", 16.5, "roller_radius", 16.5),
         ("groove_transition_velocity_mm_s", 5.0, "groove_transition_velocity", 5.0),
         ("contact_damping_s_per_mm", 0.002, "contact_damping", 0.002),
+        ("contact_damping_time_s", 2e-6, "contact_damping_time", 2e-6),
         ("step_s", 1e-5, "step", 1e-5),
     ],
 )
@@ -48,6 +51,24 @@ def test_what_is_not_given_follows_from_another_parameter():
     assert (values.groove_spin_friction, values.groove_rolling_lever) == (0.07, 15.0)
     own = point_values({"groove_spin_friction": 0.02, "groove_rolling_lever_mm": 3.0}).point(0)
     assert (own.groove_spin_friction, own.groove_rolling_lever) == (0.02, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "damping"),
+    [
+        ({}, (8e-6, 0.0)),
+        ({"contact_damping_s_per_mm": 0.001}, (0.0, 0.001)),
+        ({"contact_damping_s_per_mm": 0.0}, (8e-6, 0.0)),
+        ({"contact_damping_time_s": 0.0}, (0.0, 0.0)),
+        ({"contact_damping_time_s": 1e-5, "contact_damping_s_per_mm": 0.001}, (1e-5, 0.001)),
+    ],
+)
+def test_contacts_are_greased_unless_they_are_dry(given, damping):
+    values = point_values(given)
+    assert (values.contact_damping_time[0], values.contact_damping[0]) == damping
+    assert (0 in infeasible(values)) == (min(damping) > 0)  # not both
+    full = simulator.effective({"model": "rollers"} | given)
+    assert (full["contact_damping_time_s"], full["contact_damping_s_per_mm"]) == damping
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,7 @@ _SETTLED = frozenset(
         "outboard_joint_angle_deg",
         "output_inertia_kg_m2",
         "contact_damping_s_per_mm",
+        "contact_damping_time_s",
         "evaluation_budget",
     }
 )

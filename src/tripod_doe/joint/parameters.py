@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.contact_damping import damping_time
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import Parameter, Value
 
@@ -82,6 +83,7 @@ def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArr
             column = np.where(np.isnan(column), columns[parameter.follows], column)
         ending, factor = _INTERNAL[parameter.unit]
         inside[name.removesuffix(ending)] = column * factor
+    inside["contact_damping_time"] = damping_time(columns)
     for switch, coefficient in _SWITCHED.items():
         inside[coefficient] = inside[coefficient] * inside[switch]
     from tripod_doe.joint.geometry.contact_stiffness import (  # compiles, and needs scipy

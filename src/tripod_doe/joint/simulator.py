@@ -22,6 +22,7 @@ from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes
+from tripod_doe.mechanics.contact_damping import settled
 from tripod_doe.simulator import (
     NUMERICS,
     BlockResult,
@@ -62,6 +63,7 @@ class JointSimulator(Simulator):
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Complete the values of one point; its run finds its tolerance or step where neither is given."""
         full = super().effective(values)
+        full |= settled(full)
         if any(is_set(values.get(name)) for name in NUMERICS):
             return full | {"accuracy": None}
         if not models.MODELS[str(full["model"])].settles:

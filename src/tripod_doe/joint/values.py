@@ -55,6 +55,7 @@ class JointValues(Generic[Number]):
     density: Number
     youngs_modulus: Number
     poissons_ratio: Number
+    contact_damping_time: Number
     contact_damping: Number
     needle_mass_factor: Number
     relative_tolerance: Number

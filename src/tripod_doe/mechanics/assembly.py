@@ -188,7 +188,8 @@ def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
         if contact.count < 1 or contact.stiffness < 0 or contact.exponent < 1:
             raise InputError(f"{where}: count and exponent must be at least 1, the stiffness not negative")
         friction = contact.friction
-        if min(contact.radius, contact.damping, friction.sliding, friction.rolling, friction.spinning) < 0:
+        damping = min(contact.damping, contact.damping_time)
+        if min(contact.radius, damping, friction.sliding, friction.rolling, friction.spinning) < 0:
             raise InputError(f"{where}: radius, damping and friction coefficients must not be negative")
         if min(friction.sliding_transition, friction.rolling_transition, friction.spinning_transition) <= 0:
             raise InputError(f"{where}: transition velocities must be positive")
@@ -202,7 +203,7 @@ def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
             row["surface_radius"] = surface.radius
         row["count"], row["groups"], row["point"] = contact.count, -(-contact.count // WIDTH), surface.point
         row["centre"], row["axis"] = contact.centre, _checked_direction(where, contact.axis)
-        for name in ("length", "radius", "crown", "stiffness", "exponent", "damping"):
+        for name in ("length", "radius", "crown", "stiffness", "exponent", "damping", "damping_time"):
             row[name] = getattr(contact, name)
         for name in ("sliding", "rolling", "spinning"):
             row[name] = getattr(friction, name)
@@ -234,7 +235,7 @@ def _bearing_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
         row["point_a"], row["point_b"] = trunnion.point, bore.point
         row["trunnion_radius"], row["bore_radius"] = trunnion.radius, bore.radius
         row["clearance"] = bore.radius - trunnion.radius - bearing.diameter
-        for name in ("diameter", "length", "crown", "exponent", "damping", "slices"):
+        for name in ("diameter", "length", "crown", "exponent", "damping", "damping_time", "slices"):
             row[name] = getattr(bearing, name)
         row["density"] = bearing.count * bearing.stiffness / (2 * np.pi)
         row["cosine"] = np.cos(bearing.skew)
@@ -257,7 +258,7 @@ def _check_bearing(where: str, bearing: parts.NeedleBearing) -> None:
         raise InputError(f"{where}: radii, diameter and length must be positive, the bore wider than the trunnion")
     if min(bearing.count, bearing.slices) < 1 or bearing.stiffness < 0 or bearing.exponent < 1:
         raise InputError(f"{where}: count, slices and exponent must be at least 1, the stiffness not negative")
-    if min(bearing.crown, bearing.damping, friction.sliding, friction.rolling) < 0:
+    if min(bearing.crown, bearing.damping, bearing.damping_time, friction.sliding, friction.rolling) < 0:
         raise InputError(f"{where}: crown, damping and friction coefficients must not be negative")
     if min(friction.sliding_transition, friction.rolling_transition) <= 0:
         raise InputError(f"{where}: transition velocities must be positive")

@@ -97,7 +97,10 @@ class SphereRow:
     count: int = 1
     length: float = 0.0
     crown: float = 0.0  # drop of the profile at the ends of the row: the radius falls by crown (2 x / l)^2
-    damping: float = 0.0  # factor of Hunt and Crossley on the penetration rate
+    # damping, damping_time: factor of Hunt and Crossley on the penetration rate, and time by which the contact's
+    # stiffness is multiplied (`laws.contact`)
+    damping: float = 0.0
+    damping_time: float = 0.0
     friction: Friction = field(default_factory=Friction)  # coefficients of sliding, rolling and spinning
 
 
@@ -123,7 +126,9 @@ class NeedleBearing:
     exponent: float = 10 / 9
     slices: int = 7  # number N_s of slices of a needle; they sit where the spheres of a `SphereRow` do
     crown: float = 0.0  # drop of the needle's profile at its ends, as in `SphereRow`
-    damping: float = 0.0  # factor of Hunt and Crossley on the rate of each contact's compression
+    # damping, damping_time: as in `SphereRow`, of each contact
+    damping: float = 0.0
+    damping_time: float = 0.0
     # angle of the needles to the trunnion's axis, positive counterclockwise about the outward normal of the trunnion
     skew: float = 0.0
     # sliding along the needles and rolling across them, at each of their two contacts. `rolling_transition` is the

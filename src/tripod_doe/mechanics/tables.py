@@ -46,6 +46,7 @@ CONTACT = np.dtype(
         ("stiffness", np.float64),
         ("exponent", np.float64),
         ("damping", np.float64),
+        ("damping_time", np.float64),
         ("sliding", np.float64),
         ("sliding_transition", np.float64),
         ("rolling", np.float64),
@@ -94,6 +95,7 @@ NEEDLE_BEARING = np.dtype(
         ("density", np.float64),  # stiffness of all needles' slices per rad of the circumference
         ("exponent", np.float64),
         ("damping", np.float64),
+        ("damping_time", np.float64),
         ("cosine", np.float64),  # of the skew
         ("skew_lever", np.float64),  # r_b r_t / r_p times its sine
         ("sliding", np.float64),

@@ -63,7 +63,7 @@ def derivatives(assembly, state, secant=0.0):
     return matrices
 
 
-def pair(clearance, seed, damping=1e-3, tilting=1.0, **values):
+def pair(clearance, seed, damping=(1e-3, 1e-5), tilting=1.0, **values):
     """Trunnion and roller anywhere in space, near each other, with any motion; both inertias are spheres'."""
     rng = np.random.default_rng(seed)
     trunnion = Body(
@@ -76,7 +76,7 @@ def pair(clearance, seed, damping=1e-3, tilting=1.0, **values):
         angular_velocity=tuple(rng.normal(size=3)),
     )
     roller = Body("roller", 1.0, (1.0,) * 3, velocity=tuple(rng.normal(size=3)))
-    element = bearing(clearance, skew=0.1, damping=damping, friction=FRICTION, **values)
+    element = bearing(clearance, skew=0.1, damping=damping[0], damping_time=damping[1], friction=FRICTION, **values)
     inner = dataclasses.replace(element.trunnion, point=(0.5, 1.0, -2.0))
     assembly = assemble(Scene((trunnion, roller), bearings=(dataclasses.replace(element, trunnion=inner),)))
     state = assembly.initial_state()
@@ -162,7 +162,7 @@ def test_derivatives_are_those_of_the_forces(clearance, crown):
     Left out: what turns with the roller's lean is of the forces' size, not of stiffness times length; and how its
     tilting changes the slip around the trunnion, which is slow here as it is in a joint.
     """
-    assembly, state = pair(clearance, 1, damping=0.0, tilting=0.02, crown=crown)
+    assembly, state = pair(clearance, 1, damping=(0.0, 0.0), tilting=0.02, crown=crown)
     pattern = assembly.tables.pattern
     dissipation, stiffness = derivatives(assembly, state)
     for matrix, size, accuracy in ((dissipation, 1e-5, 1e-5), (stiffness, 1e-8, 2.5e-3)):
@@ -198,9 +198,10 @@ def test_drift_is_the_stiffness_times_the_velocities(clearance):
     np.testing.assert_allclose(work.drift, product, atol=1e-2 * np.abs(product).max())
 
 
-def test_damping_is_in_the_matrix():
-    """Exact physics: -dQ/dv of Hunt and Crossley's damping without friction, but for the bore's lean of 3e-4."""
-    assembly, state = pair(0.015, 2)
+@pytest.mark.parametrize("damping", [(1e-3, 0.0), (0.0, 1e-5)])
+def test_damping_is_in_the_matrix(damping):
+    """Exact physics: -dQ/dv of either damping without friction, but for the bore's lean of 3e-4."""
+    assembly, state = pair(0.015, 2, damping)
     assembly.tables.bearings["sliding"] = assembly.tables.bearings["rolling"] = 0.0
     block = derivatives(assembly, state)[0][assembly.tables.bearings["pair"][0, 3]]
     for column in range(6):
@@ -209,6 +210,18 @@ def test_damping_is_in_the_matrix():
         behind.velocities[2, column] -= 1e-3
         slope = (forces(assembly, ahead).force[2] - forces(assembly, behind).force[2]) / 2e-3
         np.testing.assert_allclose(-slope, block[:, column], atol=5e-4 * np.abs(block).max())
+
+
+@pytest.mark.parametrize("clearance", CLEARANCES)
+def test_greased_needles_damp_by_a_time_over_their_stiffness(clearance):
+    """Exact physics: with damping tau dF/dx the force ahead of a motion by tau is the force with that velocity."""
+    time, velocity = 1e-5, (2.0, 3.0, 0.0)
+    place = np.array([-max(clearance, 0.0) - 0.006, 0.0, 0.0])
+    moving = on_ground(clearance, tuple(place), (*velocity, 0.0, 0.0, 0.0), damping_time=time)[0]
+    step = time * np.array(velocity)
+    force, ahead, behind = (on_ground(clearance, tuple(place + side * step))[0] for side in (0, 1, -1))
+    np.testing.assert_allclose(moving[:3] - force[:3], (ahead - behind)[:3] / 2, atol=1e-5 * np.abs(force).max())
+    assert np.abs(moving[:2] - force[:2]).min() > 1e-3 * np.abs(force).max()
 
 
 def test_friction_falls_with_its_secant():
@@ -427,6 +440,7 @@ def test_compression_is_noticed():
         ({"bore": Cylinder("roller", 7.0, axis=Z, concave=True)}, "wider"),
         ({"count": 0}, "count"),
         ({"damping": -1.0}, "damping"),
+        ({"damping_time": -1e-6}, "damping"),
         ({"skew": 2.0}, "right angle"),
         ({"friction": Friction(sliding_transition=0.0)}, "transition"),
         ({"friction": Friction(spinning=0.1)}, "spin"),

@@ -35,7 +35,16 @@ def _pair(surface, count, position, friction=FRICTION):
     )
     base = Body("base", 1.0, (1.0, 1.0, 1.0), angular_velocity=(0.1, -0.2, 0.05), velocity=(0.1, 0.2, 0.0))
     row = SphereRow(
-        "needle", surface, 1.0, 1e5, exponent=10 / 9, count=count, length=3.0, damping=0.01, friction=friction
+        "needle",
+        surface,
+        1.0,
+        1e5,
+        exponent=10 / 9,
+        count=count,
+        length=3.0,
+        damping=0.01,
+        damping_time=5e-4,
+        friction=friction,
     )
     return assemble(Scene((body, base), contacts=(row,)))
 

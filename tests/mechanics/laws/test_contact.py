@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from tripod_doe.mechanics.compilation.kernels import kernel
-from tripod_doe.mechanics.laws.contact import contact_energy, contact_force, damping_factor
+from tripod_doe.mechanics.laws.contact import (
+    contact_energy,
+    contact_force,
+    damped_force,
+    damped_stiffness,
+    damping_coefficient,
+)
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent, secant_slope, tangent_slope
 from tripod_doe.mechanics.laws.rolling import rolling_moment, spinning_lever
 
@@ -20,13 +26,16 @@ def _evaluate(x, out):
         out[5, i] = contact_energy(contact_force(3.0, 10 / 9, x[i]), 10 / 9, x[i])
         out[6, i] = x[i] * spinning_lever(0.01, x[i])
         out[7, i] = rolling_moment(0.002, x[i], 16.0)
-        out[8, i] = damping_factor(-1.0, x[i])
+        elastic = contact_force(3.0, 1.5, x[i])
+        out[8, i] = damping_coefficient(0.3, 0.2, elastic, 1.5 * elastic / x[i])
+        out[9, i] = damped_force(elastic, out[8, i], -0.5)
+        out[10, i] = damped_stiffness(0.3, 0.2, 1.5, x[i], 1.5 * elastic / x[i], -0.5)
 
 
 @pytest.fixture(scope="module")
 def table():
     x = np.array([1e-9, 1e-6, 1e-4, 1e-2, 0.3, 1.0, 4.0, 25.0])
-    out = np.empty((9, x.size))
+    out = np.empty((11, x.size))
     _evaluate(x, out)
     return x, out
 
@@ -49,8 +58,17 @@ def test_power_law_and_its_energy(table):
     np.testing.assert_allclose(out[5], 3 * x ** (19 / 9) * 9 / 19, rtol=1e-13)  # the integral of Eq. 2
 
 
-def test_moments_and_damping(table):
+def test_moments_of_rolling_and_spinning(table):
     x, out = table
     np.testing.assert_allclose(out[6], 0.01 * x ** (4 / 3), rtol=1e-13)
     np.testing.assert_allclose(out[7], 0.002 * x * 16.0, rtol=1e-15)
-    assert np.all(out[8] == np.maximum(1 - x, 0))  # a contact never pulls
+
+
+def test_damping_of_dry_and_greased_contacts(table):
+    """Exact mathematics: f = F + (D F + tau dF/dx) x', never below zero, and df/dx, for F = 3 x^1.5 and x' = -0.5."""
+    x, out = table
+    np.testing.assert_allclose(out[8], 0.3 * 3 * x**1.5 + 0.2 * 4.5 * x**0.5, rtol=1e-13)
+    np.testing.assert_allclose(out[9], np.maximum(2.55 * x**1.5 - 0.45 * x**0.5, 0), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(out[10], 3.825 * x**0.5 - 0.225 * x**-0.5, rtol=1e-12)
+    assert (out[9] == 0).any()  # a contact does not pull
+    assert (out[9] > 0).any()

@@ -26,6 +26,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.contact_damping import BOTH
 from tripod_doe.quantities import rounded_up
 from tripod_doe.simulator import Outcome
 
@@ -43,7 +44,8 @@ def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]
     points
         The points.
     """
-    reasons: dict[int, tuple[Outcome, str]] = {}
+    both = np.flatnonzero((points.contact_damping_time > 0) & (points.contact_damping > 0))
+    reasons: dict[int, tuple[Outcome, str]] = {int(row): (Outcome.OUT_OF_RANGE, BOTH) for row in both}
     for row, reason in misfits(points):
         reasons.setdefault(row, (Outcome.JAMMED, reason))
     enough = least_speed(points) * 30 / np.pi

@@ -101,6 +101,7 @@ def _roller(derived: DerivedConstants, k: int) -> tuple[Body, SphereRow]:
         values.groove_stiffness,
         _GROOVE_EXPONENT,
         damping=values.contact_damping,
+        damping_time=values.contact_damping_time,
         friction=derived.groove,
     )
     return body, contact

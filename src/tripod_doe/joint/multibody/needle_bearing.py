@@ -57,6 +57,7 @@ def needle_contacts(derived: DerivedConstants, k: int, j: int) -> list[SphereRow
             stiffness=derived.sphere_stiffness,
             exponent=_EXPONENT,
             damping=values.contact_damping,
+            damping_time=values.contact_damping_time,
             friction=friction,
             **shape,
         )
@@ -104,6 +105,7 @@ def lumped_bearing(derived: DerivedConstants, k: int) -> NeedleBearing:
         int(values.spheres_per_needle),
         values.needle_crown,
         values.contact_damping,
+        values.contact_damping_time,
         values.initial_skews[k],
         friction,
     )

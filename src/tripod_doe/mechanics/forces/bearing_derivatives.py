@@ -5,7 +5,14 @@ from __future__ import annotations
 from tripod_doe.mechanics.arithmetic.rotations import add, load_vector, subtract
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.forces.bearing import apply_to_body, rolling_torque
-from tripod_doe.mechanics.forces.bearing_load_zone import in_world, place_bore, press_slice, slice_offset
+from tripod_doe.mechanics.forces.bearing_load_zone import (
+    in_world,
+    place_bore,
+    press_slice,
+    slice_damping,
+    slice_offset,
+    slice_turning,
+)
 from tripod_doe.mechanics.forces.body_pairs import add_pair
 from tripod_doe.mechanics.laws.friction import secant_slope, tangent_slope
 
@@ -90,10 +97,9 @@ def _linearise(bearing, fit, secant, damping, stiffness):
         if not reach > clearance:
             continue
         s = press_slice(bearing, fit, station, clearance, x, y, reach)
-        turning = s.zone.along / reach if reach > 0.0 else s.zone.along_slope
-        _add_stations(stiffness, turning, s.zone.along_slope, s.n_1, s.n_2, station)
-        held = 0.5 * bearing.damping * (s.zone.total - s.zone.along_twice)
-        _add_stations(damping, held, 0.5 * bearing.damping * s.zone.along_twice, s.n_1, s.n_2, station)
+        _add_stations(stiffness, slice_turning(s.zone, reach), s.zone.along_slope, s.n_1, s.n_2, station)
+        along, across = slice_damping(bearing, s.zone, reach)
+        _add_stations(damping, across, along, s.n_1, s.n_2, station)
         spread_1, spread_2 = spread_1 - s.zone.total_slope * s.n_1, spread_2 - s.zone.total_slope * s.n_2
         tilt_1, tilt_2 = tilt_1 - station * s.zone.total_slope * s.n_1, tilt_2 - station * s.zone.total_slope * s.n_2
         chord = secant_slope(abs(s.slip), 2.0 * bearing.sliding_transition)

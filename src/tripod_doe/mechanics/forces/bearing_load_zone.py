@@ -28,7 +28,7 @@ from tripod_doe.mechanics.arithmetic.rotations import (
     subtract,
 )
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
-from tripod_doe.mechanics.laws.contact import contact_force
+from tripod_doe.mechanics.laws.contact import contact_force, damped_force, damping_coefficient
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
@@ -195,6 +195,20 @@ def _zone(bearing, reach, clearance):
 
 
 @inlined_kernel
+def slice_turning(zone, reach):
+    """Stiffness of a slice across n: its load turns with the offset."""
+    return zone.along / reach if reach > 0.0 else zone.along_slope
+
+
+@inlined_kernel
+def slice_damping(bearing, zone, reach):
+    """Damping coefficients of a slice along and across n."""
+    factor, time = 0.5 * bearing.damping, bearing.damping_time
+    along = damping_coefficient(factor, time, zone.along_twice, zone.along_slope)
+    return along, damping_coefficient(factor, time, zone.total - zone.along_twice, slice_turning(zone, reach))
+
+
+@inlined_kernel
 def press_slice(bearing, fit, station, clearance, x, y, reach):
     """Load a slice whose D is larger than its clearance."""
     n_1, n_2 = (-x / reach, -y / reach) if reach > 0.0 else (1.0, 0.0)
@@ -203,6 +217,7 @@ def press_slice(bearing, fit, station, clearance, x, y, reach):
     closing = -n_1 * rate_1 - n_2 * rate_2
     pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
     lever = pitch * zone.along / max(zone.total, 1e-300)
+    loading = damping_coefficient(0.5 * bearing.damping, bearing.damping_time, zone.along, zone.total_slope)
     axial = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
     return _Slice(
         n_1,
@@ -210,7 +225,7 @@ def press_slice(bearing, fit, station, clearance, x, y, reach):
         zone,
         closing,
         n_1 * rate_2 - n_2 * rate_1,
-        max(zone.total + 0.5 * bearing.damping * closing * zone.along, 0.0),
+        damped_force(zone.total, loading, closing),
         lever,
         bearing.cosine * axial - bearing.skew_lever * fit.spin,
     )

@@ -27,7 +27,13 @@ from tripod_doe.mechanics.forces.sphere_contact_geometry import (
     relative_motion,
     wrench_of,
 )
-from tripod_doe.mechanics.laws.contact import contact_energy, contact_secant, damping_factor
+from tripod_doe.mechanics.laws.contact import (
+    contact_energy,
+    contact_secant,
+    damped_force,
+    damped_stiffness,
+    damping_coefficient,
+)
 from tripod_doe.mechanics.laws.friction import secant_slope
 from tripod_doe.mechanics.laws.rolling import rolling_moment, spinning_lever
 
@@ -49,17 +55,19 @@ class _Load(NamedTuple):
 @inlined_kernel
 def _load(contact, spheres, motion):
     """Apply the laws."""
-    stiffness = contact_secant(contact.stiffness, contact.exponent, spheres.depth)
-    elastic = stiffness * spheres.depth
-    factor = damping_factor(contact.damping, motion.rate)
-    normal = elastic * factor
+    factor, time = contact.damping, contact.damping_time
+    secant = contact_secant(contact.stiffness, contact.exponent, spheres.depth)
+    elastic, stiffness = secant * spheres.depth, contact.exponent * secant
+    coefficient = damping_coefficient(factor, time, elastic, stiffness)
+    normal = damped_force(elastic, coefficient, motion.rate)
+    by_depth = damped_stiffness(factor, time, contact.exponent, spheres.depth, stiffness, motion.rate)
     slip_speed = math.sqrt(motion.slip_t * motion.slip_t + motion.slip_b * motion.slip_b)
     roll, spin, roll_speed = _resistances(contact, normal, motion)
     return _Load(
         elastic,
         normal,
-        contact.exponent * stiffness * factor,
-        select(factor > 0.0, contact.damping * elastic, 0.0),
+        select(normal > 0.0, by_depth, 0.0),
+        select(normal > 0.0, coefficient, 0.0),
         contact.sliding * secant_slope(slip_speed, contact.sliding_transition),
         roll,
         spin,

@@ -1,5 +1,9 @@
 """Laws of contact: elastic force, its energy and damping (Eq. 2). The joint's constants are in `contact_stiffness`.
 
+Damping. A dry contact loses energy with its elastic force F (Hunt and Crossley), a greased one with its stiffness:
+
+    f = F + c delta'    c = D F + tau dF/d delta    f >= 0: a contact does not pull
+
 Compiled functions of floats or of `lanes`, without branches on them.
 """
 
@@ -34,6 +38,23 @@ def contact_energy(elastic_force, exponent, penetration):
 
 
 @inlined_kernel
-def damping_factor(damping, penetration_rate):
-    """Hunt and Crossley's factor 1 + d delta' on the contact force, never below zero (a contact does not pull)."""
-    return max(1.0 + damping * penetration_rate, 0.0)
+def damping_coefficient(factor, time, elastic_force, stiffness):
+    """Damping force over the penetration rate: D F + tau dF/d delta, from the elastic force and its slope."""
+    return factor * elastic_force + time * stiffness
+
+
+@inlined_kernel
+def damped_force(elastic_force, coefficient, penetration_rate):
+    """Contact force with damping, never below zero."""
+    return max(elastic_force + coefficient * penetration_rate, 0.0)
+
+
+@inlined_kernel
+def damped_stiffness(factor, time, exponent, penetration, stiffness, penetration_rate):
+    """Slope of a damped contact force by the penetration, from that of the elastic force; where it is not zero."""
+    growing = time * (exponent - 1.0) / max(penetration, _SHALLOW)
+    return stiffness * (1.0 + (factor + growing) * penetration_rate)
+
+
+_SHALLOW = 1e-12
+"""Penetration below which the damping's slope no longer grows: without contact there is none."""

@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.contact_damping import DAMPING_PARAMETERS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.scene_simulator import (
@@ -164,17 +165,7 @@ _PARAMETERS = [
     Parameter(
         "density_kg_m3", 7850.0, "kg m-3", "", "density of the needle", "steel", low=100, high=25000, group="material"
     ),
-    Parameter(
-        "contact_damping_s_per_mm",
-        0.001,
-        "s mm-1",
-        "",
-        "Hunt-Crossley factor on the penetration rate",
-        "assumed",
-        low=0,
-        high=1,
-        group="material",
-    ),
+    *DAMPING_PARAMETERS,
     Parameter(
         "contact_stiffness_factor",
         1.0,
@@ -279,6 +270,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
             length=length,
             crown=values["needle_crown_um"] / 1e3,
             damping=values["contact_damping_s_per_mm"],
+            damping_time=values["contact_damping_time_s"],
             friction=parts.Friction(sliding=friction, sliding_transition=v_st),
         )
 

@@ -16,6 +16,7 @@ import numpy as np
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.contact_damping import DAMPING_PARAMETERS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator, numerics_parameters
@@ -137,17 +138,7 @@ _PARAMETERS = [
         high=1e9,
         group="material",
     ),
-    Parameter(
-        "contact_damping_s_per_mm",
-        0.001,
-        "s mm-1",
-        "",
-        "Hunt-Crossley factor on the penetration rate",
-        "assumed",
-        low=0,
-        high=1,
-        group="material",
-    ),
+    *DAMPING_PARAMETERS,
     Parameter(
         "contact_stiffness_factor",
         1.0,
@@ -208,6 +199,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
         stiffness,
         exponent=1.5,
         damping=values["contact_damping_s_per_mm"],
+        damping_time=values["contact_damping_time_s"],
         friction=parts.Friction(values["friction"], max(values["transition_ratio"] * slip, 1e-3)),
     )
     scale = max(slip, 1e-3 * abs(speed), 1e-3)

@@ -15,6 +15,7 @@ from tripod_doe.mechanics.checks.linearisation import fastest_rates
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.compilation.sources import source_hashes
+from tripod_doe.mechanics.contact_damping import BOTH, greased_and_dry, settled
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Run
@@ -127,13 +128,18 @@ class SceneSimulator(Simulator):
         """Compute every output of the scene from a run, except those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
-        """Points whose method does not use a step or tolerance that they set."""
-        refused: list[tuple[int, Outcome, str]] = []
+        """Points whose method does not use a step or tolerance that they set, or whose contacts are greased and dry."""
+        refused = [(i, Outcome.OUT_OF_RANGE, BOTH) for i in greased_and_dry(points)]
         for i, method in enumerate(points["method"]):
             used = self.numerics.get(str(method), {})
             if unused := [name for name in reversed(NUMERICS) if is_set(points[name][i]) and name not in used]:
                 refused.append((i, Outcome.NOT_APPLICABLE, f"not used by {method}: {', '.join(unused)}"))
         return refused
+
+    def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Complete the values of one point, and settle its contact damping."""
+        full = super().effective(values)
+        return full | settled(full)
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the scene, whatever the values."""
