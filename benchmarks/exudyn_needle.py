@@ -35,7 +35,7 @@ def _force(x, v, w, axis, plate, row, friction, out):
             vx = v[0] + w[1] * lz - w[2] * ly - (plate[1] if side == 1 else 0.0)
             vy = v[1] + w[2] * lx - w[0] * lz
             vz = v[2] + w[0] * ly - w[1] * lx
-            load = row[0] * depth ** (10 / 9) * max(1.0 - row[4] * vz * up, 0.0)
+            load = row[0] * depth ** (1 / 9) * max(depth - 10 / 9 * row[4] * vz * up, 0.0)
             speed = math.hypot(vx, vy)
             drag = friction[side] * load
             drag *= math.tanh(speed / friction[2]) / speed if speed > 1e-12 else 1.0 / friction[2]
@@ -85,7 +85,7 @@ def simulate_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float,
     markers = [system.AddMarker(items.MarkerBodyRigid(bodyNumber=number)) for number in (ground, body)]
     out = np.zeros(6)
     plate_table = np.array([plate.position[2], plate.velocity[0]])
-    row_table = np.array([row.stiffness, row.length, row.count, row.radius, row.damping])
+    row_table = np.array([row.stiffness, row.length, row.count, row.radius, row.damping_time])
     friction = np.array([values["friction_a"], values["friction_b"], transition_velocity(values)])
 
     def contact(mbs, t, item, displacement, rotation, velocity, *rest):

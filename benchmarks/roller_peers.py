@@ -26,13 +26,13 @@ def roller_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float, f
     scene = build(values)
     roller, contact = scene.bodies[0], scene.contacts[0]
     radius, groove_radius = values["roller_radius_mm"], values["roller_radius_mm"] * values["groove_radius_ratio"]
-    tilt, stiffness, damping = math.radians(values["tilt_deg"]), contact.stiffness, contact.damping
+    tilt, stiffness, damping = math.radians(values["tilt_deg"]), contact.stiffness, contact.damping_time
     slip = abs(values["axial_speed_mm_s"] * math.sin(tilt))
     transition = max(values["transition_ratio"] * slip, 1e-3)
 
     def contact_force(z, rate, spin):
         depth = max(radius - z - groove_radius, 0.0)
-        load = stiffness * depth**1.5 * max(1.0 - damping * rate, 0.0)
+        load = stiffness * math.sqrt(depth) * max(depth - 1.5 * damping * rate, 0.0)
         sx, sy = roller.velocity[0] - spin * radius, roller.velocity[1]
         speed = math.hypot(sx, sy)
         drag = values["friction"] * load * (math.tanh(speed / transition) / speed if speed > 1e-12 else 1 / transition)

@@ -66,6 +66,7 @@ def test_a_page_has_only_the_sections_that_its_cube_can_fill(line_cube):
         ("contact_rate_per_s", "contact rate"),
         ("joint_angle_deg", "joint angle"),
         ("contact_damping_s_per_mm", "contact damping"),
+        ("contact_damping_time_s", "contact damping time"),
         ("youngs_modulus_gpa", "Young's modulus"),
         ("poissons_ratio", "Poisson's ratio"),
     ],

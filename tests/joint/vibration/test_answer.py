@@ -60,7 +60,9 @@ def vibrating(monkeypatch, joint_values):
             return outcomes[needles]
 
         monkeypatch.setattr(VibratingJoint, "_followed", follow)
-        monkeypatch.setattr("tripod_doe.joint.vibration.vibration_effect.damping_against", lambda *_: 0.002)
+        monkeypatch.setattr(
+            "tripod_doe.joint.vibration.vibration_effect.damping_against", lambda *_: "contact_damping_time_s = 1.6e-05"
+        )
         return joint, asked
 
     return make
@@ -70,7 +72,7 @@ def test_rollers_are_followed(vibrating):
     joint, _ = vibrating(followed_to(9.5))
     answer = joint.answer(needles=False)
     assert answer.outcome == Outcome.FINISHED
-    for part in ("at about 700 Hz", "9.5 +- 0.1 N", "10 N without", "contact_damping_s_per_mm = 0.002 it would not"):
+    for part in ("at about 700 Hz", "9.5 +- 0.1 N", "10 N without", "contact_damping_time_s = 1.6e-05 it would not"):
         assert part in answer.detail
 
 

@@ -36,6 +36,7 @@ from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices, fastest_growth
+from tripod_doe.mechanics.contact_damping import FACTOR, TIME
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.quantities import duration
@@ -73,8 +74,11 @@ _FAST = 12
 _BUILT_UP = math.log(1e6)
 """Logarithm of the growth in a revolution by which a vibration forgets how it began."""
 
-_STRONGER, _LEAST_DAMPING = (2.0, 4.0, 8.0, 16.0, 32.0), 1e-4
-"""Factors of contact damping that are tried against a vibration, and the damping in s/mm that counts at least."""
+_STRONGER = (2.0, 4.0, 8.0, 16.0, 32.0)
+"""Factors of contact damping that are tried against a vibration."""
+
+_LEAST_FACTOR, _LEAST_TIME = 1e-4, 1e-6
+"""Contact damping in s/mm (dry) or s (greased) that counts at least."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +133,8 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
     return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.middles)
 
 
-def damping_against(values: JointValues[float], states: Sequence[State]) -> float | None:
-    """Contact damping in s/mm with which a joint that vibrates would not, among doublings of what it has.
+def damping_against(values: JointValues[float], states: Sequence[State]) -> str:
+    """Contact damping with which a joint that vibrates would not, among doublings of what it has.
 
     A smooth motion is the same with any contact damping: its contacts are pressed in slowly. So departures from one
     motion are asked for all, and their matrices are linear in contact damping, as the forces are.
@@ -144,16 +148,18 @@ def damping_against(values: JointValues[float], states: Sequence[State]) -> floa
 
     Returns
     -------
-    float or None
-        None where the joint vibrates with all that are tried.
+    str
+        Parameter and value; empty where the joint vibrates with all that are tried.
     """
-    own = max(values.contact_damping, _LEAST_DAMPING)
-    damped = (replace(values, contact_damping=factor * own) for factor in (1, 2))
+    dry = values.contact_damping > 0
+    own = max(values.contact_damping, _LEAST_FACTOR) if dry else max(values.contact_damping_time, _LEAST_TIME)
+    field, parameter = ("contact_damping", FACTOR) if dry else ("contact_damping_time", TIME)
+    damped = (replace(values, **{field: factor * own}) for factor in (1, 2))
     once, twice = (_departures(assemble(build_joint(given, needles=False)), states, given) for given in damped)
     for factor in _STRONGER:
         if not _vibrates(once + (factor - 1) * (twice - once), values):
-            return factor * own
-    return None
+            return f"{parameter} = {factor * own:.2g}"
+    return ""
 
 
 def _departures(assembly: Assembly, states: Sequence[State], values: JointValues[float]) -> FloatArray:

@@ -191,5 +191,5 @@ class VibratingJoint:
             return "a kick such as the start keeps it up"
         damping = damping_against(self._values, self._vibration.states)
         if damping:
-            return f"with contact_damping_s_per_mm = {damping:.2g} it would not start"
+            return f"with {damping} it would not start"
         return "no contact damping that was tried ends it"
