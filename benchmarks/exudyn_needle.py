@@ -35,7 +35,8 @@ def _force(x, v, w, axis, plate, row, friction, out):
             vx = v[0] + w[1] * lz - w[2] * ly - (plate[1] if side == 1 else 0.0)
             vy = v[1] + w[2] * lx - w[0] * lz
             vz = v[2] + w[0] * ly - w[1] * lx
-            load = row[0] * depth ** (1 / 9) * max(depth - 10 / 9 * row[4] * vz * up, 0.0)
+            greased = -10 / 9 * row[4] * vz * up
+            load = row[0] * depth ** (10 / 9) * (1.0 + greased / math.hypot(depth, greased))
             speed = math.hypot(vx, vy)
             drag = friction[side] * load
             drag *= math.tanh(speed / friction[2]) / speed if speed > 1e-12 else 1.0 / friction[2]

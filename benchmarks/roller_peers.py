@@ -32,7 +32,8 @@ def roller_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float, f
 
     def contact_force(z, rate, spin):
         depth = max(radius - z - groove_radius, 0.0)
-        load = stiffness * math.sqrt(depth) * max(depth - 1.5 * damping * rate, 0.0)
+        greased = -1.5 * damping * rate
+        load = stiffness * depth**1.5 * (1.0 + greased / math.hypot(depth, greased, 1e-100))
         sx, sy = roller.velocity[0] - spin * radius, roller.velocity[1]
         speed = math.hypot(sx, sy)
         drag = values["friction"] * load * (math.tanh(speed / transition) / speed if speed > 1e-12 else 1 / transition)

@@ -9,7 +9,7 @@ from tripod_doe.mechanics.laws.contact import (
     contact_force,
     damped_force,
     damped_stiffness,
-    damping_coefficient,
+    damping_slope,
 )
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent, secant_slope, tangent_slope
 from tripod_doe.mechanics.laws.rolling import rolling_moment, spinning_lever
@@ -27,9 +27,10 @@ def _evaluate(x, out):
         out[6, i] = x[i] * spinning_lever(0.01, x[i])
         out[7, i] = rolling_moment(0.002, x[i], 16.0)
         elastic = contact_force(3.0, 1.5, x[i])
-        out[8, i] = damping_coefficient(0.3, 0.2, elastic, 1.5 * elastic / x[i])
-        out[9, i] = damped_force(elastic, out[8, i], -0.5)
-        out[10, i] = damped_stiffness(0.3, 0.2, 1.5, x[i], 1.5 * elastic / x[i], -0.5)
+        greased = -0.2 * 0.5 * 1.5 * elastic / x[i]
+        out[8, i] = damping_slope(elastic, greased)
+        out[9, i] = damped_force(elastic, -0.3 * 0.5 * elastic, greased)
+        out[10, i] = damped_stiffness(elastic / x[i], 1.5, 0.3, greased, elastic, -0.5)
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +66,16 @@ def test_moments_of_rolling_and_spinning(table):
 
 
 def test_damping_of_dry_and_greased_contacts(table):
-    """Exact mathematics: f = F + (D F + tau dF/dx) x', never below zero, and df/dx, for F = 3 x^1.5 and x' = -0.5."""
+    """Exact mathematics: the force for F = 3 x^1.5 and x' = -0.5, D = 0.3 and tau = 0.2, and its slope by x."""
     x, out = table
-    np.testing.assert_allclose(out[8], 0.3 * 3 * x**1.5 + 0.2 * 4.5 * x**0.5, rtol=1e-13)
-    np.testing.assert_allclose(out[9], np.maximum(2.55 * x**1.5 - 0.45 * x**0.5, 0), rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(out[10], 3.825 * x**0.5 - 0.225 * x**-0.5, rtol=1e-12)
-    assert (out[9] == 0).any()  # a contact does not pull
-    assert (out[9] > 0).any()
+
+    def force(depth):
+        share = -0.2 * 0.5 * 1.5 / depth
+        return np.maximum(3 * depth**1.5 * (1 - 0.3 * 0.5 + share / np.sqrt(1 + share**2)), 0)
+
+    np.testing.assert_allclose(out[8], (1 + (0.15 / x) ** 2) ** -1.5, rtol=1e-12)
+    np.testing.assert_allclose(out[9], force(x), rtol=1e-12, atol=1e-20)
+    held = out[9] > 0
+    assert 0 < held.sum() < x.size  # a contact does not pull
+    slope = (force(1.00001 * x) - force(0.99999 * x)) / (2e-5 * x)
+    np.testing.assert_allclose(out[10][held], slope[held], rtol=1e-8)

@@ -5,7 +5,8 @@ Per slice, with D' and o' the rates of the offset,
 
     bore pushed along n = -o / D by J_1 + c_n D', across it by c_t o'_tau, the needles' loads in sum L = J_0 + c_L D',
     c_n = (d / 2) J_2 + tau dJ_1/dD,  c_t = (d / 2) (J_0 - J_2) + tau J_1/D,  c_L = (d / 2) J_1 + tau dJ_0/dD,
-    stored energy (D J_1 - c J_0) / (m + 1)    (Eq. 2; factor d and time tau of the contacts' damping).
+    stored energy (D J_1 - c J_0) / (m + 1)    (Eq. 2; factor d and time tau of the contacts' damping, whose parts
+    along n are limited as in `laws.contact`).
 
 The force is that of the stored energy: it acts in the bore's axis at right angles to it, n - (n h) t, on both bodies.
 
@@ -34,7 +35,6 @@ from __future__ import annotations
 from tripod_doe.mechanics.arithmetic.rotations import add, cross, load_vector, subtract
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.forces.bearing_load_zone import in_world, place_bore, press_slice, slice_damping, slice_offset
-from tripod_doe.mechanics.laws.contact import damped_force
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
 from tripod_doe.mechanics.laws.needles import needle_grip
 
@@ -64,12 +64,11 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
             if not reach > clearance:
                 continue
             s = press_slice(bearing, fit, station, clearance, x, y, reach)
-            along, across = slice_damping(bearing, s.zone, reach)
-            pressed, held = damped_force(s.zone.along, along, s.closing), across * s.passing
+            held = slice_damping(bearing, s, reach)[1] * s.passing
             ledger[0] += (reach * s.zone.along - clearance * s.zone.total) / (bearing.exponent + 1.0)
-            ledger[5] += (pressed - s.zone.along) * s.closing + held * s.passing
-            load_1 = pressed * s.n_1 + held * s.n_2
-            load_2 = pressed * s.n_2 - held * s.n_1
+            ledger[5] += (s.pressed - s.zone.along) * s.closing + held * s.passing
+            load_1 = s.pressed * s.n_1 + held * s.n_2
+            load_2 = s.pressed * s.n_2 - held * s.n_1
             along_axis = load_1 * fit.lean_1 + load_2 * fit.lean_2
             push_1, push_2, carried = push_1 + load_1, push_2 + load_2, carried + s.load
             drag = bearing.sliding * s.load * needle_grip(s.slip, bearing.sliding_transition)

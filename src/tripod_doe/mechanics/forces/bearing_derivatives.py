@@ -98,7 +98,7 @@ def _linearise(bearing, fit, secant, damping, stiffness):
             continue
         s = press_slice(bearing, fit, station, clearance, x, y, reach)
         _add_stations(stiffness, slice_turning(s.zone, reach), s.zone.along_slope, s.n_1, s.n_2, station)
-        along, across = slice_damping(bearing, s.zone, reach)
+        along, across = slice_damping(bearing, s, reach)
         _add_stations(damping, across, along, s.n_1, s.n_2, station)
         spread_1, spread_2 = spread_1 - s.zone.total_slope * s.n_1, spread_2 - s.zone.total_slope * s.n_2
         tilt_1, tilt_2 = tilt_1 - station * s.zone.total_slope * s.n_1, tilt_2 - station * s.zone.total_slope * s.n_2

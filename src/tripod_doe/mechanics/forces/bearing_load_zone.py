@@ -28,7 +28,7 @@ from tripod_doe.mechanics.arithmetic.rotations import (
     subtract,
 )
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
-from tripod_doe.mechanics.laws.contact import contact_force, damped_force, damping_coefficient
+from tripod_doe.mechanics.laws.contact import contact_force, damped_force, damping_slope
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
@@ -71,7 +71,8 @@ class _Slice(NamedTuple):
     """A slice that is pressed: its direction and load zone, and the motion that its friction and damping see.
 
     n points from the bore's axis to the trunnion's, `closing` is D', `passing` the speed of the bore's axis across n,
-    `load` the needles' loads in sum, `lever` the distance of their middle from the trunnion's axis.
+    `pressed` the force along n, `load` the needles' loads in sum, `lever` the distance of their middle from the
+    trunnion's axis.
     """
 
     n_1: float
@@ -79,6 +80,7 @@ class _Slice(NamedTuple):
     zone: _Zone
     closing: float
     passing: float
+    pressed: float
     load: float
     lever: float
     slip: float
@@ -201,11 +203,12 @@ def slice_turning(zone, reach):
 
 
 @inlined_kernel
-def slice_damping(bearing, zone, reach):
+def slice_damping(bearing, s, reach):
     """Damping coefficients of a slice along and across n."""
-    factor, time = 0.5 * bearing.damping, bearing.damping_time
-    along = damping_coefficient(factor, time, zone.along_twice, zone.along_slope)
-    return along, damping_coefficient(factor, time, zone.total - zone.along_twice, slice_turning(zone, reach))
+    factor, time, zone = 0.5 * bearing.damping, bearing.damping_time, s.zone
+    limit = damping_slope(zone.along, time * zone.along_slope * s.closing)
+    along = factor * zone.along_twice + time * zone.along_slope * limit
+    return along, factor * (zone.total - zone.along_twice) + time * slice_turning(zone, reach)
 
 
 @inlined_kernel
@@ -217,7 +220,7 @@ def press_slice(bearing, fit, station, clearance, x, y, reach):
     closing = -n_1 * rate_1 - n_2 * rate_2
     pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
     lever = pitch * zone.along / max(zone.total, 1e-300)
-    loading = damping_coefficient(0.5 * bearing.damping, bearing.damping_time, zone.along, zone.total_slope)
+    factor, time = 0.5 * bearing.damping * closing, bearing.damping_time * closing
     axial = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
     return _Slice(
         n_1,
@@ -225,7 +228,8 @@ def press_slice(bearing, fit, station, clearance, x, y, reach):
         zone,
         closing,
         n_1 * rate_2 - n_2 * rate_1,
-        damped_force(zone.total, loading, closing),
+        damped_force(zone.along, factor * zone.along_twice, time * zone.along_slope),
+        damped_force(zone.total, factor * zone.along, time * zone.total_slope),
         lever,
         bearing.cosine * axial - bearing.skew_lever * fit.spin,
     )

@@ -32,7 +32,7 @@ from tripod_doe.mechanics.laws.contact import (
     contact_secant,
     damped_force,
     damped_stiffness,
-    damping_coefficient,
+    damping_slope,
 )
 from tripod_doe.mechanics.laws.friction import secant_slope
 from tripod_doe.mechanics.laws.rolling import rolling_moment, spinning_lever
@@ -58,16 +58,17 @@ def _load(contact, spheres, motion):
     factor, time = contact.damping, contact.damping_time
     secant = contact_secant(contact.stiffness, contact.exponent, spheres.depth)
     elastic, stiffness = secant * spheres.depth, contact.exponent * secant
-    coefficient = damping_coefficient(factor, time, elastic, stiffness)
-    normal = damped_force(elastic, coefficient, motion.rate)
-    by_depth = damped_stiffness(factor, time, contact.exponent, spheres.depth, stiffness, motion.rate)
+    greased = time * stiffness * motion.rate
+    normal = damped_force(elastic, factor * elastic * motion.rate, greased)
+    by_depth = damped_stiffness(secant, contact.exponent, factor, greased, elastic, motion.rate)
+    by_rate = factor * elastic + time * stiffness * damping_slope(elastic, greased)
     slip_speed = math.sqrt(motion.slip_t * motion.slip_t + motion.slip_b * motion.slip_b)
     roll, spin, roll_speed = _resistances(contact, normal, motion)
     return _Load(
         elastic,
         normal,
         select(normal > 0.0, by_depth, 0.0),
-        select(normal > 0.0, coefficient, 0.0),
+        select(normal > 0.0, by_rate, 0.0),
         contact.sliding * secant_slope(slip_speed, contact.sliding_transition),
         roll,
         spin,
