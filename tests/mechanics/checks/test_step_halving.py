@@ -70,6 +70,7 @@ def test_a_tolerance_near_what_a_solver_can_do_is_held_against_a_looser_one():
         "skew_deg": -0.638,
         "load_n": 411.2,
         "duration_s": 0.01,
+        "contact_damping_s_per_mm": 0.001,  # what SciPy can do depends on the damping
     }
     result, _ = needle("scipy-bdf", 2.21e-7, **values)
     assert result.outcome == Outcome.FINISHED, result.detail
