@@ -11,6 +11,8 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
+from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
 from tripod_doe.joint.outputs import (
@@ -31,6 +33,9 @@ if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.force_balance.equilibrium import Equilibrium
     from tripod_doe.joint.multibody.run_result import Readings
 
+
+_Solve = Callable[[JointValues[FloatArray], int, frozenset[str], dict[str, FloatArray]], "Equilibrium"]
+"""Solves points at a number of samples; outputs of contacts with the given names are added to the table."""
 
 _CHUNK = 64  # points whose waveforms are held at once
 _ROUNDING, _SPIDER_MOTION = 1e-8, 2e-3
@@ -80,7 +85,7 @@ class Model:
 
 
 def _simulate_balance(
-    solve: Callable[[JointValues[FloatArray], int], Equilibrium],
+    solve: _Solve,
     energy_limit: float,
     points: JointValues[FloatArray],
     method: str,
@@ -104,13 +109,13 @@ def _left_by_tolerance(points: JointValues[FloatArray], solution: Equilibrium) -
 
 
 def _balance_chunk(
-    solve: Callable[[JointValues[FloatArray], int], Equilibrium],
-    energy_limit: float,
-    points: JointValues[FloatArray],
-    samples: int,
-    keep: Collection[str],
+    solve: _Solve, energy_limit: float, points: JointValues[FloatArray], samples: int, keep: Collection[str]
 ) -> BlockResult:
-    solution = solve(points, samples)
+    names = wanted_contacts(keep)
+    if not np.isnan(points.pressure_limit).all():
+        names |= {"largest_needle_pressure_mpa"}
+    contacts: dict[str, FloatArray] = {}
+    solution = solve(points, samples, names, contacts)
     straight = points.joint_angle == 0  # nothing slides or rolls: any thrust is a residue of the iteration
     solution.groove_thrust[straight] = solution.thrust_parts[straight] = 0.0
     outputs = thrust_outputs(solution.groove_thrust[:, None], keep)
@@ -127,6 +132,7 @@ def _balance_chunk(
         "largest_penetration_um": 1e3 * np.maximum(in_groove, solution.needle_penetration),
         "energy_residual": solution.energy_residual,
     }
+    outputs |= contacts
     kept = np.zeros(solution.settled.size, bool) if solution.needles_settled is None else ~solution.needles_settled
     reasons = [
         (kept, Outcome.FINISHED, _NEEDLES_KEPT),
@@ -144,6 +150,9 @@ def _balance_chunk(
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
     for failed, kind, text in reasons:
         block.end(np.flatnonzero(failed), kind, text)
+    needle_pressure = contacts.get("largest_needle_pressure_mpa", np.zeros(block.count))
+    extremes = Extremes(solution.largest_normal_force, outputs["largest_penetration_um"], needle_pressure)
+    add_contact_notes(block, points, extremes)
     block.steps[:] = block.force_evaluations[:] = solution.sweeps
     with np.errstate(divide="ignore"):  # a balance holds for any number of revolutions: those that were asked for
         turned = points.cycles * 2 * np.pi / points.speed
@@ -154,15 +163,11 @@ def _balance_chunk(
     return block
 
 
-def _balance(
-    name: str,
-    solve: Callable[[JointValues[FloatArray], int], Equilibrium],
-    tolerance: float,
-    energy_limit: float,
-    moves_needles: bool,
-) -> Model:
+def _balance(name: str, solve: _Solve, tolerance: float, energy_limit: float, moves_needles: bool) -> Model:
     """Make a model that balances forces at every rotation angle instead of following a motion."""
-    missing = {"thrust_amplitude_error", *_RATES, *VIBRATION_OUTPUTS, *(() if moves_needles else _SKEWS)}
+    missing = {"thrust_amplitude_error", *_RATES, *VIBRATION_OUTPUTS}
+    if not moves_needles:
+        missing |= {*_SKEWS, *NEEDLE_NAMES, "roller_tilt_deg"}
     simulate = partial(_simulate_balance, solve, energy_limit)
 
     def prepare(point: JointValues[FloatArray], method: str) -> None:
@@ -194,16 +199,24 @@ _OF_NEEDLES = frozenset(
 _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
 
 
-def _solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+def _solve_equilibrium(
+    points: JointValues[FloatArray], samples: int, names: frozenset[str], contacts: dict[str, FloatArray]
+) -> Equilibrium:
+    from tripod_doe.joint.force_balance.contact_readings import ContactReader
     from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
 
-    return solve_equilibrium(points, samples)
+    reader = ContactReader(points, names, samples, contacts) if names else None
+    return solve_equilibrium(points, samples, reader)
 
 
-def _solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+def _solve_kinetostatic(
+    points: JointValues[FloatArray], samples: int, names: frozenset[str], contacts: dict[str, FloatArray]
+) -> Equilibrium:
+    from tripod_doe.joint.force_balance.contact_readings import ContactReader
     from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 
-    return solve_kinetostatic(points, samples)
+    reader = ContactReader(points, names, samples, contacts) if names else None
+    return solve_kinetostatic(points, samples, reader=reader)
 
 
 _NO_PRELOAD = ValidRange("bearing_radial_clearance_mm", "below, the bearing carries load all around", low=0, unit="mm")
@@ -273,8 +286,12 @@ def _simulate_multibody(
     block = BlockResult.blank(points.torque.size)
     setting, usual = next(iter(_MULTIBODY_METHODS[needles][method].items()))
     rates, split = (not set(names).isdisjoint(keep) for names in (_RATES, PART_OUTPUTS))
+    names = wanted_contacts(keep) | {"groove_normal_force"}
+    if not np.isnan(points.pressure_limit).all():
+        names |= {"largest_needle_pressure_mpa"}
+    extremes = Extremes(*np.zeros((3, block.count)))
     for i in range(block.count):
-        result = run_joint(points.point(i), needles, method, Wanted(samples, rates, split), goal, usual)
+        result = run_joint(points.point(i), needles, method, Wanted(samples, rates, split, names), goal, usual)
         if result.settled:
             block.settle(setting, i, result.setting)
         block.end(i, result.outcome, result.detail)
@@ -287,6 +304,11 @@ def _simulate_multibody(
         if result.readings is not None:
             for name, data in _answer(result.readings, keep).items():
                 block.put(name, JOINT_OUTPUTS[name].dims, i, data)
+            contacts = result.readings.contacts
+            extremes.normal_force[i] = contacts["groove_normal_force"].max() if contacts else 0.0
+            extremes.penetration[i] = 1e3 * result.readings.penetration
+            extremes.needle_pressure[i] = contacts.get("largest_needle_pressure_mpa", 0.0)
+    add_contact_notes(block, points, extremes)
     return block
 
 
@@ -308,6 +330,7 @@ def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:
         "needle_skew_summary_deg": None if result.skew_summary is None else np.degrees(result.skew_summary),
         "largest_penetration_um": 1e3 * result.penetration,
         "energy_residual": result.energy_residual,
+        **result.contacts,
     }
     if result.rates is not None:
         others |= dict(zip(_RATES, astuple(result.rates), strict=True))
@@ -339,7 +362,7 @@ _ROLLERS = Model(
     name="rollers",
     methods=_MULTIBODY_METHODS[False],
     ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor"}),
-    outputs=frozenset(JOINT_OUTPUTS) - set(_SKEWS),
+    outputs=frozenset(JOINT_OUTPUTS) - {*_SKEWS, *NEEDLE_NAMES},
     simulate=partial(_simulate_multibody, False),
     prepare=_prepare_multibody,
     settles=True,

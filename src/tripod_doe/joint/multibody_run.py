@@ -20,6 +20,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.multibody.contact_readings import contact_readings
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.numerical_error import (
     ERROR_LIMIT,
@@ -105,7 +106,7 @@ def run_joint(
     if vibration := growing_vibration(values, lumped):
         vibrating = _vibrating(values, vibration, wanted, goal)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
-            return _with_rates(answer, vibrating.last_revolution, values) if wanted.rates else answer
+            return _with_last(answer, vibrating.last_revolution, values, wanted)
     assembly = assemble(build_joint(values, needles)) if needles else lumped
     if settles:
         motion = _follow_to(goal, assembly, values, method, samples, usual)
@@ -136,7 +137,7 @@ def run_joint(
             kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), wanted, goal)
             answer = kicked.answer(needles, anyhow=True)
             if answer and answer.outcome == Outcome.FINISHED:
-                return _with_rates(answer, kicked.last_revolution, values) if wanted.rates else answer
+                return _with_last(answer, kicked.last_revolution, values, wanted)
         done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(
         done,
@@ -232,11 +233,21 @@ def _rates(result: Run, values: JointValues[float], samples: int) -> Rates:
     return fastest_rates(result.assembly, states, pace=3 * values.speed)
 
 
-def _with_rates(answer: JointRun, turn: Run | None, values: JointValues[float]) -> JointRun:
-    """Add the rates that limit the step in the last revolution to the answer of a vibrating joint."""
+def _with_last(answer: JointRun, turn: Run | None, values: JointValues[float], wanted: Wanted) -> JointRun:
+    """Add what is read off the last revolution to the answer of a vibrating joint: rates that limit the step, contacts.
+
+    Contacts of the last revolution stand for those of the last two.
+    """
     if answer.readings is None or turn is None:
         return answer
-    return replace(answer, readings=replace(answer.readings, rates=_rates(turn, values, turn.times.size - 1)))
+    readings = answer.readings
+    if wanted.rates:
+        readings = replace(readings, rates=_rates(turn, values, turn.times.size - 1))
+    if wanted.contacts:
+        positions, velocities = (np.concatenate([x[:-1], x[:-1]]) for x in _states(turn))
+        contacts = contact_readings(turn.assembly, positions, velocities, values, wanted.contacts)
+        readings = replace(readings, contacts=contacts)
+    return replace(answer, readings=readings)
 
 
 def _states(result: Run) -> tuple[FloatArray, FloatArray]:
@@ -264,6 +275,8 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
         skew, summary = needle_skews(assembly, result.positions[: cycles * samples], values, cycles)
         skew = skew[:, -2 * samples :]
     parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if wanted.split else None
+    two = slice(-2 * samples - 1, -1)
+    contacts = contact_readings(assembly, positions[two], velocities[two], values, wanted.contacts)
     return Readings(
         ahead(_by_revolution(thrust[:, last], count), motion.lag),
         None if parts is None else ahead(_by_revolution(parts[:, last], count), motion.lag),
@@ -273,6 +286,7 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
         summary,
         result.penetration,
         result.energy_residual,
+        contacts=contacts,
     )
 
 

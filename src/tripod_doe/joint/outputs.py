@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
+from tripod_doe.joint.contact_outputs import CONTACT_OUTPUTS
+from tripod_doe.joint.dimensions import CYCLE, GROOVE, ORDER, ROTATION, STATISTIC, TRUNNION
+from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes, rms
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.simulator import Dimension, Output, by_name
@@ -23,25 +24,6 @@ PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
 
 
-def rotation_angles(samples_per_revolution: int) -> NDArray[np.floating]:
-    """Rotation angles of the samples of the last two revolutions, in degrees."""
-    return np.arange(2 * samples_per_revolution) * (360 / samples_per_revolution)
-
-
-ROTATION = Dimension(
-    "rotation_deg",
-    rotation_angles,
-    "degree",
-    "rotation angle of the housing",
-    length_parameter="samples_per_revolution",
-    convention="0: the centre of roller 1 lies in the plane of both axes, between them; grooves 2 and 3 follow at +120 "
-    "and +240 degree",
-)
-ORDER = Dimension("order", ORDERS, "1", "rotating order")
-_GROOVE = Dimension("groove", np.arange(1, 4), "1", "number of the groove")
-_TRUNNION = Dimension("trunnion", np.arange(1, 4), "1", "number of the trunnion")
-_CYCLE = Dimension("cycle", lambda cycles: np.arange(1, cycles + 1), length_parameter="cycles")
-_STATISTIC = Dimension("statistic", np.array(["mean", "min", "max"]))
 _MECHANISM = Dimension("mechanism", np.array(MECHANISMS), "", "friction mechanism")
 _PART = Dimension("part", np.array(PARTS), "", "friction mechanism that makes a part of the thrust, or the remainder")
 
@@ -72,7 +54,7 @@ _OUTPUTS = [
         "N",
         "F_k",
         "part of the thrust force in each groove",
-        (_GROOVE, ROTATION),
+        (GROOVE, ROTATION),
         convention=_SIGN,
         zero_at=_STILL,
     ),
@@ -125,7 +107,7 @@ _OUTPUTS = [
         "N",
         "A_k",
         "amplitude of the rotating orders of the thrust in each groove",
-        (_GROOVE, ORDER),
+        (GROOVE, ORDER),
         convention=_PHASE,
         zero_at=_STILL,
     ),
@@ -134,7 +116,7 @@ _OUTPUTS = [
         "degree",
         "p_k",
         "phase of the rotating orders of the thrust in each groove",
-        (_GROOVE, ORDER),
+        (GROOVE, ORDER),
         angle=True,
         convention=_PHASE,
     ),
@@ -161,7 +143,7 @@ _OUTPUTS = [
         "degree",
         "psi",
         "skew of the most loaded needle at this rotation angle",
-        (_TRUNNION, ROTATION),
+        (TRUNNION, ROTATION),
         optional=True,
         convention=_SKEW,
     ),
@@ -170,7 +152,7 @@ _OUTPUTS = [
         "degree",
         "psi",
         "mean, smallest and largest skew per revolution of the most loaded needle",
-        (_TRUNNION, _CYCLE, _STATISTIC),
+        (TRUNNION, CYCLE, STATISTIC),
         optional=True,
         convention=_SKEW,
     ),
@@ -216,6 +198,7 @@ _OUTPUTS = [
         on_request=True,
         response=True,
     ),
+    *CONTACT_OUTPUTS,
     *RATE_OUTPUTS,
 ]
 

@@ -182,7 +182,7 @@ class JointSimulator(Simulator):
                 columns = _of_rows(points, chosen)
                 wanted = [output for output in keep if output in model.outputs]
                 block.fill(chosen, model.simulate(_values(model, method, columns), method, samples, wanted, self.goal))
-        first = {name: points[name][0] for name in ("samples_per_revolution", "cycles")}
+        first = {name: points[name][0] for name in self.length_parameters}
         block.coordinates.update(self.labels(block.outputs, first))
         return block
 

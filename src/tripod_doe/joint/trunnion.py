@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.dimensions import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_trunnion
@@ -21,7 +22,6 @@ from tripod_doe.joint.multibody.numerical_error import amplitude_error, finer_th
 from tripod_doe.joint.multibody.readings import groove_readings, needle_drift, needle_skews
 from tripod_doe.joint.multibody_run import compile_joint, follow
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
-from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
@@ -32,7 +32,15 @@ from tripod_doe.simulator import Outcome, Output, Parameter, by_name
 _SAMPLES = 360
 """Samples of the rotation angle per revolution."""
 
-_OF_OTHERS = ("initial_skew_2_deg", "initial_skew_3_deg", "model", "samples_per_revolution", "accuracy")
+_OF_OTHERS = (
+    "initial_skew_2_deg",
+    "initial_skew_3_deg",
+    "model",
+    "samples_per_revolution",
+    "accuracy",
+    "pressure_limit_mpa",
+    "penetration_limit_um",
+)
 """Parameters of the joint that say nothing of one trunnion."""
 
 _NEEDLES = MODELS["needles"]

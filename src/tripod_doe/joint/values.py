@@ -63,6 +63,8 @@ class JointValues(Generic[Number]):
     accuracy: Number
     cycles: Number
     evaluation_budget: Number
+    pressure_limit: Number
+    penetration_limit: Number
     groove_stiffness: Number  # C of roller and groove, N / mm^1.5
     groove_axis_factor: Number  # semi-major axis of the groove's contact over f_n^(1/3), mm / N^(1/3)
     needle_stiffness: Number  # C of a whole needle against one part, N / mm^(10/9)
@@ -86,6 +88,17 @@ class JointValues(Generic[Number]):
     def groove_play(self) -> Number:
         """R_g - R_s."""
         return (self.groove_radius_ratio - 1) * self.roller_radius
+
+    @property
+    def eccentricity(self) -> Number:
+        """Radius e on which the spider's centre orbits."""
+        eccentricity: Number = self.pitch_radius * (1 / np.cos(self.joint_angle) - 1) / 2
+        return eccentricity
+
+    @property
+    def ring_distance(self) -> Number:
+        """Distance of the middle of the needles from the spider's centre: the roller's mean distance."""
+        return self.pitch_radius + self.eccentricity
 
     @property
     def needle_radius(self) -> Number:

@@ -51,6 +51,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.force_balance.account import Solution, account
+from tripod_doe.joint.force_balance.contact_readings import ContactReader
 from tripod_doe.joint.force_balance.coupled_newton import loads_at_rest, settle_together
 from tripod_doe.joint.force_balance.equilibrium_relaxation import settle_still
 from tripod_doe.joint.force_balance.free_rollers import settle_free
@@ -190,7 +191,9 @@ def _compile_other_ways() -> None:
         repeat_first(memory)  # which only a point that settles reaches
 
 
-def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+def solve_equilibrium(
+    points: JointValues[FloatArray], samples: int, reader: ContactReader | None = None
+) -> Equilibrium:
     """Solve the equilibrium model for a block of points.
 
     Parameters
@@ -199,6 +202,8 @@ def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibr
         The points.
     samples
         Samples of one revolution.
+    reader
+        Reads the contacts of every point that settles.
 
     Returns
     -------
@@ -209,7 +214,7 @@ def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibr
     Every point is computed by itself, so that its values do not depend on the block it is in.
     """
     kappa, penetration = load_zones(points)
-    return solve_balance(points, point_constants(points, kappa), penetration, samples)
+    return solve_balance(points, point_constants(points, kappa), penetration, samples, reader=reader)
 
 
 def _settle(
@@ -262,6 +267,7 @@ def solve_balance(
     penetration: FloatArray,
     samples: int,
     followers: Followers | None = None,
+    reader: ContactReader | None = None,
 ) -> Equilibrium:
     """Solve the balance of a block of points whose constants are known; parameters as there.
 
@@ -286,6 +292,8 @@ def solve_balance(
             solution.sweeps[i] += _settle_with_needles(table[i], memory, followers, i)
         if solution.settled[i]:
             account(table[i], memory, solution, i)
+            if reader is not None:
+                reader.read(i, table[i], memory, followers)
     solution.settled[columns["torque"] == 0.0] = True
     solution.power[_passed_on(points) == 0.0, 4] = 0.0  # what hardly resists takes no power
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))

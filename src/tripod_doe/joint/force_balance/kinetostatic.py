@@ -57,6 +57,7 @@ import math
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.force_balance.contact_readings import ContactReader
 from tripod_doe.joint.force_balance.equilibrium import Equilibrium, point_constants, solve_balance
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.geometry.roller_inertia import roller_inertia
@@ -118,7 +119,9 @@ def _moving_constants(
     }
 
 
-def solve_kinetostatic(points: JointValues[FloatArray], samples: int, needles_move: bool = True) -> Equilibrium:
+def solve_kinetostatic(
+    points: JointValues[FloatArray], samples: int, needles_move: bool = True, reader: ContactReader | None = None
+) -> Equilibrium:
     """Solve the kinetostatic model for a block of points.
 
     Parameters
@@ -130,6 +133,8 @@ def solve_kinetostatic(points: JointValues[FloatArray], samples: int, needles_mo
     needles_move
         Whether needles follow their rollers; if not, they keep their initial skew and never touch a stop, as in the
         model `rollers`.
+    reader
+        Reads the contacts of every point that settles.
 
     Returns
     -------
@@ -140,5 +145,6 @@ def solve_kinetostatic(points: JointValues[FloatArray], samples: int, needles_mo
     columns = point_constants(points, kappa) | _moving_constants(points, shift, tilt, yaw, samples)
     penetration = (shift - points.bearing_radial_clearance) / 2
     skews = np.stack(points.initial_skews, axis=1)
-    followers = Followers.of(points, needle_constants(points), skews, samples, needles_move)
-    return solve_balance(points, columns, penetration, samples, followers)
+    record = reader is not None and reader.of_needles
+    followers = Followers.of(points, needle_constants(points), skews, samples, needles_move, record)
+    return solve_balance(points, columns, penetration, samples, followers, reader)

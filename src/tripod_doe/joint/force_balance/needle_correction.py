@@ -25,6 +25,7 @@ from tripod_doe.joint.needles.needle_motion import (
     MOST_NEEDLES,
     NEEDLE,
     NEEDLE_CONTACT,
+    RECORD,
     NeedleForces,
     RollerMotion,
     follow_roller,
@@ -163,15 +164,23 @@ class Followers:
     _rollers: tuple[RollerMotion, RollerMotion, RollerMotion]
     _forces: NeedleForces
     _move: bool
+    _records: NDArray[np.void]  # of every needle of the last point, shape (trunnion, needle, 2 x sample), or empty
 
     @classmethod
     def of(
-        cls, points: JointValues[FloatArray], table: FloatArray, skews: FloatArray, samples: int, move: bool
+        cls,
+        points: JointValues[FloatArray],
+        table: FloatArray,
+        skews: FloatArray,
+        samples: int,
+        move: bool,
+        record: bool = False,
     ) -> Followers:
         """Needles at their initial skews, shape (point, trunnion), which they keep unless they may `move`.
 
-        `table` is from `needle_constants`.
+        `table` is from `needle_constants`; with `record` every needle is recorded.
         """
+        recorded = (3, int(points.needle_count.max()), 2 * samples) if record else (3, 0, 0)
         slide = (points.needle_sliding_friction > 0) & (points.speed > 0) & (points.joint_angle > 0)
         over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
         ring = NeedleMemory.for_samples(samples)
@@ -179,7 +188,17 @@ class Followers:
         forces = NeedleForces(ring.forces, ring.moments, ring.places)
         settled = np.ones(slide.size, bool)
         return cls(
-            slide, over_time, settled, points.groove_load, table, skews, ring, (first, second, third), forces, move
+            slide,
+            over_time,
+            settled,
+            points.groove_load,
+            table,
+            skews,
+            ring,
+            (first, second, third),
+            forces,
+            move,
+            np.zeros(recorded, RECORD),
         )
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
@@ -199,9 +218,23 @@ class Followers:
             return
         for k, roller in enumerate(self._rollers):
             skew = follow_roller(
-                table, self._initial[i, k], tilt, roller, ring.needles, ring.contacts, self._forces, self.skews[i, k]
+                table,
+                self._initial[i, k],
+                tilt,
+                roller,
+                ring.needles,
+                ring.contacts,
+                self._forces,
+                self.skews[i, k],
+                self._records[k],
             )
             _add_needles(row, memory, ring, k, skew)
+
+    def recorded(self, i: int) -> NDArray[np.void] | None:
+        """Every needle of point i, which was followed last; None where its needles do not move."""
+        if not (self._records.size and self._move and self.slide[i] and self.settled[i]):
+            return None
+        return self._records[:, : int(NeedleConstants._make(self._table[i]).needles)]
 
     def _tilt(self, load: float, c: NeedleConstants) -> float:
         """Tilt k_t for the load's largest distance from the middle of the needles in the motions that were read."""

@@ -23,6 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.geometry.contact_pressure import needle_pressure
 from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues
@@ -170,8 +171,5 @@ def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, F
     """Mean load of a groove, sliding resistance of a bearing by its preload alone, and largest pressure that makes."""
     squeeze = np.maximum(-points.bearing_radial_clearance, 0.0) / 2
     each = points.needle_stiffness * squeeze**_EXPONENT
-    trunnion = np.maximum(points.trunnion_radius, 1e-9)
-    modulus = points.youngs_modulus / (2 * (1 - points.poissons_ratio**2))
-    curvature = 1 / points.needle_radius + 1 / trunnion
-    pressure = np.sqrt(each / points.needle_length * modulus / np.pi * curvature)  # Hertz, a line contact
+    pressure = needle_pressure(points, each / points.needle_length)
     return points.groove_load, points.needle_sliding_friction * points.needle_count * each, pressure

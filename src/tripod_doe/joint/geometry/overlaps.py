@@ -47,7 +47,7 @@ class _Sizes(NamedTuple):
 
 def overlaps(points: JointValues[FloatArray]) -> list[Overlap]:
     """Every way in which solid parts of some points are in each other's place."""
-    eccentricity = points.pitch_radius * (1 / np.cos(points.joint_angle) - 1) / 2
+    eccentricity = points.eccentricity
     half_width = points.roller_width / 2
     sizes = _Sizes(
         np.sqrt(np.maximum(points.roller_radius**2 - half_width**2, 0.0)),

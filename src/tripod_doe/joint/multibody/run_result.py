@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.checks.rates import Rates
@@ -26,6 +27,7 @@ class Wanted:
     samples: int  # samples per revolution
     rates: bool = False  # whether to find what limits the step
     split: bool = False  # whether to split the thrust into the parts of the mechanisms
+    contacts: frozenset[str] = frozenset()  # outputs of contacts
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class Readings:
     energy_residual: float
     rates: Rates | None = None  # what limits the step in the last third of a revolution; None unless requested
     vibration: VibrationReadings | None = None  # how the joint vibrates by itself; None where it was not asked
+    contacts: Mapping[str, FloatArray] = field(default_factory=dict)  # requested outputs of contacts, by name
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,7 @@ class DerivedConstants:
     @property
     def ring_distance(self) -> float:
         """Distance of the middle of the needles from the spider's centre: the roller's mean distance."""
-        pitch = self.values.pitch_radius
-        return pitch + pitch * (1 / math.cos(self.values.joint_angle) - 1) / 2
+        return float(self.values.ring_distance)
 
     def trunnion_axis(self, k: int) -> FloatArray:
         """Direction of trunnion k = 0, 1, 2 in the shaft's axes."""

@@ -69,23 +69,30 @@ def _forces(tables, work, positions, velocities, forces):
                 forces[s, i, d] = work.force[i, d]
 
 
+def element_forces(
+    assembly: Assembly, table: NDArray[np.void], positions: FloatArray, velocities: FloatArray
+) -> FloatArray:
+    """Forces and moments of some contacts or bearings on all bodies, shape (sample, body, 6); states as in a run."""
+    contacts, bearings = assembly.tables.contacts[:0], assembly.tables.bearings[:0]
+    if table.dtype == contacts.dtype:
+        contacts = table
+    else:
+        bearings = table
+    forces = np.empty_like(velocities)
+    tables = replace(assembly.tables, contacts=contacts, bearings=bearings)
+    _forces(tables, assembly.work(), positions, velocities, forces)
+    return forces
+
+
 class _Elements:
     """Contacts or bearings in all states of a run: what each law of friction adds to their normal forces."""
 
     def __init__(self, assembly: Assembly, positions: FloatArray, velocities: FloatArray):
-        self._work, self._states, self._tables = assembly.work(), (positions, velocities), assembly.tables
+        self._assembly, self._states = assembly, (positions, velocities)
         self._normal: dict[bytes, FloatArray] = {}
 
     def _forces(self, table: NDArray[np.void]) -> FloatArray:
-        contacts, bearings = self._tables.contacts[:0], self._tables.bearings[:0]
-        if table.dtype == contacts.dtype:
-            contacts = table
-        else:
-            bearings = table
-        forces = np.empty_like(self._states[1])
-        tables = replace(self._tables, contacts=contacts, bearings=bearings)
-        _forces(tables, self._work, *self._states, forces)
-        return forces
+        return element_forces(self._assembly, table, *self._states)
 
     def normal(self, table: NDArray[np.void]) -> FloatArray:
         """Forces and moments without friction, shape (sample, body, 6); kept, as several laws start from them."""

@@ -76,12 +76,16 @@ NEEDLE = np.dtype(
             "skew",  # psi, rad
             "load",  # f, N
             "known",  # whether it is known how the load is spread
+            "stop",  # force of the outer stop, negative that of the inner one, N
         )
     ]
 )
 """State of a needle."""
 NEEDLE_CONTACT = np.dtype([(name, float) for name in ("depth", "lean", "variance")])
 """State of a needle's contact with trunnion or bore: compression in its middle and its slope, <(x - x_f)^2>."""
+
+RECORD = np.dtype([(name, float) for name in ("load", "angle", "place", "skew", "stop", "line")])
+"""State of a needle that is recorded: `NEEDLE`, its angle from the load, largest load per length on the trunnion."""
 
 _EXPONENT = 10.0 / 9.0
 _STEPS = 360
@@ -246,6 +250,7 @@ def _move(c, needle, contacts, spin, plunge, offset, narrowing, duration):
     drag_t = c.sliding * hyperbolic_tangent(on_trunnion / c.transition)
     drag_b = c.sliding * hyperbolic_tangent(on_bore / c.transition)
     stop = max(side * (drag_b - drag_t - slope), 0.0) if stopped else 0.0
+    needle.stop = side * stop * needle.load
     rubbing = c.sliding * stop * hyperbolic_tangent(around / c.transition)
     wedge = (contacts[0].variance - contacts[1].variance) / c.pitch_radius
     held = contacts[0].variance * secant_slope(abs(on_trunnion), c.transition)
@@ -311,6 +316,31 @@ def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     return force, moment, leaning / carried, placed / carried, needles[most].skew
 
 
+@kernel_part
+def _line_load(c, contact, bend):
+    """Largest load per length along a needle's contact with its trunnion."""
+    deepest = 0.0
+    for i in range(int(c.spheres)):
+        station = _station(c, i)
+        deepest = max(deepest, contact.depth + (contact.lean - (c.drop + bend) * station) * station)
+    return contact_secant(c.stiffness, _EXPONENT, deepest) * deepest / c.length
+
+
+@kernel_part
+def _record(c, needles, contacts, zone, records, at):
+    """Record all needles; those without load lie at their outer stop."""
+    turned, nearest, before, after = zone
+    count, spacing = int(c.needles), 2.0 * math.pi / c.needles
+    for number in range(nearest - before, nearest - before + count):
+        needle, record = needles[number % count], records[number % count, at]
+        record.angle, record.skew, record.place = number * spacing + turned, needle.skew, c.reach
+        record.load, record.stop, record.line = 0.0, 0.0, 0.0
+        if number <= nearest + after:
+            record.load, record.stop, record.place = needle.load, needle.stop, needle.place
+            bend = 0.5 * needle.skew * needle.skew / c.pitch_radius
+            record.line = _line_load(c, contacts[number % count, 0], bend)
+
+
 @dataclass(frozen=True, eq=False)
 class RollerMotion(ByReference):
     """A roller over one revolution; arrays of shape (sample,)."""
@@ -335,7 +365,7 @@ class NeedleForces(ByReference):
 
 
 @kernel
-def follow_roller(row, skew, tilt, roller, needles, contacts, found, skews):
+def follow_roller(row, skew, tilt, roller, needles, contacts, found, skews, records=None):
     """Move the needles of one trunnion along a revolution of their roller, again and again.
 
     Parameters
@@ -354,6 +384,8 @@ def follow_roller(row, skew, tilt, roller, needles, contacts, found, skews):
         `NeedleForces`, which receives what the needles do.
     skews
         Receives the skew of the needle that carries the most, over all revolutions, shape (cycles sample,).
+    records
+        Receives a `RECORD` of every needle over the last two revolutions, shape (needle, 2 x sample), or is empty.
 
     Returns
     -------
@@ -389,11 +421,16 @@ def follow_roller(row, skew, tilt, roller, needles, contacts, found, skews):
             force, moment, mean, place, first = _step(
                 c, needles, contacts, motion, gap, duration, refresh, (turned, nearest, before, after)
             )
+            before_step = turned
             turned += (0.5 * c.bore_radius / c.pitch_radius * spin + _between(turns, sample, share)) * duration
             if part > 0:
                 continue
             skews[j] = first
             if j >= (cycles - 2) * samples:
+                if records is not None:  # noqa: SIM102 - numba leaves out what follows a test for None alone
+                    if records.size > 0:
+                        zone = (before_step, nearest, before, after)
+                        _record(c, needles, contacts, zone, records, j - (cycles - 2) * samples)
                 forces[sample] += 0.5 * force / load
                 moments[sample] += 0.5 * moment / load
                 places[sample] += 0.5 * place
