@@ -109,10 +109,10 @@ def test_the_ellipse_meets_hertz_equations(joint_values):
 
 @pytest.mark.parametrize("model", ["equilibrium", "rollers"])
 def test_a_limit_that_is_passed_is_noted(model):
-    quiet = td.simulate(model=model, pressure_limit_mpa=5000, penetration_limit_um=50)
+    quiet = td.simulate(model=model, pressure_limit_gpa=5, penetration_limit_um=50)
     assert str(quiet["outcome_detail"].values) == ""
-    loud = str(td.simulate(model=model, pressure_limit_mpa=400, penetration_limit_um=2)["outcome_detail"].values)
-    assert "the pressure in a groove reaches 63" in loud
+    loud = str(td.simulate(model=model, pressure_limit_gpa=0.4, penetration_limit_um=2)["outcome_detail"].values)
+    assert "the pressure in a groove reaches 0.63" in loud
     assert "the pressure of a needle reaches" in loud
     assert "penetration_limit_um is 2" in loud
 

@@ -39,15 +39,15 @@ def add_contact_notes(block: BlockResult, points: JointValues[FloatArray], extre
         (ellipse_axes(points, extremes.normal_force)[0] > points.roller_width / 2, _CUT_OFF, pressure, None),
         (
             pressure > points.pressure_limit,
-            "the pressure in a groove reaches {:.4g} MPa, and pressure_limit_mpa is {:.4g}",
-            pressure,
-            points.pressure_limit,
+            "the pressure in a groove reaches {:.4g} GPa, and pressure_limit_gpa is {:.4g}",
+            pressure / 1e3,
+            points.pressure_limit / 1e3,
         ),
         (
             extremes.needle_pressure > points.pressure_limit,
-            "the pressure of a needle reaches {:.4g} MPa, and pressure_limit_mpa is {:.4g}",
-            extremes.needle_pressure,
-            points.pressure_limit,
+            "the pressure of a needle reaches {:.4g} GPa, and pressure_limit_gpa is {:.4g}",
+            extremes.needle_pressure / 1e3,
+            points.pressure_limit / 1e3,
         ),
         (
             extremes.penetration > 1e3 * points.penetration_limit,

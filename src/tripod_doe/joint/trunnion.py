@@ -38,7 +38,7 @@ _OF_OTHERS = (
     "model",
     "samples_per_revolution",
     "accuracy",
-    "pressure_limit_mpa",
+    "pressure_limit_gpa",
     "penetration_limit_um",
 )
 """Parameters of the joint that say nothing of one trunnion."""
