@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
     from tripod_doe.workflow.derive import derive
     from tripod_doe.workflow.fit import FitSummary, fit
+    from tripod_doe.workflow.optimise import OptimisationSummary, optimise
     from tripod_doe.workflow.run import RunSummary, run
     from tripod_doe.workflow.workflow_file import workflow_schema
 
@@ -41,6 +42,7 @@ _HOME = {
     "CubeError": "errors",
     "InputError": "errors",
     "FitSummary": "workflow.fit",
+    "OptimisationSummary": "workflow.optimise",
     "Outcome": "simulator",
     "Output": "simulator",
     "Parameter": "simulator",
@@ -59,6 +61,7 @@ _HOME = {
     "model_point": "analyses.comparison.model_point",
     "morris_effects": "analyses.sensitivity.morris",
     "open_cube": "study.results.result_cube",
+    "optimise": "workflow.optimise",
     "plan": "study.plan",
     "query": "study.query.query",
     "read_measurement": "analyses.comparison.measurement",
@@ -76,6 +79,7 @@ __all__ = [
     "CubeError",
     "FitSummary",
     "InputError",
+    "OptimisationSummary",
     "Outcome",
     "Output",
     "Parameter",
@@ -95,6 +99,7 @@ __all__ = [
     "model_point",
     "morris_effects",
     "open_cube",
+    "optimise",
     "plan",
     "query",
     "read_measurement",

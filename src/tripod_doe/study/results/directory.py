@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -162,6 +162,10 @@ class ResultDirectory:
     def blocks(self) -> Iterator[FinishedBlock]:
         """All finished blocks, the oldest first."""
         return self._journal.blocks()
+
+    def places(self) -> list[Callable[[], FinishedBlock]]:
+        """All finished blocks, the oldest first, each as a function that reads it."""
+        return list(self._journal.places())
 
     def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
         """`StudyPoints.done` of the journal, cached for the checks of a study and for its missing points."""

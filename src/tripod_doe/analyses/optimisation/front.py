@@ -1,0 +1,91 @@
+"""The front: candidates than which none is better in every objective, its ends and knee, and what binds them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.optimisation.measures import Judged
+from tripod_doe.analyses.optimisation.variables import Variables
+from tripod_doe.array_types import FloatArray, IntArray
+
+_NEAR = 0.01  # of a range, or of a limit: from here on it binds
+
+
+@dataclass(frozen=True)
+class Archive:
+    """Candidates that were judged."""
+
+    units: FloatArray  # on the unit cube, shape (candidate, variable)
+    judged: Judged
+    generation: IntArray  # in which each was tried, shape (candidate,)
+
+    def take(self, rows: IntArray) -> Archive:
+        """Some of them."""
+        return Archive(self.units[rows], self.judged.take(rows), self.generation[rows])
+
+
+def front_rows(aims: FloatArray, feasible: NDArray[np.bool_]) -> IntArray:
+    """The feasible candidates that no other one dominates, ascending in the first aim; of equal ones the first.
+
+    Parameters
+    ----------
+    aims
+        Objectives to minimise, shape (candidate, objective).
+    feasible
+        Shape (candidate,).
+    """
+    rows = np.flatnonzero(feasible & np.isfinite(aims).all(axis=1))
+    if not rows.size:
+        return rows
+    _, first = np.unique(aims[rows], axis=0, return_index=True)
+    rows = rows[np.sort(first)]
+    if aims.shape[1] == 1:
+        return rows[[int(np.argmin(aims[rows, 0]))]]
+    from moocore import is_nondominated
+
+    rows = rows[is_nondominated(np.ascontiguousarray(aims[rows]))]
+    return np.asarray(rows[np.lexsort(aims[rows].T[::-1])])
+
+
+def scaled(aims: FloatArray) -> FloatArray:
+    """Aims from 0 to 1 over some candidates."""
+    low, high = aims.min(axis=0), aims.max(axis=0)
+    return np.asarray((aims - low) / np.where(high > low, high - low, 1.0))
+
+
+def knee(aims: FloatArray) -> int:
+    """The candidate of a front whose worst aim is best, each from 0 to 1 over the front; of equal ones the first.
+
+    The nearest to the best of all aims would be an end where the front bends the other way.
+    """
+    return int(np.argmin(scaled(aims).max(axis=1)))
+
+
+def spread(aims: FloatArray, count: int) -> IntArray:
+    """Some candidates of a front far apart from each other: the best in each aim, the knee, then the farthest ones."""
+    places = scaled(aims)
+    chosen = list(dict.fromkeys([*(int(k) for k in aims.argmin(axis=0)), knee(aims)]))[:count]
+    while len(chosen) < min(count, len(aims)):
+        distance = np.min([((places - places[k]) ** 2).sum(axis=1) for k in chosen], axis=0)
+        if distance.max() == 0:
+            break
+        chosen.append(int(np.argmax(distance)))
+    return np.array(sorted(chosen))
+
+
+def binding(unit: FloatArray, violation: FloatArray, variables: Variables, constraints: list[str]) -> list[str]:
+    """Names of the bounds and limits that a candidate touches, in words."""
+    texts = []
+    for value, variable in zip(unit.tolist(), variables.chosen, strict=True):
+        if variable.levels and not all(isinstance(level, int | float) for level in variable.levels):
+            continue
+        edge = 0.5 / len(variable.levels) if variable.levels else 0.0
+        if value <= edge + _NEAR * (not variable.levels):
+            texts.append(f"{variable.name} at its lower bound")
+        elif value >= 1 - edge - _NEAR * (not variable.levels):
+            texts.append(f"{variable.name} at its upper bound")
+    texts += [f"{name} at its limit" for name, far in zip(constraints, violation.tolist(), strict=True) if far > -_NEAR]
+    return texts

@@ -1,0 +1,126 @@
+"""The operating points at which each candidate is judged: a grid or a table, with weights."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from tripod_doe.analyses.optimisation.optimisation_file import AtTable, OptimisationRequest
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Parameter, Value
+from tripod_doe.study.definition.study_file import complaints
+
+_KEYS = ("table", "weights")
+_MOST = 10_000
+
+
+@dataclass(frozen=True)
+class OperatingPoints:
+    """Operating points with their weights."""
+
+    values: tuple[Mapping[str, Value], ...]  # one mapping an operating point; a single empty one without any
+    weights: FloatArray  # they add up to one, shape (operating point,)
+
+    @property
+    def names(self) -> list[str]:
+        """The operating parameters."""
+        return list(self.values[0])
+
+    @property
+    def count(self) -> int:
+        """Number of operating points."""
+        return len(self.values)
+
+
+def operating_points(request: OptimisationRequest, parameters: Mapping[str, Parameter]) -> OperatingPoints:
+    """The operating points of a file.
+
+    Raises
+    ------
+    InputError
+        If a parameter, a value, a weight or the table is wrong.
+    """
+    at = request.file.at
+    weights: Any = at.get("weights")
+    try:
+        if "table" in at and not isinstance(at["table"], dict):
+            rows, weights = _rows(request, str(at["table"]), weights)
+        else:
+            rows = _grid(request, {name: table for name, table in at.items() if name not in _KEYS})
+        values = tuple(_checked(row, parameters) for row in rows)
+    except InputError as error:
+        raise request.fail("[at]", error) from error
+    if both := sorted(set(values[0]) & request.file.variables.keys()):
+        raise request.fail("[at]", f"{both[0]} is a variable, too: leave one of them out")
+    try:
+        return OperatingPoints(values, _weights(weights, len(values)))
+    except InputError as error:
+        raise request.fail("[at]", error) from error
+
+
+def _grid(request: OptimisationRequest, tables: Mapping[str, Any]) -> list[dict[str, Value]]:
+    lists: dict[str, list[Any]] = {}
+    for name, table in tables.items():
+        try:
+            lists[name] = list(AtTable.model_validate(table).values)
+        except ValidationError as error:
+            lines = complaints(error, lambda path: AtTable.model_fields)
+            raise InputError("\n".join(f"{name}: {line.removeprefix('the file: ')}" for line in lines)) from error
+    return [dict(zip(lists, row, strict=True)) for row in itertools.product(*lists.values())]
+
+
+def _rows(request: OptimisationRequest, table: str, weights: Any) -> tuple[list[dict[str, Value]], Any]:
+    """The rows of a CSV file, and the weights that a column of it holds."""
+    path = request.folder.file(table, "table")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            header, *lines = [row for row in csv.reader(stream, strict=True) if row] or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"table = {table!r}: cannot read {path}: {reason}") from error
+    if not lines or any(len(line) != len(header) for line in lines):
+        raise InputError(f"table = {table!r}: needs a header, and rows with as many fields as it has")
+    rows: list[dict[str, Value]] = [
+        {name.strip(): _number(text) for name, text in zip(header, line, strict=True)} for line in lines
+    ]
+    if isinstance(weights, str):
+        if weights not in rows[0]:
+            raise InputError(f"weights = {weights!r}: no such column{near_match(weights, rows[0])}")
+        return rows, [row.pop(weights) for row in rows]
+    return rows, weights
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
+
+
+def _checked(row: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Value]:
+    for name in row:
+        if name not in parameters:
+            raise InputError(f"{name}: unknown parameter{near_match(name, parameters)}")
+    return {name: parameters[name].check(value) for name, value in row.items()}
+
+
+def _weights(given: Any, count: int) -> FloatArray:
+    if given is None:
+        return np.full(count, 1 / count)
+    if not isinstance(given, list) or not all(isinstance(each, int | float) for each in given):
+        raise InputError("weights: a list of numbers, or the name of a column of the table")
+    weights = np.array(given, float)
+    if len(weights) != count or not np.isfinite(weights).all() or (weights < 0).any() or weights.sum() <= 0:
+        raise InputError(
+            f"weights = {given}: one for each of the {count} operating points, none negative, not all zero"
+        )
+    if count > _MOST:
+        raise InputError(f"{count:,} operating points; at most {_MOST:,} are allowed")
+    return np.asarray(weights / weights.sum())

@@ -1,0 +1,183 @@
+"""The form of an optimisation file: its tables and keys, with errors that name table, key and value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tripod_doe.errors import InputError
+from tripod_doe.names import check_identifier
+from tripod_doe.study.definition.study_file import FactorTable, ResponseTable, Scalar, complaints, parse_toml, read_text
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class HeadTable(_Table):
+    """[optimisation]: the question, what answers it, and how sure an answer must be under scatter."""
+
+    name: str = Field(min_length=1, description="short name of the optimisation")
+    question: str = Field("", description="the question it answers, as the report repeats it")
+    scene: str = Field("joint", description="scene that is simulated")
+    function: str | None = Field(None, description="package.module:function to run in place of a scene")
+    quantile: float = Field(
+        0.95, gt=0.5, lt=1, description="with [scatter]: share of the joints that an objective or limit must hold for"
+    )
+
+
+class VariableTable(_Table):
+    """[variables.PARAMETER]: what may be chosen: a range, listed values, or what follows from others."""
+
+    low: float | None = Field(None, description="lower bound")
+    high: float | None = Field(None, description="upper bound")
+    scale: Literal["linear", "log"] = Field("linear", description="scale on which the range is searched")
+    values: list[Scalar] | None = Field(None, min_length=2, description="the values it may take")
+    formula: str | None = Field(None, description="its value from other variables and base values, which it follows")
+
+
+class AtTable(_Table):
+    """[at.PARAMETER]: values of an operating parameter; all combinations are operating points."""
+
+    values: list[Scalar] = Field(min_length=1, description="the values it takes")
+
+
+class ObjectiveTable(_Table):
+    """[objectives.NAME]: what is made as small or as large as possible."""
+
+    output: str = Field(description="an output, a response or a parameter")
+    order: int | None = Field(None, ge=0, description="rotating order, for an output over orders")
+    over: Literal["max", "mean", "min"] = Field("max", description="which value over the operating points counts")
+    goal: Literal["minimise", "maximise"] = Field("minimise", description="minimise or maximise")
+
+
+class ConstraintTable(_Table):
+    """[constraints.NAME]: limits of an output, a response or a parameter."""
+
+    output: str = Field(description="an output, a response or a parameter")
+    order: int | None = Field(None, ge=0, description="rotating order, for an output over orders")
+    over: Literal["max", "mean", "min"] | None = Field(
+        None, description="which value over the operating points counts; the one nearest to its limit if omitted"
+    )
+    low: float | None = Field(None, description="smallest value allowed")
+    high: float | None = Field(None, description="largest value allowed")
+
+
+class SearchTable(_Table):
+    """[search]: how many candidates are tried, and how the last ones are confirmed."""
+
+    evaluations: int = Field(2000, ge=1, le=10_000_000, description="candidates that the search tries")
+    seed: int = Field(0, ge=0, description="seed of the search, and of the sample of the scatter")
+    population: int | None = Field(
+        None, ge=4, le=10_000, description="candidates of a generation; by their number if omitted"
+    )
+    confirm: str | None = Field(
+        None, description="model that confirms the best candidates; that of the search if omitted"
+    )
+    confirmed: int = Field(12, ge=1, le=1000, description="candidates that are confirmed")
+    samples: int = Field(64, ge=8, le=100_000, description="with [scatter]: joints in the sample of every candidate")
+    confirm_samples: int = Field(256, ge=8, le=1_000_000, description="with [scatter]: joints in the other sample")
+
+
+class OptimisationFile(_Table):
+    """A whole optimisation file."""
+
+    optimisation: HeadTable
+    base: dict[str, Scalar] = Field({}, description="values that all candidates share; where the search starts")
+    variables: dict[str, VariableTable] = Field(min_length=1, description="what may be chosen")
+    at: dict[str, Any] = Field({}, description="operating points: [at.PARAMETER] values, or table and weights")
+    responses: dict[str, ResponseTable] = Field({}, description="variables by formula, as in a study")
+    objectives: dict[str, ObjectiveTable] = Field(min_length=1, max_length=5, description="what is wanted")
+    constraints: dict[str, ConstraintTable] = Field({}, description="limits")
+    scatter: dict[str, FactorTable] = Field({}, description="distributions of what scatters: [scatter.PARAMETER]")
+    search: SearchTable = SearchTable()
+
+
+@dataclass(frozen=True)
+class OptimisationRequest:
+    """An optimisation file with its text and place."""
+
+    file: OptimisationFile  # its tables
+    text: str  # as written
+    origin: str  # where it came from, for messages
+    folder: StudyFolder  # where its files and functions are looked up
+
+    def fail(self, where: str, error: InputError | str) -> InputError:
+        """An error that names this file and the key."""
+        return InputError(str(error)).at(f"{self.origin}: {where}" if where else self.origin)
+
+
+def load_optimisation(path: str | Path, untrusted: bool = False) -> OptimisationRequest:
+    """Read and check the form of an optimisation file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a table, key or value in it is wrong.
+    """
+    path = Path(path)
+    text, origin = read_text(path, "optimisation file"), str(path)
+    raw = parse_toml(text, origin)
+    if "optimisation" not in raw:
+        kind = next((f"this is a {name} file" for name in ("study", "workflow", "fit") if name in raw), "")
+        raise InputError(f"{origin}: {kind or 'the file: table [optimisation] is missing'}")
+    try:
+        file = OptimisationFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
+    request = OptimisationRequest(file, text, origin, StudyFolder.of(path, untrusted))
+    _check(request)
+    return request
+
+
+_TABLES: dict[str, type[BaseModel]] = {
+    "optimisation": HeadTable,
+    "variables": VariableTable,
+    "at": AtTable,
+    "responses": ResponseTable,
+    "objectives": ObjectiveTable,
+    "constraints": ConstraintTable,
+    "scatter": FactorTable,
+    "search": SearchTable,
+}
+
+
+def _known_keys(path: list[str]) -> Iterable[str]:
+    return (_TABLES.get(path[0], OptimisationFile) if path else OptimisationFile).model_fields
+
+
+def _check(request: OptimisationRequest) -> None:
+    """Refuse tables whose keys contradict each other, and names that stand twice."""
+    file = request.file
+    for name, variable in file.variables.items():
+        where = f"[variables.{name}]"
+        given = [variable.low is not None or variable.high is not None, bool(variable.values), bool(variable.formula)]
+        if sum(given) != 1:
+            raise request.fail(where, "give low and high, or values = [...], or a formula by which it follows others")
+        if given[0] and (variable.low is None or variable.high is None or variable.low >= variable.high):
+            raise request.fail(where, f"low = {variable.low} must be below high = {variable.high}")
+        if variable.scale == "log" and (variable.low or 0) <= 0:
+            raise request.fail(where, f'low = {variable.low}: must be above 0 with scale = "log"')
+    if all(variable.formula for variable in file.variables.values()):
+        raise request.fail("[variables]", "each follows others by a formula; at least one needs a range or values")
+    for name, constraint in file.constraints.items():
+        if constraint.low is None and constraint.high is None:
+            raise request.fail(f"[constraints.{name}]", "give low, high or both")
+        if constraint.low is not None and constraint.high is not None and constraint.low > constraint.high:
+            raise request.fail(f"[constraints.{name}]", f"low = {constraint.low:g} is above high = {constraint.high:g}")
+    taken = dict.fromkeys(["candidate", "feasible", "reason", "generation", "knee", *file.variables])
+    for table, names in (("objectives", file.objectives), ("constraints", file.constraints)):
+        for name in names:
+            where = f"[{table}.{name}]"
+            try:
+                check_identifier(name, f"what is written [{table}.NAME]")
+            except InputError as error:
+                raise request.fail(where, error) from error
+            if name in taken or f"{name}_error" in taken:
+                raise request.fail(where, "this name is taken by a variable, an objective or a constraint")
+            taken |= dict.fromkeys((name, f"{name}_error"))

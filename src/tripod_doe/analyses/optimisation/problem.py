@@ -1,0 +1,339 @@
+"""An optimisation as a problem: candidates become points of a study, and answers objectives and constraints."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.optimisation.measures import Ends, Judged, PointValues, judged
+from tripod_doe.analyses.optimisation.operating_points import OperatingPoints, operating_points
+from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, ObjectiveTable, OptimisationRequest
+from tripod_doe.analyses.optimisation.scatter import Scatter, make_scatter
+from tripod_doe.analyses.optimisation.variables import Variables, make_variables
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Simulator, Value, check_parameters
+from tripod_doe.study.cube.responses import response_values
+from tripod_doe.study.definition.responses import ERROR
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.designs import Points
+
+_THIRD = ("thrust_amplitude", 3)  # the quantity whose error of the model is on record
+_MODEL = "model"
+
+Sample = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A checked optimisation."""
+
+    request: OptimisationRequest
+    simulator: Simulator
+    base: Mapping[str, Value]  # checked base values that all points share
+    start: Mapping[str, Value]  # values of the variables where the search starts
+    variables: Variables
+    operating: OperatingPoints
+    scatter: Scatter
+    model: str  # model of the search; empty where there is one only
+    confirm: str  # model that confirms
+
+    @property
+    def objectives(self) -> dict[str, ObjectiveTable]:
+        """Their tables by name."""
+        return self.request.file.objectives
+
+    @property
+    def constraints(self) -> dict[str, ConstraintTable]:
+        """Their tables by name."""
+        return self.request.file.constraints
+
+    @property
+    def signs(self) -> FloatArray:
+        """1 for an objective to minimise, -1 for one to maximise."""
+        return np.array([1.0 if table.goal == "minimise" else -1.0 for table in self.objectives.values()])
+
+    @property
+    def start_unit(self) -> FloatArray:
+        """Where the search starts, on the unit cube, shape (variable,)."""
+        return np.array([each.unit(self.start[each.name]) for each in self.variables.chosen])
+
+    def samples(self, count: int, seed: int) -> Sample:
+        """A sample of the scatter; empty without any."""
+        return self.scatter.sample(count, seed)
+
+    def joints(self, sample: Sample) -> int:
+        """Number of joints that stand for a candidate."""
+        return len(next(iter(sample.values()))) if sample else 1
+
+    def columns(self, units: FloatArray, sample: Sample, model: str) -> dict[str, NDArray[Any]]:
+        """Points of candidates: for each candidate all joints of the sample, for each joint all operating points.
+
+        Parameters
+        ----------
+        units
+            Candidates on the unit cube, shape (candidate, variable).
+        sample
+            Of the scatter.
+        model
+            Their model; empty where there is one only.
+        """
+        candidates, joints, places = len(units), self.joints(sample), self.operating.count
+        columns = {name: np.repeat(column, joints * places) for name, column in self.variables.columns(units).items()}
+        for name, column in sample.items():
+            own = np.tile(np.repeat(column, places), candidates)
+            columns[name] = self.scatter.placed(name, columns[name], own) if name in columns else own
+        for name in self.operating.names:
+            column = self.simulator.parameters[name].column([row[name] for row in self.operating.values])
+            columns[name] = np.tile(column, candidates * joints)
+        if model:
+            columns[_MODEL] = np.array([model] * (candidates * joints * places), object)
+        return columns
+
+    def study(self, origin: str, folder: Path, table: str, keep: tuple[str, ...] = ()) -> Study:
+        """The study of all points; its design is a table.
+
+        Parameters
+        ----------
+        origin
+            For messages.
+        folder
+            Where its table stands.
+        table
+            Name of the table.
+        keep
+            Outputs that it keeps besides those that are judged.
+        """
+        head, names, rules = self.request.file.optimisation, self._varied, self.request.folder
+        factors: dict[str, Any] = {name: {} for name in names if name != _MODEL}
+        if _MODEL in names:
+            factors[_MODEL] = {"values": list(dict.fromkeys((self.model, self.confirm)))}
+        content: dict[str, Any] = {
+            "study": {"name": f"{head.name}: points"}
+            | ({"function": head.function} if head.function else {"scene": head.scene}),
+            "base": dict(self.base),
+            "factors": factors,
+            "design": {"kind": "table", "table": table},
+        }
+        if self.request.file.responses:
+            content["responses"] = {
+                name: each.model_dump(exclude_unset=True) for name, each in self.request.file.responses.items()
+            }
+        if self.simulator.outputs:
+            outputs = [*keep, *(name for name, _ in self.quantities if name in self.simulator.outputs)]
+            outputs += [f"{name}{ERROR}" for name in outputs if f"{name}{ERROR}" in self.simulator.outputs]
+            content["keep"] = {"outputs": list(dict.fromkeys(outputs)) or [next(iter(self.simulator.outputs))]}
+        return parse_study(
+            tomlkit.dumps(content), origin, _PointsFolder(rules.path, rules.trusted, rules.most_points, folder)
+        )
+
+    @property
+    def _varied(self) -> list[str]:
+        names = [*self.variables.names, *self.scatter.factors, *self.operating.names]
+        return list(dict.fromkeys([*names, *([_MODEL] if self.model else [])]))
+
+    @property
+    def quantities(self) -> list[tuple[str, int | None]]:
+        """Output and order of all that is judged, each once."""
+        aims = [(table.output, table.order) for table in self.objectives.values()]
+        return list(dict.fromkeys([*aims, *((table.output, table.order) for table in self.constraints.values())]))
+
+    def judge(
+        self,
+        study: Study,
+        points: Points,
+        ends: Ends,
+        outputs: Mapping[str, Any],
+        labels: Mapping[str, Any],
+        sample: Sample,
+    ) -> Judged:
+        """Objectives and constraints of candidates from the answers of their points, in the order of `columns`.
+
+        Parameters
+        ----------
+        study, points, ends
+            The study, the points of the candidates, and how they ended.
+        outputs, labels
+            Outputs by name with their dimensions, and labels along these.
+        sample
+            Of the scatter.
+        """
+        finished = ~ends.failed.ravel()
+        own = {each.response.name: each for each in response_values(study, points, outputs, labels, finished)}
+        columns = study.simulator.columns(study.base, points.at(slice(None)), points.count)
+        errors = study.simulator.model_errors(columns)
+        model = np.full(points.count, np.nan) if errors is None else errors.expected
+        shape = (len(ends.outcome), self.joints(sample), self.operating.count)
+        values: dict[tuple[str, int | None], PointValues] = {}
+        for name, order in self.quantities:
+            value, numerical = self._values(name, order, outputs, labels, own, columns)
+            if value is None:
+                value = np.full(points.count, np.nan)
+            value = np.where(finished, value, np.nan)
+            numerical = np.full(points.count, np.nan) if numerical is None else numerical
+            relative = np.abs(value) * model if (name, order) == _THIRD else np.full(points.count, np.nan)
+            if name in columns:  # a parameter is exact
+                numerical, relative = np.zeros(points.count), np.zeros(points.count)
+            values[name, order] = PointValues(*(each.reshape(shape) for each in (value, numerical, relative)))
+        quantile = self.request.file.optimisation.quantile
+        return judged(self.objectives, self.constraints, values, ends, self.operating.weights, quantile)
+
+    def _values(
+        self,
+        name: str,
+        order: int | None,
+        outputs: Mapping[str, Any],
+        labels: Mapping[str, Any],
+        own: Mapping[str, Any],
+        columns: Mapping[str, NDArray[Any]],
+    ) -> tuple[FloatArray | None, FloatArray | None]:
+        """A quantity of all points with its numerical error; None where no point has it."""
+        if name in columns:
+            column, parameter = columns[name], self.simulator.parameters[name]
+            if parameter.follows and column.dtype.kind == "f":
+                column = np.where(np.isnan(column), columns[parameter.follows], column)
+            return np.asarray(column, float), None
+        if name in own:
+            dims, data, error = own[name].dims, own[name].values, own[name].error
+        elif name in outputs:
+            dims, data = outputs[name]
+            beside = outputs.get(f"{name}{ERROR}", (None, None))
+            error = beside[1] if beside[0] == dims else None
+        else:
+            if not self.simulator.outputs and outputs:
+                known = [*outputs, *own, *columns]
+                what = f"not among what {self.simulator.name} returns{near_match(name, known)}"
+                raise InputError(f"{self.request.origin}: output = {name!r}: {what}")
+            return None, None
+        at = self._at(name, order, dims, labels)
+        return data[at], None if error is None else error[at]
+
+    def _at(self, name: str, order: int | None, dims: tuple[str, ...], labels: Mapping[str, Any]) -> tuple[Any, ...]:
+        """The place of one number a point."""
+        if order is None and not dims:
+            return (slice(None),)
+        if order is not None and dims == ("order",):
+            found = np.flatnonzero(np.asarray(labels["order"]) == order)
+            if found.size:
+                return slice(None), int(found[0])
+            raise InputError(f"{self.request.origin}: output = {name!r}: no order {order}")
+        raise InputError(f"{self.request.origin}: output = {name!r}: {_not_one_number(order, dims)}")
+
+
+@dataclass(frozen=True)
+class _PointsFolder(StudyFolder):
+    """The folder of an optimisation file, with the table of the points elsewhere."""
+
+    tables: Path = Path()
+
+    def file(self, name: str, key: str) -> Path:
+        """The table of the points."""
+        return self.tables / name
+
+    def check_file(self, name: str, key: str) -> None:
+        """Do nothing: the table is written here."""
+
+
+def _not_one_number(order: int | None, dims: tuple[str, ...]) -> str:
+    if order is not None and "order" not in dims:
+        return "it has no orders; leave order out"
+    if dims == ("order",):
+        return "give the order"
+    return f"it has values along {', '.join(dims)}; make one number of it by a response, as [responses.NAME] formula"
+
+
+def make_problem(request: OptimisationRequest) -> Problem:
+    """Check an optimisation file against its simulator, before anything runs.
+
+    Raises
+    ------
+    InputError
+        If a name, value or combination in it is wrong.
+    """
+    file = request.file
+    head = file.optimisation
+    try:
+        simulator = load_simulator(head.scene, head.function, request.folder)
+    except InputError as error:
+        raise request.fail("[optimisation]", error) from error
+    try:
+        base = {
+            name: value
+            for name, value in check_parameters(simulator.parameters, file.base).items()
+            if value is not None
+        }
+    except InputError as error:
+        raise request.fail("[base]", error) from error
+    variables = make_variables(request, simulator, base)
+    operating = operating_points(request, simulator.parameters)
+    scatter = make_scatter(request, simulator.parameters, base)
+    model, confirm = _models(request, simulator, base, [*variables.names, *operating.names])
+    start = {each.name: _started(each.name, base, simulator, each) for each in variables.chosen}
+    varied = {*variables.names, *operating.names, *scatter.factors, *([_MODEL] if model else [])}
+    fixed = {name: value for name, value in base.items() if name not in varied}
+    problem = Problem(request, simulator, fixed, start, variables, operating, scatter, model, confirm)
+    _check_quantities(problem)
+    problem.study(request.origin, request.folder.path, "points.csv")
+    return problem
+
+
+def _started(name: str, base: Mapping[str, Value], simulator: Simulator, variable: Any) -> Value:
+    """The value of a variable where the search starts: in [base], else its default, else the middle of its range."""
+    value = base.get(name, simulator.parameters[name].default)
+    if value is None:
+        value = simulator.effective(base).get(name)
+    return variable.values(np.array([0.5])).tolist()[0] if value is None else value
+
+
+def _models(
+    request: OptimisationRequest, simulator: Simulator, base: Mapping[str, Value], taken: list[str]
+) -> tuple[str, str]:
+    """The model of the search, and the one that confirms; empty where there is one only."""
+    confirm = request.file.search.confirm
+    if not simulator.model_names or _MODEL in taken:
+        if confirm is not None:
+            reason = (
+                "the model is a variable or an operating parameter" if _MODEL in taken else "there is one model only"
+            )
+            raise request.fail("[search]", f"confirm = {confirm!r}: {reason}; leave it out")
+        return "", ""
+    model = str(base.get(_MODEL, simulator.parameters[_MODEL].default))
+    if confirm is not None and confirm not in simulator.model_names:
+        raise request.fail(
+            "[search]", f"confirm = {confirm!r}: unknown model{near_match(confirm, simulator.model_names)}"
+        )
+    return model, confirm or model
+
+
+def _check_quantities(problem: Problem) -> None:
+    """Refuse objectives and constraints of what does not exist, or of more than one number."""
+    request, simulator = problem.request, problem.simulator
+    own = list(request.file.responses)
+    for table, entries in (("objectives", problem.objectives), ("constraints", problem.constraints)):
+        for name, entry in entries.items():
+            where = f"[{table}.{name}]"
+            known = [*simulator.outputs, *own, *simulator.parameters]
+            if simulator.outputs and entry.output not in known:
+                raise request.fail(where, f"output = {entry.output!r}: unknown{near_match(entry.output, known)}")
+            if entry.output in simulator.outputs:
+                dims = simulator.outputs[entry.output].dims
+                if dims != (() if entry.order is None else ("order",)):
+                    raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, dims)}")
+            elif entry.order is not None and simulator.outputs:
+                raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, ())}")
+
+
+def pasted(values: Mapping[str, Value], fixed: Mapping[str, Value]) -> str:
+    """The [base] of a joint, to paste into a study."""
+    lines = ["[base]"]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in {**fixed, **values}.items()]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,160 @@
+"""The results of an optimisation as datasets: the front, and all candidates with the reasons of those left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.optimisation.front import Archive, knee
+from tripod_doe.analyses.optimisation.measures import Judged
+from tripod_doe.analyses.optimisation.problem import Problem
+from tripod_doe.array_types import FloatArray
+from tripod_doe.study.definition.responses import ERROR
+
+_FLAG = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes"}
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a search found."""
+
+    archive: Archive  # all candidates; the first one is where the search started
+    front: Archive  # the front as the model that was asked for judges it, on the sample that confirms
+    searched: Judged  # the same candidates as the search judged them
+    start: Judged  # the start as the model that was asked for judges it
+    confirmed: int  # number of candidates that were judged once more; 0 where the search is the last word
+    counts: Mapping[str, int] = field(default_factory=dict)  # points, computed, failed
+    polished: float = np.nan  # step of the last polish that found nothing better, as part of a range
+
+
+@makes_kind("optimisation")
+def front_dataset(problem: Problem, solved: Solved) -> xr.Dataset:
+    """The front: variables, objectives and constraints of each candidate, with their errors where known."""
+    variables = _variables(problem, solved.front)
+    aims = solved.front.judged.objectives * problem.signs
+    if len(aims):
+        flags = np.zeros(len(aims), np.int8)
+        flags[knee(aims)] = 1
+        variables["knee"] = xr.Variable(
+            "candidate",
+            flags,
+            {"long_name": "whether its worst objective, from 0 to 1 over the front, is best"} | _FLAG,
+        )
+    if solved.confirmed:
+        for at, name in enumerate(problem.objectives):
+            attributes = variables[name].attrs | {"long_name": f"{name} in the search"}
+            variables[f"{name}_search"] = xr.Variable("candidate", solved.searched.objectives[:, at], attributes)
+    return xr.Dataset(variables, attrs=_attributes(problem, solved))
+
+
+@makes_kind("optimisation")
+def candidates_dataset(problem: Problem, solved: Solved) -> xr.Dataset:
+    """All candidates that were tried, with the reason of each that is not feasible."""
+    variables = _variables(problem, solved.archive)
+    feasible = solved.archive.judged.feasible.astype(np.int8)
+    variables["feasible"] = xr.Variable(
+        "candidate", feasible, {"long_name": "whether it can be built, finishes and keeps all limits"} | _FLAG
+    )
+    reasons = np.array(solved.archive.judged.reasons, object)
+    variables["reason"] = xr.Variable("candidate", reasons, {"long_name": "why it is not feasible"})
+    generation = solved.archive.generation.astype(np.int32)
+    variables["generation"] = xr.Variable("candidate", generation, {"long_name": "generation in which it was tried"})
+    return xr.Dataset(variables, attrs=_attributes(problem, solved) | {"title": f"{_name(problem)}: candidates"})
+
+
+def _variables(problem: Problem, archive: Archive) -> dict[str, xr.Variable]:
+    variables: dict[str, xr.Variable] = {}
+    columns = problem.variables.columns(archive.units) if len(archive.units) else {}
+    for name in problem.variables.names:
+        parameter = problem.simulator.parameters[name]
+        column = columns.get(name, np.empty(0))
+        if column.dtype.kind == "i" or (column.dtype.kind == "f" and parameter.kind in ("integer", "switch")):
+            column = column.astype(np.int32)
+        attributes: dict[str, Any] = {"long_name": parameter.meaning, "role": "variable"}
+        if column.dtype.kind in "fi":
+            attributes["units"] = parameter.unit
+        variables[name] = xr.Variable("candidate", column, attributes)
+    judged = archive.judged
+    kinds: list[tuple[str, Mapping[str, Any], FloatArray, FloatArray]] = [
+        ("objective", problem.objectives, judged.objectives, judged.objective_errors),
+        ("constraint", problem.constraints, judged.constraints, judged.constraint_errors),
+    ]
+    for role, tables, values, errors in kinds:
+        for at, (name, table) in enumerate(tables.items()):
+            attributes = {"units": _unit(problem, table.output), "long_name": _meaning(table), "role": role}
+            variables[name] = xr.Variable("candidate", values[:, at], attributes)
+            if np.isfinite(errors[:, at]).any():
+                text = f"half width of the error that is known of {name}: numerical, of the model and of the sample"
+                variables[f"{name}{ERROR}"] = xr.Variable(
+                    "candidate", errors[:, at], {"units": attributes["units"], "long_name": text}
+                )
+    return variables
+
+
+def _name(problem: Problem) -> str:
+    return problem.request.file.optimisation.name
+
+
+def _unit(problem: Problem, output: str) -> str:
+    if output in problem.simulator.outputs:
+        return problem.simulator.outputs[output].unit
+    if output in problem.request.file.responses:
+        return problem.request.file.responses[output].unit
+    return problem.simulator.parameters[output].unit if output in problem.simulator.parameters else "1"
+
+
+def _meaning(table: Any) -> str:
+    order = "" if table.order is None else f", order {table.order}"
+    return f"{table.output}{order}, {table.over or 'nearest to its limit'} over the operating points"
+
+
+def _attributes(problem: Problem, solved: Solved) -> dict[str, Any]:
+    head = problem.request.file.optimisation
+    scatter = problem.request.file.scatter
+    return (
+        {
+            "Conventions": "CF-1.8",
+            "title": head.name,
+            "institution": "tripod_doe",
+            "source": f"tripod-doe {version('tripod-doe')}, simulator {problem.simulator.name}",
+            "question": head.question,
+            "optimisation": problem.request.text,
+            "kernel_source_hash": problem.simulator.source_hash,
+            "objectives": ", ".join(problem.objectives),
+            "goals": ", ".join(table.goal for table in problem.objectives.values()),
+            "constraints": ", ".join(problem.constraints),
+            "variables": ", ".join(problem.variables.names),
+            "operating_points": problem.operating.count,
+            "search_model": problem.model,
+            "model": problem.confirm,
+            "candidates": len(solved.archive.units),
+            "feasible_candidates": int(solved.archive.judged.feasible.sum()),
+            "confirmed": solved.confirmed,
+        }
+        | ({"quantile": head.quantile, "scatter": ", ".join(scatter)} if scatter else {})
+        | dict(solved.counts)
+    )
+
+
+def base_values(problem: Problem, unit: FloatArray) -> dict[str, Any]:
+    """Values of all parameters that a candidate sets, as plain numbers and words."""
+    columns = problem.variables.columns(unit[None])
+    values = {name: column.tolist()[0] for name, column in columns.items()}
+    kinds = problem.simulator.parameters
+    return {
+        name: int(value) if kinds[name].kind in ("integer", "switch") and isinstance(value, float) else value
+        for name, value in values.items()
+    }
+
+
+def best_so_far(archive: Archive, sign: float) -> FloatArray:
+    """The best feasible objective after each candidate, shape (candidate,); NaN before the first feasible one."""
+    values = np.where(archive.judged.feasible, archive.judged.objectives[:, 0] * sign, np.inf)
+    best = np.minimum.accumulate(values)
+    return np.where(np.isfinite(best), best * sign, np.nan)

@@ -1,0 +1,93 @@
+"""Scatter of dimensions and frictions: one fixed sample of it for all candidates, another one to confirm them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.optimisation.optimisation_file import OptimisationRequest
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Parameter, Value
+from tripod_doe.study.definition.distributions import quantile, scatter_density
+from tripod_doe.study.definition.factors import Factor, checked_factor
+from tripod_doe.study.definition.study_file import FactorTable
+
+_ABOUT = ("normal", "truncated-normal")  # distributions with a mean
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What scatters, and how."""
+
+    factors: Mapping[str, Factor]  # by name; of variables with an unlimited parameter
+    relative: frozenset[str]  # names of variables, which scatter about the value of each candidate
+    parameters: Mapping[str, Parameter]  # the parameters themselves
+
+    def sample(self, count: int, seed: int) -> dict[str, NDArray[Any]]:
+        """A sample, shape (joint,) each: values, or differences from the value of a candidate."""
+        if not self.factors:
+            return {}
+        from scipy.stats import qmc
+
+        power = max(int(np.ceil(np.log2(count))), 0)
+        unit = qmc.Sobol(len(self.factors), rng=seed).random_base2(power)[:count]
+        sample: dict[str, NDArray[Any]] = {}
+        for at, (name, factor) in enumerate(self.factors.items()):
+            values = quantile(factor, unit[:, at])
+            if name in self.relative:
+                values = values - _centre(factor.table)
+            sample[name] = values
+        return sample
+
+    def placed(self, name: str, value: NDArray[Any], sample: NDArray[Any]) -> NDArray[Any]:
+        """Values of a parameter in the sample about the values of candidates, within what the parameter allows."""
+        parameter = self.parameters[name]
+        least = np.nextafter(parameter.low, np.inf) if parameter.low_open else parameter.low
+        return np.asarray(np.clip(value + sample, least, parameter.high))
+
+
+def _centre(table: FactorTable) -> float:
+    density = scatter_density(table)
+    return 0.0 if density is None else density.centre
+
+
+def make_scatter(
+    request: OptimisationRequest, parameters: Mapping[str, Parameter], base: Mapping[str, Value]
+) -> Scatter:
+    """The scatter of a file.
+
+    Without a mean, a normal distribution is about the value of the candidate, or about the base value.
+
+    Raises
+    ------
+    InputError
+        If a parameter is unknown, or a distribution wrong.
+    """
+    factors: dict[str, Factor] = {}
+    relative = frozenset(request.file.scatter) & frozenset(request.file.variables)
+    for name, table in request.file.scatter.items():
+        where = f"[scatter.{name}]"
+        if name not in parameters:
+            raise request.fail(where, f"unknown parameter{near_match(name, parameters)}")
+        parameter = parameters[name]
+        if parameter.kind not in ("number", "argument"):
+            raise request.fail(where, f"only a number scatters, and {name} is {parameter.range_text}")
+        if table.sampled_as in _ABOUT and table.mean is None:
+            usual = 0.0 if name in relative else base.get(name, parameter.default)
+            if not isinstance(usual, int | float):
+                raise request.fail(where, f"give a mean: {name} has no base value")
+            table = table.model_copy(update={"mean": float(usual)})
+            if name in relative and table.low is not None and table.high is not None and table.low > 0:
+                raise request.fail(where, "give a mean, or low and high as differences from the value of a candidate")
+        own = replace(parameter, low=-np.inf, high=np.inf, low_open=False) if name in relative else parameter
+        try:
+            factor = checked_factor(own, table)
+            quantile(factor, np.array([0.5]))
+        except InputError as error:
+            raise request.fail(where, error) from error
+        factors[name] = factor
+    return Scatter(factors, relative, parameters)

@@ -1,0 +1,173 @@
+"""The search: pymoo's algorithms, asked for generations and told how they were judged, over distinct candidates.
+
+pymoo's NSGA-II, SMS-EMOA and differential evolution have ask and tell, seeds, and compare candidates that are not
+feasible by how far they are from it, so that no objective has to be made up for them. Optuna's constraints are soft,
+and it brings SQLAlchemy and Alembic; SciPy's differential evolution has one objective, and calls the function itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tripod_doe.analyses.optimisation.measures import Judged
+from tripod_doe.analyses.optimisation.variables import Variables
+from tripod_doe.array_types import FloatArray
+
+_FEWEST, _MOST = 20, 100  # candidates of a generation
+_GENERATIONS = 25  # that a search has at least, where that leaves enough candidates in each
+_FAILED = 10.0  # violation of a candidate that cannot be computed: more than that of limits
+_IDLE = 30  # generations without a new candidate after which a search ends: all are known
+_POLISHED = 0.15  # share of the candidates with which a single objective is polished
+_WIDEST, _NARROWEST = 0.05, 1e-3  # step of the polish, as part of a range
+
+
+def population_of(evaluations: int, given: int | None) -> int:
+    """Number of candidates of a generation."""
+    return min(given or max(_FEWEST, min(_MOST, evaluations // _GENERATIONS)), max(evaluations, 4))
+
+
+class Search:
+    """A search with one objective or several.
+
+    Parameters
+    ----------
+    variables
+        What may be chosen.
+    signs
+        1 for an objective to minimise, -1 for one to maximise.
+    constraints
+        Number of constraints.
+    population, seed
+        Of the algorithm.
+    start
+        A candidate of the first generation, on the unit cube.
+    """
+
+    def __init__(
+        self, variables: Variables, signs: FloatArray, constraints: int, population: int, seed: int, start: FloatArray
+    ) -> None:
+        from pymoo.core.problem import Problem
+        from pymoo.core.termination import NoTermination
+
+        self._variables, self._signs = variables, signs
+        count = len(variables.chosen)
+        self._problem = Problem(n_var=count, n_obj=len(signs), n_ieq_constr=constraints + 1, xl=0.0, xu=1.0)
+        first = _first_generation(variables, population, seed, start)
+        self._algorithm = _algorithm(len(signs), population, first, variables)
+        self._algorithm.setup(self._problem, termination=NoTermination(), seed=seed, verbose=False)
+        self._asked: Any = None
+        self._worst: FloatArray | None = None
+
+    def ask(self) -> FloatArray:
+        """The next generation on the unit cube, shape (candidate, variable); empty where nothing new is left."""
+        self._asked = self._algorithm.ask()
+        if self._asked is None or len(self._asked) == 0:
+            return np.empty((0, len(self._variables.chosen)))
+        units = self._variables.snapped(np.asarray(self._asked.get("X"), float))
+        self._asked.set("X", units)
+        return units
+
+    def tell(self, judged: Judged) -> None:
+        """How the candidates of the last generation were judged, in its order."""
+        from pymoo.core.evaluator import Evaluator
+        from pymoo.problems.static import StaticProblem
+
+        aims = judged.objectives * self._signs
+        whole = np.asarray(np.isfinite(aims).all(axis=1) & np.isfinite(judged.violations).all(axis=1))
+        if whole.any():
+            worst = aims[whole].max(axis=0)
+            self._worst = worst if self._worst is None else np.maximum(self._worst, worst)
+        stand_in = 0.0 if self._worst is None else self._worst
+        aims = np.where(whole[:, None], aims, stand_in)  # never compared: feasibility comes first
+        violations = np.where(whole[:, None], judged.violations, 0.0)
+        unfinished = np.where(whole, -1.0, _FAILED + judged.failed)
+        limits = np.column_stack([violations, unfinished])
+        Evaluator().eval(StaticProblem(self._problem, F=aims, G=limits), self._asked)
+        self._algorithm.tell(infills=self._asked)
+
+
+def _first_generation(variables: Variables, population: int, seed: int, start: FloatArray) -> FloatArray:
+    """Where the search starts: the start itself, and a latin hypercube."""
+    from scipy.stats import qmc
+
+    units = qmc.LatinHypercube(len(variables.chosen), rng=seed).random(population)
+    units[0] = start
+    return variables.snapped(units)
+
+
+def _algorithm(objectives: int, population: int, first: FloatArray, variables: Variables) -> Any:
+    """Differential evolution for one objective, NSGA-II for two, SMS-EMOA for more."""
+    from pymoo.core.repair import Repair
+
+    class Snap(Repair):  # type: ignore[misc]
+        """Candidates on the middles of their levels, so that equal ones are known as such."""
+
+        def _do(self, problem: Any, X: Any, **options: Any) -> Any:
+            return variables.snapped(np.asarray(X, float))
+
+    if objectives == 1:
+        from pymoo.algorithms.soo.nonconvex.de import DE
+
+        return DE(pop_size=population, sampling=first, variant="DE/best/1/bin", CR=0.9, repair=Snap())
+    if objectives == 2:
+        from pymoo.algorithms.moo.nsga2 import NSGA2
+
+        return NSGA2(pop_size=population, sampling=first, repair=Snap())
+    from pymoo.algorithms.moo.sms import SMSEMOA
+
+    return SMSEMOA(pop_size=population, sampling=first, repair=Snap())
+
+
+class Polish:
+    """Steps in one variable at a time from the best candidate, halved where none is better: for a single objective.
+
+    Parameters
+    ----------
+    variables
+        What may be chosen.
+    best
+        Where it starts, on the unit cube.
+
+    Attributes
+    ----------
+    step
+        Width of the steps, as part of a range.
+    """
+
+    def __init__(self, variables: Variables, best: FloatArray) -> None:
+        self._variables, self.best, self.step = variables, best, _WIDEST
+
+    def ask(self) -> FloatArray:
+        """Candidates around the best one, shape (candidate, variable); levels go to their neighbours."""
+        moves = []
+        for at, variable in enumerate(self._variables.chosen):
+            step = 1 / len(variable.levels) if variable.levels else self.step
+            for sign in (-1, 1):
+                unit = self.best.copy()
+                unit[at] += sign * step
+                if variable.levels and not 0 < unit[at] < 1:
+                    continue
+                unit[at] = min(max(unit[at], 0.0), 1.0)
+                if unit[at] != self.best[at]:
+                    moves.append(unit)
+        return self._variables.snapped(np.array(moves)) if moves else np.empty((0, self.best.size))
+
+    def tell(self, better: FloatArray | None) -> bool:
+        """The best of these candidates if it is better, else None; returns whether to go on."""
+        if better is not None:
+            self.best = better
+            return True
+        self.step /= 2
+        return self.step >= _NARROWEST
+
+
+def polish_share(objectives: int) -> float:
+    """Share of the candidates that are kept for polishing."""
+    return _POLISHED if objectives == 1 else 0.0
+
+
+def idle_limit() -> int:
+    """Generations without a new candidate after which a search ends."""
+    return _IDLE

@@ -1,0 +1,170 @@
+"""What may be chosen: variables with ranges or values, on the unit interval for a search, and what follows them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.optimisation.optimisation_file import OptimisationRequest, VariableTable
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Parameter, Simulator, Value
+from tripod_doe.study.definition.responses import POINT, Arrays
+from tripod_doe.study.expressions import Expression
+from tripod_doe.study.named_arrays import NamedArray
+
+_MOST_LEVELS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A parameter that a search chooses, as a number of the unit interval."""
+
+    parameter: Parameter
+    low: float = 0.0
+    high: float = 1.0
+    logarithmic: bool = False
+    levels: tuple[Value, ...] = ()  # the values it may take; none for a range of numbers
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.parameter.name
+
+    def snapped(self, unit: FloatArray) -> FloatArray:
+        """The middles of the intervals of levels; numbers of a range unchanged."""
+        if not self.levels:
+            return unit
+        count = len(self.levels)
+        return np.asarray((np.minimum(np.floor(unit * count), count - 1) + 0.5) / count)
+
+    def values(self, unit: FloatArray) -> NDArray[Any]:
+        """Values at numbers of the unit interval, shape (candidate,)."""
+        if self.levels:
+            at = np.minimum(np.floor(unit * len(self.levels)), len(self.levels) - 1).astype(int)
+            return self.parameter.column([self.levels[k] for k in at.tolist()])
+        if self.logarithmic:
+            return np.clip(self.low * (self.high / self.low) ** unit, self.low, self.high)
+        return np.clip(self.low + unit * (self.high - self.low), self.low, self.high)
+
+    def unit(self, value: Value) -> float:
+        """The number of the unit interval that stands for a value, or for the nearest one that is allowed."""
+        if self.levels:
+            numbers = all(isinstance(level, int | float) for level in self.levels)
+            if numbers and isinstance(value, int | float):
+                at = int(np.argmin([abs(float(level) - float(value)) for level in self.levels]))  # type: ignore[arg-type]
+            else:
+                at = self.levels.index(value) if value in self.levels else 0
+            return (at + 0.5) / len(self.levels)
+        number = min(max(float(value or 0), self.low), self.high)
+        if self.logarithmic:
+            return math.log(number / self.low) / math.log(self.high / self.low)
+        return (number - self.low) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A parameter that follows others by a formula."""
+
+    parameter: Parameter
+    expression: Expression
+
+
+@dataclass(frozen=True)
+class Variables:
+    """All that a candidate sets."""
+
+    chosen: tuple[Variable, ...]  # what a search chooses
+    followers: tuple[Follower, ...]  # what follows, in file order
+    base: Mapping[str, Value]  # values that formulas may use
+
+    @property
+    def names(self) -> list[str]:
+        """All parameters that a candidate sets."""
+        return [each.name for each in self.chosen] + [each.parameter.name for each in self.followers]
+
+    def snapped(self, units: FloatArray) -> FloatArray:
+        """Candidates on the unit cube, shape (candidate, variable), each variable on the middle of its level."""
+        return np.stack([each.snapped(units[:, at]) for at, each in enumerate(self.chosen)], axis=1)
+
+    def columns(self, units: FloatArray) -> dict[str, NDArray[Any]]:
+        """Values of all parameters that candidates set, shape (candidate,) each.
+
+        Raises
+        ------
+        InputError
+            If a value that follows is none that its parameter allows.
+        """
+        columns = {each.name: each.values(units[:, at]) for at, each in enumerate(self.chosen)}
+        arrays = {
+            name: NamedArray((), np.array(value, float)) for name, value in self.base.items() if _is_number(value)
+        }
+        for each in self.followers:
+            arrays |= {
+                name: NamedArray((POINT,), column) for name, column in columns.items() if column.dtype.kind == "f"
+            }
+            value = each.expression.numbers(Arrays(arrays))
+            columns[each.parameter.name] = np.array(np.broadcast_to(value.data, len(units)))
+        return columns
+
+
+def _is_number(value: Value) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def make_variables(request: OptimisationRequest, simulator: Simulator, base: Mapping[str, Value]) -> Variables:
+    """The variables of a file.
+
+    Raises
+    ------
+    InputError
+        If a parameter is unknown, or a bound, value or formula wrong.
+    """
+    chosen: list[Variable] = []
+    followers: list[Follower] = []
+    full = simulator.effective(base) if not request.file.optimisation.function else dict(base)
+    for name, table in request.file.variables.items():
+        where = f"[variables.{name}]"
+        if name not in simulator.parameters:
+            raise request.fail(where, f"unknown parameter{near_match(name, simulator.parameters)}")
+        parameter = simulator.parameters[name]
+        try:
+            if table.formula is None:
+                chosen.append(_variable(parameter, table))
+            else:
+                others = [other for other in request.file.variables if other != name]
+                earlier = [other for other in others if request.file.variables[other].formula is None]
+                earlier += [each.parameter.name for each in followers]
+                known = [
+                    *earlier,
+                    *(other for other, value in full.items() if _is_number(value) and other not in others),
+                ]
+                followers.append(Follower(parameter, Expression(table.formula, [o for o in known if o != name])))
+        except InputError as error:
+            raise request.fail(where, error) from error
+    fixed = {name: value for name, value in full.items() if name not in request.file.variables}
+    return Variables(tuple(chosen), tuple(followers), fixed)
+
+
+def _variable(parameter: Parameter, table: VariableTable) -> Variable:
+    if table.values is not None:
+        levels = tuple(dict.fromkeys(parameter.check(value) for value in table.values))
+        if len(levels) < 2:
+            raise InputError("values: at least two different ones are needed")
+        return Variable(parameter, levels=levels)
+    low, high = float(table.low or 0), float(table.high or 0)
+    if parameter.kind == "choice":
+        raise InputError(f"give values = [...] from {', '.join(parameter.choices)}")
+    if parameter.kind in ("integer", "switch"):
+        first, last = math.ceil(low), math.floor(high)
+        if last <= first or last - first >= _MOST_LEVELS:
+            raise InputError(f"low = {low:g}, high = {high:g}: at least two whole numbers are needed between them")
+        parameter.check(first), parameter.check(last)
+        return Variable(parameter, levels=tuple(range(first, last + 1)))
+    parameter.check(low), parameter.check(high)
+    return Variable(parameter, low, high, table.scale == "log")

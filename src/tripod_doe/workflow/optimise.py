@@ -1,0 +1,319 @@
+"""Run an optimisation: generations of candidates through the engine of studies; front and page from them."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.optimisation.correction import corrected
+from tripod_doe.analyses.optimisation.front import Archive, front_rows, knee, spread
+from tripod_doe.analyses.optimisation.measures import Ends, Judged
+from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
+from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
+from tripod_doe.analyses.optimisation.result import Solved, base_values, candidates_dataset, front_dataset
+from tripod_doe.analyses.optimisation.search import Polish, Search, idle_limit, polish_share, population_of
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.pages.optimisation import write_optimisation_page
+from tripod_doe.quantities import number
+from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.execution.execution import Execution
+from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
+from tripod_doe.study.failures import Failure
+from tripod_doe.study.results.directory import ResultDirectory, make_directory
+from tripod_doe.workflow.point_batches import TABLE, PointBatches
+
+_ROUNDS = 3  # of candidates that a correction brings up, after the first ones
+_OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
+_EVERY = 5.0  # seconds between lines of progress
+_MOST_LINES = 12  # candidates that the terminal shows
+_WAVEFORMS = ("thrust", "thrust_amplitude")
+
+
+@dataclass(frozen=True)
+class OptimisationSummary:
+    """Results of an optimisation: where they are, and what they say."""
+
+    directory: Path  # with front.nc, candidates.nc, base.toml, report/index.html and steps/points
+    front: xr.Dataset  # as front.nc
+    # computed, reused: points of this run and of earlier ones
+    computed: int
+    reused: int
+    failures: Sequence[Failure]  # points that failed, by outcome and reason: their candidates are left out
+    lines: Sequence[str]  # sentences on the answer
+
+    @property
+    def good(self) -> bool:
+        """Whether any candidate is feasible."""
+        return self.front.sizes["candidate"] > 0
+
+
+class _Run:
+    """A search that is under way."""
+
+    def __init__(self, problem: Problem, study: Study, points: PointBatches, progress: bool) -> None:
+        self.problem, self.study, self.points, self._progress = problem, study, points, progress
+        self.table = problem.request.file.search
+        self.sample = problem.samples(self.table.samples, self.table.seed)
+        self._rows: dict[bytes, int] = {}  # of all candidates so far, by their place on the unit cube
+        self._units: list[FloatArray] = []
+        self._judged: list[Judged] = []
+        self._generation: list[int] = []
+        self._shown = time.monotonic()
+
+    @property
+    def left(self) -> int:
+        """Number of candidates that may still be tried."""
+        return self.table.evaluations - len(self._rows)
+
+    def archive(self) -> Archive:
+        """All candidates so far."""
+        return Archive(np.array(self._units), Judged.joined(self._judged), np.array(self._generation))
+
+    def judge(self, units: FloatArray, sample: Sample, model: str) -> Judged:
+        """Judge candidates."""
+        batch = self.points(self.problem.columns(units, sample, model))
+        detail = np.array(batch.detail, object).reshape(len(units), -1)
+        ends = Ends(batch.outcome.reshape(len(units), -1), detail)
+        return self.problem.judge(self.study, batch.points, ends, batch.outputs, batch.labels, sample)
+
+    def try_out(self, units: FloatArray, generation: int) -> IntArray:
+        """Judge the candidates that are new, as many as are left; rows of all that are known by then, -1 of others."""
+        keys = [unit.tobytes() for unit in units]
+        new = list(dict.fromkeys(at for at, key in enumerate(keys) if key not in self._rows))
+        new = list({keys[at]: at for at in reversed(new)}.values())[::-1][: self.left]
+        if new:
+            self._judged.append(self.judge(units[new], self.sample, self.problem.model))
+            for at in new:
+                self._rows[keys[at]] = len(self._units)
+                self._units.append(units[at])
+                self._generation.append(generation)
+        self._tell(generation)
+        return np.array([self._rows.get(key, -1) for key in keys])
+
+    def _tell(self, generation: int) -> None:
+        """Say on standard error how far the search is, every few seconds."""
+        if not self._progress or time.monotonic() - self._shown < _EVERY:
+            return
+        self._shown = time.monotonic()
+        count = sum(int(judged.feasible.sum()) for judged in self._judged)
+        print(
+            f"optimise: generation {generation}, {len(self._rows):,} of {self.table.evaluations:,} candidates, "
+            f"{count:,} feasible, {self.points.count:,} points",
+            file=sys.stderr,
+        )
+
+    def search(self) -> float:
+        """Try candidates until none is left, or all are known; returns the step of the last polish."""
+        problem, table = self.problem, self.table
+        population = population_of(table.evaluations, table.population)
+        search = Search(
+            problem.variables, problem.signs, len(problem.constraints), population, table.seed, problem.start_unit
+        )
+        kept = int(polish_share(len(problem.signs)) * table.evaluations)
+        generation = idle = 0
+        while self.left > kept and idle < idle_limit():
+            units, before = search.ask(), self.left
+            if not len(units):
+                break
+            rows = self.try_out(units, generation)
+            idle = idle + 1 if self.left == before else 0
+            if (rows < 0).any():
+                break
+            search.tell(Judged.joined(self._judged).take(rows))
+            generation += 1
+        return self._polish(generation) if len(problem.signs) == 1 else np.nan
+
+    def _polish(self, generation: int) -> float:
+        """Step around the best candidate of a single objective; returns the step at which none was better, or NaN."""
+        archive = self.archive()
+        best = front_rows(archive.judged.objectives * self.problem.signs, archive.judged.feasible)
+        if not best.size:
+            return np.nan
+        polish, value = Polish(self.problem.variables, archive.units[best[0]]), self._value(best[0])
+        quiet = np.nan
+        while self.left > 0:
+            generation += 1
+            units = polish.ask()
+            rows = self.try_out(units, generation) if len(units) else np.empty(0, int)
+            if (rows < 0).any():
+                break
+            values = np.array([self._value(row) for row in rows.tolist()])
+            is_better = values.size > 0 and values.min() < value
+            if is_better:
+                value = float(values.min())
+            else:
+                quiet = polish.step
+            if not polish.tell(units[int(np.argmin(values))] if is_better else None):
+                break
+        return quiet
+
+    def _value(self, row: int) -> float:
+        """The single objective of a candidate, to minimise; infinite where it is not feasible."""
+        for judged in self._judged:
+            if row < len(judged.reasons):
+                return float(judged.objectives[row, 0] * self.problem.signs[0]) if judged.feasible[row] else np.inf
+            row -= len(judged.reasons)
+        raise AssertionError(row)
+
+    def solved(self, polished: float) -> Solved:
+        """The front, confirmed by the model that was asked for and by another sample."""
+        problem, archive = self.problem, self.archive()
+        aims = archive.judged.objectives * problem.signs
+        rows = front_rows(aims, archive.judged.feasible)
+        if problem.confirm == problem.model and not self.sample:
+            front = archive.take(rows)
+            return Solved(archive, front, front.judged, archive.judged.take(np.array([0])), 0, polished=polished)
+        sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
+        chosen = self._leading(archive.judged, archive.units)
+        fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
+        for _ in range(_ROUNDS if fine else 0):
+            assert fine is not None
+            better = corrected(archive, chosen, fine)
+            new = np.array([row for row in self._leading(better, archive.units) if row not in chosen], int)
+            if not new.size:
+                break
+            new = new[: max(self.table.confirmed // 2, 1)]
+            chosen = np.concatenate([chosen, new])
+            fine = Judged.joined([fine, self.judge(archive.units[new], sample, problem.confirm)])
+        start = self.judge(archive.units[:1], sample, problem.confirm)
+        if fine is None:
+            front = archive.take(rows)
+            return Solved(archive, front, front.judged, start, 0, polished=polished)
+        order = front_rows(fine.objectives * problem.signs, fine.feasible)
+        front = Archive(archive.units[chosen[order]], fine.take(order), archive.generation[chosen[order]])
+        return Solved(archive, front, archive.judged.take(chosen[order]), start, len(chosen), polished=polished)
+
+    def _leading(self, judged: Judged, units: FloatArray) -> IntArray:
+        """The candidates to confirm: some of the front far apart, or the best ones of a single objective."""
+        aims = judged.objectives * self.problem.signs
+        if aims.shape[1] > 1:
+            rows = front_rows(aims, judged.feasible)
+            return rows[spread(aims[rows], self.table.confirmed)] if rows.size else rows
+        able = np.flatnonzero(judged.feasible & np.isfinite(aims[:, 0]))
+        return np.asarray(able[np.argsort(aims[able, 0], kind="stable")][: self.table.confirmed])
+
+
+def optimise(
+    file: str | Path,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    progress: bool = True,
+    oversubscribe: bool = False,
+    untrusted: bool = False,
+) -> OptimisationSummary:
+    """Search for the parameters that make objectives as small or as large as possible within limits.
+
+    Parameters
+    ----------
+    file
+        The optimisation file.
+    out
+        Result directory: front.nc, candidates.nc, base.toml, report/index.html, and all points in steps/points. A
+        search that was stopped goes on where it was, and ends with the same front.
+    workers, scheduler, oversubscribe
+        Where points run, see `run`.
+    retry_failed
+        Compute points that failed again.
+    progress
+        Whether the progress is printed to standard error.
+    untrusted
+        For a file from a stranger: refuse functions, and files outside of its folder.
+
+    Raises
+    ------
+    InputError
+        If the file or the directory cannot be used; nothing is started.
+    StorageError
+        If writing fails; finished points are kept.
+    """
+    request = load_optimisation(file, untrusted)
+    problem = make_problem(request)
+    directory = make_directory(out)
+    place = make_directory(directory / "steps" / "points")
+    study = problem.study(request.origin, place, TABLE)
+    existing = ExistingScheduler(scheduler, None, None, None) if scheduler else None
+    with Execution(workers, existing, oversubscribe) as execution:
+        with ResultDirectory(place) as kept:
+            replace_text(directory / "optimise.toml", request.text)
+            points = PointBatches(study, kept, execution, retry_failed, progress)
+            run = _Run(problem, study, points, progress)
+            solved = run.solved(run.search())
+            points.write(f"tripod-doe optimise: {points.computed} points computed")
+            failures, computed, count = points.failures, points.computed, points.count
+        waves = _waveforms(problem, solved, directory, execution)
+    failed = sum(failure.count for failure in failures)
+    solved = replace(solved, counts={"points": count, "failed_points": failed})
+    front, candidates = front_dataset(problem, solved), candidates_dataset(problem, solved)
+    action = f"tripod-doe optimise: {computed} points computed"
+    write_dataset(stamp_history(front, action), directory / "front.nc")
+    write_dataset(stamp_history(candidates, action), directory / "candidates.nc")
+    if len(solved.front.units):
+        best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
+        replace_text(directory / "base.toml", pasted(base_values(problem, best), request.file.base))
+    lines = write_optimisation_page(directory, problem, solved, failures, waves)
+    return OptimisationSummary(directory, front, computed, count - computed, failures, lines)
+
+
+def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Execution) -> xr.Dataset | None:
+    """The thrust of the start and of the ends and the knee of the front, at each operating point; None without any."""
+    if not set(_WAVEFORMS) <= problem.simulator.outputs.keys() or not len(solved.front.units):
+        return None
+    aims = solved.front.judged.objectives * problem.signs
+    shown = list(dict.fromkeys([*(int(at) for at in aims.argmin(axis=0)), knee(aims)]))
+    units = np.concatenate([solved.archive.units[:1], solved.front.units[shown]])
+    place = make_directory(directory / "steps" / "waveforms")
+    study = problem.study(problem.request.origin, place, TABLE, _WAVEFORMS)
+    with ResultDirectory(place) as kept:
+        points = PointBatches(study, kept, execution, progress=False)
+        batch = points(problem.columns(units, _nominal(problem), problem.model))
+        points.write(f"tripod-doe optimise: {points.computed} points computed")
+    if "thrust" not in batch.outputs:
+        return None
+    shape = len(units), problem.operating.count
+    names = ["start", *(f"candidate {at}" for at in shown)]
+    return xr.Dataset(
+        {
+            "thrust": (("joint", "place", "rotation_deg"), batch.outputs["thrust"][1].reshape(*shape, -1)),
+            "thrust_amplitude": (("joint", "place", "order"), batch.outputs["thrust_amplitude"][1].reshape(*shape, -1)),
+        },
+        coords={"joint": names, "rotation_deg": batch.labels["rotation_deg"], "order": batch.labels["order"]},
+    )
+
+
+def _nominal(problem: Problem) -> Sample:
+    """The joint without scatter, as a sample of one: variables as chosen, other parameters in the middle."""
+    sample = problem.samples(1024, 0)
+    relative = problem.scatter.relative
+    return {
+        name: np.zeros(1) if name in relative else np.median(column, keepdims=True) for name, column in sample.items()
+    }
+
+
+def front_lines(front: xr.Dataset) -> list[str]:
+    """One line for each of some candidates of a front, for the terminal."""
+    objectives = str(front.attrs["objectives"]).split(", ")
+    variables = str(front.attrs["variables"]).split(", ")
+    count = front.sizes["candidate"]
+    shown = np.unique(np.linspace(0, count - 1, _MOST_LINES).round().astype(int)).tolist() if count else []
+    lines = [] if count <= _MOST_LINES else [f"{len(shown)} of the {count:,} candidates of the front:"]
+    for at in shown:
+        one = front.isel(candidate=at)
+        aims = ", ".join(f"{name} {number(float(one[name]), 4)}" for name in objectives)
+        chosen = ", ".join(f"{name} {_word(one[name].item())}" for name in variables)
+        lines.append(f"candidate {at}: {aims}; {chosen}")
+    return lines
+
+
+def _word(value: float | str) -> str:
+    return value if isinstance(value, str) else number(float(value), 5)

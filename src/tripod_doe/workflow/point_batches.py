@@ -1,0 +1,204 @@
+"""Points that a search asks for in batches, computed by the engine of studies: in blocks, each kept in a journal.
+
+A search asks for the same batches in the same order each time. What the journal has is not computed again, so a search
+that was killed goes on where it was, and ends with the same answer. In the end all points stand in a cube of their own.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections.abc import Callable, Collection, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import IntArray
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.interrupts import check_interrupt
+from tripod_doe.simulator import Outcome, Value
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.designs import Points, make_points
+from tripod_doe.study.execution.execution import Execution
+from tripod_doe.study.failures import Failure, common_failures
+from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.study_points import StudyPoints
+from tripod_doe.workflow.progress import Progress, work_of
+
+TABLE = "points.csv"
+"""File of all points that were asked for, which the study of their cube names as its table."""
+
+_SHOWN_AFTER = 1000  # points of a batch from which on a bar is shown
+_EVERY = 20.0  # seconds after which the table is written again, so that a search can be queried while it runs
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Answers to some points, in their order."""
+
+    points: Points  # the points
+    outcome: NDArray[np.int8]  # how each ended, shape (point,)
+    detail: list[str]  # why it failed
+    # outputs: the dimensions of a point's value, and values of all points; NaN where a point failed
+    outputs: dict[str, tuple[tuple[str, ...], NDArray[Any]]]
+    labels: dict[str, NDArray[Any]]  # labels along these dimensions
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        """Whether a point finished, shape (point,)."""
+        return np.asarray(self.outcome == Outcome.FINISHED)
+
+
+class PointBatches:
+    """The points of a search: asked for in batches, computed once, and kept.
+
+    Parameters
+    ----------
+    study
+        A study whose design is the table `TABLE`, which need not be there yet.
+    directory
+        Where they are kept, held by this process.
+    execution
+        Where they run.
+    retry_failed
+        Whether points that failed in an earlier run are computed again.
+    progress
+        Whether bars are shown.
+
+    Attributes
+    ----------
+    computed
+        Number of points that were computed by this process.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        directory: ResultDirectory,
+        execution: Execution,
+        retry_failed: bool = False,
+        progress: bool = True,
+    ) -> None:
+        self._study, self._directory, self._execution, self._progress = study, directory, execution, progress
+        directory.refuse_other_kernels(study)
+        self._place: dict[bytes, tuple[int, int, int, str]] = {}  # block, row, outcome and reason by fingerprint
+        self._read: list[Callable[[], FinishedBlock]] = directory.places()
+        for number, read in enumerate(self._read):
+            self._learn(number, read(), retry_failed)
+        self._asked: dict[bytes, tuple[Value, ...]] = {}
+        self._names: tuple[str, ...] = ()
+        self._written = time.monotonic()
+        self.computed = 0
+
+    def _learn(self, number: int, block: FinishedBlock, finished_only: bool = False) -> None:
+        """Note where the points of a block stand, unless it lacks an output."""
+        good = block.result.outcome == Outcome.FINISHED
+        if good.any() and not set(self._study.stored) <= {*block.result.outputs, *self._optional}:
+            return
+        for row, key in enumerate(block.keys):
+            if good[row] or not finished_only:
+                self._place[bytes(key)] = number, row, int(block.result.outcome[row]), block.result.detail[row]
+
+    @property
+    def _optional(self) -> Collection[str]:
+        """Outputs that a model may not give."""
+        return [name for name, output in self._study.simulator.outputs.items() if output.optional]
+
+    def __call__(self, columns: Mapping[str, NDArray[Any]]) -> Batch:
+        """Answers to some points.
+
+        Parameters
+        ----------
+        columns
+            Values of all that differs between points, by name, shape (point,) each; the same names in every call.
+        """
+        count = len(next(iter(columns.values())))
+        points = Points(dict(columns), (count,), ("point",), np.ones(count, bool))
+        asked = StudyPoints(self._study, points)
+        keys = [bytes(key) for key in asked.keys]
+        self._names = tuple(columns)
+        for key, *values in zip(keys, *(column.tolist() for column in columns.values()), strict=True):
+            self._asked.setdefault(key, tuple(values))
+        missing = np.array([at for at in np.flatnonzero(asked.to_compute) if keys[at] not in self._place], np.int64)
+        if missing.size:
+            self._compute(asked, missing)
+        return self._answers(points, keys)
+
+    def _compute(self, asked: StudyPoints, missing: IntArray) -> None:
+        known = len(self._read)
+        with (
+            Progress(
+                int(missing.size), self._progress and missing.size > _SHOWN_AFTER, work_of(asked, missing)
+            ) as shown,
+            self._directory.computing() as died_before,
+            closing(self._execution.run(asked, missing, careful=died_before)) as finished,
+        ):
+            for number, block in enumerate(finished, known):
+                self._directory.commit(block)
+                self._learn(number, block)
+                self.computed += block.keys.size
+                shown.add(block.keys.size)
+        self._read = self._directory.places()
+        check_interrupt()
+        if time.monotonic() - self._written > _EVERY:
+            self._store()
+
+    def _answers(self, points: Points, keys: list[bytes]) -> Batch:
+        """Answers of all points of a batch, block by block."""
+        places = [self._place[key] for key in keys]
+        numbers, rows = (np.array([place[at] for place in places]) for at in (0, 1))
+        outputs: dict[str, tuple[tuple[str, ...], NDArray[Any]]] = {}
+        labels: dict[str, NDArray[Any]] = {}
+        for number in np.unique(numbers):
+            result, own = self._read[number]().result, np.flatnonzero(numbers == number)
+            for name, values in result.outputs.items():
+                if name not in outputs:
+                    outputs[name] = values.dims, np.full((len(keys), *values.data.shape[1:]), np.nan)
+                outputs[name][1][own] = values.data[rows[own]]
+            labels |= result.coordinates
+        outcome = np.array([place[2] for place in places], np.int8)
+        return Batch(points, outcome, [place[3] for place in places], outputs, labels)
+
+    @property
+    def count(self) -> int:
+        """Number of different points that were asked for."""
+        return len(self._asked)
+
+    @property
+    def failures(self) -> list[Failure]:
+        """Points that were asked for and failed, by outcome and reason, the most frequent first."""
+        return list(common_failures(self._place[key][2:] for key in self._asked))
+
+    def write(self, action: str) -> None:
+        """Write all points that were asked for as the cube of a study.
+
+        Raises
+        ------
+        StorageError
+            If it cannot be written.
+        """
+        study = self._store()
+        self._directory.write_cube(StudyPoints(study, make_points(study)), action).close()
+
+    def _store(self) -> Study:
+        """Write the table of all points so far, and make its study that of the directory."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(self._names)
+        for row in self._asked.values():
+            writer.writerow([value if isinstance(value, str) else _written(value) for value in row])
+        replace_text(self._directory.path / TABLE, stream.getvalue())
+        study = parse_study(self._study.text, self._study.origin, self._study.folder)
+        self._directory.adopt(study)
+        self._written = time.monotonic()
+        return study
+
+
+def _written(value: Value) -> str:
+    """A number with all its digits; empty where there is none."""
+    return "" if value is None or value != value else repr(value)
