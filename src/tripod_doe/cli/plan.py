@@ -1,4 +1,4 @@
-"""Count points, time and bytes of a study, a workflow or a fit before anything runs."""
+"""Count points, time and bytes of a study, a workflow, a fit or an optimisation before anything runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ _CHECK_SECONDS = 25e-6
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
-    parser.add_argument("file", metavar="FILE.toml", type=Path, help="file of a study, a workflow or a fit")
+    parser.add_argument(
+        "file", metavar="FILE.toml", type=Path, help="file of a study, a workflow, a fit or an optimisation"
+    )
     parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
     parser.add_argument(
         "--out",
@@ -32,11 +34,11 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition.study_file import is_fit, is_workflow
+    from tripod_doe.study.definition.study_file import tables_in
 
-    if is_fit(options.file):
-        return _plan_fit(options)
-    return (_plan_workflow if is_workflow(options.file) else _plan_study)(options)
+    tables = tables_in(options.file)
+    kinds = {"study": _plan_study, "workflow": _plan_workflow, "fit": _plan_fit, "optimisation": _plan_optimisation}
+    return next((plan for kind, plan in kinds.items() if kind in tables), _plan_study)(options)
 
 
 def _plan_study(options: argparse.Namespace) -> int:
@@ -67,6 +69,16 @@ def _plan_study(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _plan_optimisation(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.optimise_plan import parts_text, plan_optimisation
+
+    if options.quick:
+        raise InputError(f"{option('quick')}: {options.file} is an optimisation; only workflows have a [quick]")
+    parts = plan_optimisation(options.file, not options.no_timing, options.untrusted)
+    print(parts_text(parts, max(options.workers, 1)))
+    return DONE
+
+
 def _plan_workflow(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.plan import plan_workflow
 
@@ -89,4 +101,6 @@ def _plan_fit(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("estimate points, time and size of a study, workflow or fit; writes nothing", _add_arguments, _run)
+COMMAND = Command(
+    "estimate points, time and size of a study, workflow, fit or optimisation; writes nothing", _add_arguments, _run
+)

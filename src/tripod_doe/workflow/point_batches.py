@@ -9,9 +9,10 @@ from __future__ import annotations
 import csv
 import io
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -187,16 +188,20 @@ class PointBatches:
 
     def _store(self) -> Study:
         """Write the table of all points so far, and make its study that of the directory."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(self._names)
-        for row in self._asked.values():
-            writer.writerow([value if isinstance(value, str) else _written(value) for value in row])
-        replace_text(self._directory.path / TABLE, stream.getvalue())
+        write_table(self._directory.path / TABLE, self._names, self._asked.values())
         study = parse_study(self._study.text, self._study.origin, self._study.folder)
         self._directory.adopt(study)
         self._written = time.monotonic()
         return study
+
+
+def write_table(path: Path, names: Iterable[str], rows: Iterable[Iterable[Value]]) -> None:
+    """Write points as a table of a study: a column for each name, numbers with all their digits."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([value if isinstance(value, str) else _written(value) for value in row] for row in rows)
+    replace_text(path, stream.getvalue())
 
 
 def _written(value: Value) -> str:

@@ -237,7 +237,7 @@ class _PointsFolder(StudyFolder):
 
     def file(self, name: str, key: str) -> Path:
         """The table of the points."""
-        return self.tables / name
+        return self.tables / name  # an absolute name stays as it is
 
     def check_file(self, name: str, key: str) -> None:
         """Do nothing: the table is written here."""

@@ -254,25 +254,15 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
         raise InputError(f"{origin}: brackets are nested too deeply") from error
 
 
-def is_workflow(path: Path) -> bool:
-    """Whether a TOML file is a workflow's and not a study's.
+def tables_in(path: Path) -> set[str]:
+    """Names of the tables of a TOML file, by which its kind is known.
 
     Raises
     ------
     InputError
         If it cannot be read.
     """
-    text = parse_toml(read_text(path, "file"), str(path))
-    return "workflow" in text and "study" not in text
-
-
-def is_fit(path: Path) -> bool:
-    """Whether a TOML file is a fit's.
-
-    Raises:
-        InputError: If it cannot be read.
-    """
-    return "fit" in parse_toml(read_text(path, "file"), str(path))
+    return set(parse_toml(read_text(path, "file"), str(path)))
 
 
 def parse_file(text: str, origin: str = "study") -> StudyFile:
@@ -282,6 +272,8 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
         raise InputError(f"{origin}: this is a workflow, not a study: `tripod-doe workflow` runs it")
     if "fit" in raw and "study" not in raw:
         raise InputError(f"{origin}: this is a fit, not a study: `tripod-doe fit` runs it")
+    if "optimisation" in raw and "study" not in raw:
+        raise InputError(f"{origin}: this is an optimisation, not a study: `tripod-doe optimise` runs it")
     if "designs" in raw:
         raise InputError(f"{origin}: the file: unknown key 'designs'; a sub-design is written [design.NAME]")
     design = raw.get("design")

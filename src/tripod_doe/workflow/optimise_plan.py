@@ -1,0 +1,106 @@
+"""What an optimisation will cost: its points, and their price by some that are timed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from scipy.stats import qmc
+
+from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
+from tripod_doe.analyses.optimisation.problem import Problem, make_problem
+from tripod_doe.quantities import duration, number
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.plan import plan
+from tripod_doe.workflow.point_batches import TABLE, write_table
+
+_TIMED = 64  # candidates among which points are timed
+
+
+@dataclass(frozen=True)
+class PlannedPart:
+    """Points of an optimisation by one model."""
+
+    what: str  # the search, or what confirms it
+    candidates: int  # at most
+    points: int  # at most: those of all candidates
+    cpu_hours: tuple[float, float, float] | None  # low, likely and high; None without timing
+
+    def describe(self) -> str:
+        """The part in a line."""
+        price = ""
+        if self.cpu_hours:
+            low, likely, high = (duration(3600 * hours, 2) for hours in self.cpu_hours)
+            price = f", CPU time {likely} ({low} to {high})"
+        return f"{self.what:<24} {self.candidates:,} candidates, {self.points:,} points{price}"
+
+
+def plan_optimisation(file: str | Path, timing: bool = True, untrusted: bool = False) -> list[PlannedPart]:
+    """Count the points of an optimisation and time a few of them; nothing is written.
+
+    Parameters
+    ----------
+    file
+        The optimisation file.
+    timing
+        Whether to time points, in a process of its own.
+    untrusted
+        For a file from a stranger: refuse functions, and files outside of its folder.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used.
+    """
+    problem = make_problem(load_optimisation(file, untrusted))
+    table = problem.request.file.search
+    sampled = bool(problem.scatter.factors)
+    joints = table.samples if sampled else 1
+    by = f" by {problem.model}" if problem.model else ""
+    parts = [_part(problem, f"search{by}", table.evaluations, joints, problem.model, timing)]
+    if sampled or problem.confirm != problem.model:
+        count = 1 if len(problem.objectives) > 1 else 0
+        most = table.confirmed + 3 * max(table.confirmed // 2, 1) + count
+        by = f" by {problem.confirm}" if problem.confirm else ""
+        joints = table.confirm_samples if sampled else 1
+        parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, timing))
+    return parts
+
+
+def _part(problem: Problem, what: str, candidates: int, joints: int, model: str, timing: bool) -> PlannedPart:
+    points = candidates * joints * problem.operating.count
+    if not timing:
+        return PlannedPart(what, candidates, points, None)
+    count = min(_TIMED, candidates)
+    units = problem.variables.snapped(qmc.LatinHypercube(len(problem.variables.chosen), rng=0).random(count))
+    columns = problem.columns(units, problem.samples(8, 0), model)
+    with TemporaryDirectory(prefix="tripod-doe-") as folder:
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        write_table(Path(folder) / TABLE, columns, rows)
+        few = plan(_study(problem, Path(folder)))
+    hours = None
+    if few.cpu_hours:
+        share = points / max(few.unique, 1)
+        hours = (few.cpu_hours[0] * share, few.cpu_hours[1] * share, few.cpu_hours[2] * share)
+    return PlannedPart(what, candidates, points, hours)
+
+
+def _study(problem: Problem, folder: Path) -> Study:
+    """The study of some points, as the process that times it can read it: only with a function from both folders."""
+    request = problem.request
+    if request.file.optimisation.function:
+        return problem.study(request.origin, folder, str(folder / TABLE))
+    study = problem.study(request.origin, folder, TABLE)
+    return parse_study(study.text, study.origin, StudyFolder(folder, request.folder.trusted))
+
+
+def parts_text(parts: list[PlannedPart], workers: int) -> str:
+    """The parts in lines, with the wall time of all."""
+    lines = [part.describe() for part in parts]
+    known = [part.cpu_hours[1] for part in parts if part.cpu_hours]
+    if known:
+        wall = duration(3600 * sum(known) / workers, 2)
+        lines.append(f"{'wall time':<24} {wall} on {number(workers)} workers")
+    return "\n".join(lines)
