@@ -17,7 +17,7 @@ from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import Solved, base_values, candidates_dataset, front_dataset
-from tripod_doe.analyses.optimisation.search import Polish, Search, idle_limit, polish_share, population_of
+from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.pages.optimisation import write_optimisation_page
@@ -67,6 +67,7 @@ class _Run:
         self._judged: list[Judged] = []
         self._generation: list[int] = []
         self._shown = time.monotonic()
+        self.ended: list[float] = []  # the best first objective, to minimise, of each search that came to its end
 
     @property
     def left(self) -> int:
@@ -112,24 +113,38 @@ class _Run:
 
     def search(self) -> float:
         """Try candidates until none is left, or all are known; returns the step of the last polish."""
-        problem, table = self.problem, self.table
+        kept = int(polish_share(len(self.problem.signs)) * self.table.evaluations)
+        generation, known = 0, -1
+        while self.left > kept and len(self._units) > known:  # until all candidates are known
+            known = len(self._units)
+            generation = self._search_once(generation, kept)
+        return self._polish(generation) if len(self.problem.signs) == 1 else np.nan
+
+    def _search_once(self, generation: int, kept: int) -> int:
+        """Search until the candidates but those kept are tried, or nothing new comes; returns the generation."""
+        problem, table, again = self.problem, self.table, len(self.ended)
         population = population_of(table.evaluations, table.population)
+        start = problem.start_unit if not again else None
         search = Search(
-            problem.variables, problem.signs, len(problem.constraints), population, table.seed, problem.start_unit
+            problem.variables, problem.signs, len(problem.constraints), population, table.seed + again, start
         )
-        kept = int(polish_share(len(problem.signs)) * table.evaluations)
-        generation = idle = 0
-        while self.left > kept and idle < idle_limit():
-            units, before = search.ask(), self.left
+        best = np.inf
+        while self.left > kept and not search.is_over:
+            units = search.ask()
             if not len(units):
                 break
+            before = self.left
             rows = self.try_out(units, generation)
-            idle = idle + 1 if self.left == before else 0
             if (rows < 0).any():
                 break
-            search.tell(Judged.joined(self._judged).take(rows))
+            judged = Judged.joined(self._judged).take(rows)
+            search.tell(judged, before - self.left)
+            values = (judged.objectives[:, 0] * problem.signs[0])[judged.feasible]
+            best = min(best, float(values.min(initial=np.inf)))
             generation += 1
-        return self._polish(generation) if len(problem.signs) == 1 else np.nan
+        if search.is_over or not again:
+            self.ended.append(best)
+        return generation
 
     def _polish(self, generation: int) -> float:
         """Step around the best candidate of a single objective; returns the step at which none was better, or NaN."""
@@ -170,7 +185,15 @@ class _Run:
         rows = front_rows(aims, archive.judged.feasible)
         if problem.confirm == problem.model and not self.sample:
             front = archive.take(rows)
-            return Solved(archive, front, front.judged, archive.judged.take(np.array([0])), 0, polished=polished)
+            return Solved(
+                archive,
+                front,
+                front.judged,
+                archive.judged.take(np.array([0])),
+                0,
+                polished=polished,
+                ended=tuple(self.ended),
+            )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
         chosen = self._leading(archive.judged, archive.units)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
@@ -186,10 +209,18 @@ class _Run:
         start = self.judge(archive.units[:1], sample, problem.confirm)
         if fine is None:
             front = archive.take(rows)
-            return Solved(archive, front, front.judged, start, 0, polished=polished)
+            return Solved(archive, front, front.judged, start, 0, polished=polished, ended=tuple(self.ended))
         order = front_rows(fine.objectives * problem.signs, fine.feasible)
         front = Archive(archive.units[chosen[order]], fine.take(order), archive.generation[chosen[order]])
-        return Solved(archive, front, archive.judged.take(chosen[order]), start, len(chosen), polished=polished)
+        return Solved(
+            archive,
+            front,
+            archive.judged.take(chosen[order]),
+            start,
+            len(chosen),
+            polished=polished,
+            ended=tuple(self.ended),
+        )
 
     def _leading(self, judged: Judged, units: FloatArray) -> IntArray:
         """The candidates to confirm: some of the front far apart, or the best ones of a single objective."""

@@ -328,6 +328,9 @@ def _check_quantities(problem: Problem) -> None:
                 dims = simulator.outputs[entry.output].dims
                 if dims != (() if entry.order is None else ("order",)):
                     raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, dims)}")
+                labels = simulator.labels([entry.output], {}) if dims else {}
+                if entry.order is not None and entry.order not in (known := labels["order"].tolist()):
+                    raise request.fail(where, f"order = {entry.order}: the orders are {known[0]} to {known[-1]}")
             elif entry.order is not None and simulator.outputs:
                 raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, ())}")
 

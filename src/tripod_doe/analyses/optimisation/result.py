@@ -30,6 +30,7 @@ class Solved:
     start: Judged  # the start as the model that was asked for judges it
     confirmed: int  # number of candidates that were judged once more; 0 where the search is the last word
     counts: Mapping[str, int] = field(default_factory=dict)  # points, computed, failed
+    ended: tuple[float, ...] = ()  # the best objective, to minimise, of each search from another place
     polished: float = np.nan  # step of the last polish that found nothing better, as part of a range
 
 

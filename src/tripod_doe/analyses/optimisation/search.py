@@ -16,9 +16,10 @@ from tripod_doe.analyses.optimisation.variables import Variables
 from tripod_doe.array_types import FloatArray
 
 _FEWEST, _MOST = 20, 100  # candidates of a generation
-_GENERATIONS = 25  # that a search has at least, where that leaves enough candidates in each
+_GENERATIONS = 100  # of a search, where that leaves enough candidates in each: more are better than larger ones
 _FAILED = 10.0  # violation of a candidate that cannot be computed: more than that of limits
-_IDLE = 30  # generations without a new candidate after which a search ends: all are known
+_IDLE = 10  # generations with hardly a new candidate, or with equal ones, after which a search is over
+_EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
 _POLISHED = 0.15  # share of the candidates with which a single objective is polished
 _WIDEST, _NARROWEST = 0.05, 1e-3  # step of the polish, as part of a range
 
@@ -42,11 +43,17 @@ class Search:
     population, seed
         Of the algorithm.
     start
-        A candidate of the first generation, on the unit cube.
+        A candidate of the first generation, on the unit cube; None without one.
     """
 
     def __init__(
-        self, variables: Variables, signs: FloatArray, constraints: int, population: int, seed: int, start: FloatArray
+        self,
+        variables: Variables,
+        signs: FloatArray,
+        constraints: int,
+        population: int,
+        seed: int,
+        start: FloatArray | None,
     ) -> None:
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
@@ -59,6 +66,7 @@ class Search:
         self._algorithm.setup(self._problem, termination=NoTermination(), seed=seed, verbose=False)
         self._asked: Any = None
         self._worst: FloatArray | None = None
+        self._population, self._idle = population, 0
 
     def ask(self) -> FloatArray:
         """The next generation on the unit cube, shape (candidate, variable); empty where nothing new is left."""
@@ -69,8 +77,13 @@ class Search:
         self._asked.set("X", units)
         return units
 
-    def tell(self, judged: Judged) -> None:
-        """How the candidates of the last generation were judged, in its order."""
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing new comes any more."""
+        return self._idle >= _IDLE
+
+    def tell(self, judged: Judged, new: int) -> None:
+        """How the candidates of the last generation were judged, in its order, and how many of them were new."""
         from pymoo.core.evaluator import Evaluator
         from pymoo.problems.static import StaticProblem
 
@@ -86,14 +99,17 @@ class Search:
         limits = np.column_stack([violations, unfinished])
         Evaluator().eval(StaticProblem(self._problem, F=aims, G=limits), self._asked)
         self._algorithm.tell(infills=self._asked)
+        alone = aims.shape[1] == 1 and whole.all() and float(np.ptp(aims)) <= _EQUAL * float(np.abs(aims).max())
+        self._idle = self._idle + 1 if alone or 10 * new <= self._population else 0
 
 
-def _first_generation(variables: Variables, population: int, seed: int, start: FloatArray) -> FloatArray:
-    """Where the search starts: the start itself, and a latin hypercube."""
+def _first_generation(variables: Variables, population: int, seed: int, start: FloatArray | None) -> FloatArray:
+    """Where the search starts: the start itself, if there is one, and a latin hypercube."""
     from scipy.stats import qmc
 
     units = qmc.LatinHypercube(len(variables.chosen), rng=seed).random(population)
-    units[0] = start
+    if start is not None:
+        units[0] = start
     return variables.snapped(units)
 
 
@@ -166,8 +182,3 @@ class Polish:
 def polish_share(objectives: int) -> float:
     """Share of the candidates that are kept for polishing."""
     return _POLISHED if objectives == 1 else 0.0
-
-
-def idle_limit() -> int:
-    """Generations without a new candidate after which a search ends."""
-    return _IDLE

@@ -75,6 +75,12 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
             f"No change of a single variable by {number(100 * solved.polished, 2)} % of its range, or to its next "
             "value, improves the candidate on which the search ended."
         )
+    if len(solved.ended) > 1:
+        best = min(solved.ended)
+        same = sum(value - best <= _LAST * abs(best) for value in solved.ended)
+        sentences.append(
+            f"{same} of {len(solved.ended)} searches from other places came within 1 % of the best of them."
+        )
     course = best_so_far(solved.archive, float(problem.signs[0]))
     final = course[-1]
     near = np.flatnonzero(np.abs(course - final) <= _LAST * abs(final))

@@ -1,0 +1,301 @@
+"""Optimisations through the engine of studies: published fronts, brute force, limits, scatter, resume, errors."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomlkit
+import xarray as xr
+from moocore import hypervolume
+
+import tripod_doe as td
+from tripod_doe.cli.main import main
+from tripod_doe.errors import InputError
+from tripod_doe.workflow.optimise_plan import plan_optimisation
+from tripod_doe.workflow.point_batches import PointBatches
+
+ROOT = Path(__file__).parent.parent.parent
+
+FUNCTIONS = """
+import math
+
+def zdt1(x0, x1, x2, x3, x4, x5):
+    g = 1 + 9 * (x1 + x2 + x3 + x4 + x5) / 5
+    return {"f1": x0, "f2": g * (1 - math.sqrt(x0 / g))}
+
+def dtlz2(x0, x1, x2, x3, x4, x5):
+    g = sum((x - 0.5) ** 2 for x in (x2, x3, x4, x5))
+    a, b = x0 * math.pi / 2, x1 * math.pi / 2
+    return {"f1": (1 + g) * math.cos(a) * math.cos(b), "f2": (1 + g) * math.cos(a) * math.sin(b),
+            "f3": (1 + g) * math.sin(a)}
+
+def waves(i, j, k):
+    x, y, z = i / 99, j / 99, k / 99
+    return {"f": 3 + (x - 0.7) ** 2 + (y - 0.2) ** 2 + (z - 0.9) ** 2 - 0.5 * math.cos(12 * x) * math.cos(9 * y)}
+
+def hole(x, load=1.0):
+    if x > 0.6:
+        raise ValueError("too thin")
+    return {"weight": 1 - x, "stress": load * (1 + x), "stress_error": 0.01}
+
+def slope(x, s=0.0):
+    return {"f": (x - 1) ** 2 + s}
+"""
+
+
+@pytest.fixture
+def solve(tmp_path, monkeypatch):
+    """Runs an optimisation of one of the functions; returns its summary."""
+    (tmp_path / "functions_to_optimise.py").write_text(FUNCTIONS)
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def run(name, variables, objectives, out="out", **tables):
+        head = {"name": name, "function": f"functions_to_optimise:{name}", **tables.pop("optimisation", {})}
+        content = {"optimisation": head, "variables": variables, "objectives": objectives, **tables}
+        (tmp_path / "file.toml").write_text(tomlkit.dumps(content))
+        return td.optimise(tmp_path / "file.toml", tmp_path / out, workers=0, progress=False)
+
+    return run
+
+
+def unit(count):
+    return {f"x{k}": {"low": 0, "high": 1} for k in range(count)}
+
+
+def volume(front, names):
+    return hypervolume(np.stack([front[name].values for name in names], axis=1), ref=np.full(len(names), 1.1))
+
+
+def test_the_front_of_zdt1(solve):
+    """Published: Zitzler, Deb and Thiele 2000; its front f2 = 1 - sqrt(f1) has the hypervolume 1.21 - 1/3 to (1.1, 1.1)."""
+    aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
+    front = solve("zdt1", unit(6), aims, search={"evaluations": 2000, "seed": 1}).front
+    assert volume(front, aims) == pytest.approx(1.21 - 1 / 3, rel=0.01)
+    assert (front["f_2"].values >= 1 - np.sqrt(front["f_1"].values) - 1e-12).all()
+
+
+def test_the_front_of_dtlz2(solve):
+    """Published: Deb and others 2002; its front is an octant of the unit sphere. With 10,000 candidates 2 % are left."""
+    aims = {f"f_{k}": {"output": f"f{k}"} for k in (1, 2, 3)}
+    front = solve("dtlz2", unit(6), aims, search={"evaluations": 2000, "seed": 1}).front
+    assert volume(front, aims) == pytest.approx(1.1**3 - math.pi / 6, rel=0.06)
+    assert (sum(front[name].values ** 2 for name in aims) >= 1 - 1e-12).all()
+
+
+def test_a_million_joints_by_brute_force(solve):
+    """Exact: the global optimum of a grid of 100^3 with many local ones, within 1 % for 0.2 % of its price."""
+    i, j, k = (axis / 99 for axis in np.meshgrid(*[np.arange(100)] * 3, indexing="ij"))
+    whole = 3 + (i - 0.7) ** 2 + (j - 0.2) ** 2 + (k - 0.9) ** 2 - 0.5 * np.cos(12 * i) * np.cos(9 * j)
+    variables = {name: {"values": list(range(100))} for name in "ijk"}
+    summary = solve("waves", variables, {"f": {"output": "f"}}, search={"evaluations": 2000, "seed": 2})
+    assert float(summary.front["f"][0]) == pytest.approx(whole.min(), rel=0.01)
+    assert summary.computed <= 2000
+    assert any("came within 1 %" in line for line in summary.lines)
+
+
+def test_limits_and_reasons(solve, tmp_path):
+    """Exact: the lightest part that bears the heavier load; those that fail are left out with their reason."""
+    summary = solve(
+        "hole",
+        {"x": {"low": 0, "high": 1}},
+        {"lightest": {"output": "weight"}},
+        at={"load": {"values": [1, 2]}},
+        constraints={"strong": {"output": "stress", "high": 2.8}},
+        search={"evaluations": 300},
+    )
+    assert float(summary.front["x"][0]) == pytest.approx(0.4, abs=2e-3)
+    assert float(summary.front["strong_error"][0]) == pytest.approx(0.01)
+    with xr.open_dataset(tmp_path / "out" / "candidates.nc") as candidates:
+        reasons = candidates["reason"].values.astype(str)
+        thin = candidates["x"].values > 0.6
+        assert all("error (2 of 2 points): ValueError: too thin" in reason for reason in reasons[thin])
+        assert np.isnan(candidates["lightest"].values[thin]).all()
+        over = (candidates["x"].values > 0.4 + 1e-9) & ~thin
+        assert all("strong = " in reason and "above 2.8" in reason for reason in reasons[over])
+        assert (candidates["feasible"].values == (reasons == "")).all()
+    assert "binds: strong at its limit" in " ".join(summary.lines)
+    answer = td.query(tmp_path / "out" / "front.nc", "lightest", where="x > 0.3")
+    assert answer["selected"].values.tolist() == [True]
+    assert "too thin" in (tmp_path / "out" / "report" / "index.html").read_text()
+
+
+def test_nothing_feasible_says_what_is_nearest(solve):
+    limits = {"strong": {"output": "stress", "high": 0.5}}
+    aims = {"lightest": {"output": "weight"}}
+    summary = solve("hole", {"x": {"low": 0, "high": 1}}, aims, constraints=limits, search={"evaluations": 40})
+    assert not summary.good
+    assert summary.front.sizes["candidate"] == 0
+    assert "The nearest one is x = 0" in summary.lines[1]
+
+
+def test_a_kill_changes_nothing(solve, monkeypatch):
+    """Invariance: a search that was stopped twice ends with the same front, and computes each point once."""
+    aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
+    search = {"evaluations": 300, "seed": 4}
+    whole = solve("zdt1", unit(6), aims, "whole", search=search)
+    compute, calls = PointBatches._compute, []
+
+    def stopped(self, asked, missing):
+        calls.append(len(missing))
+        if len(calls) in (3, 7):
+            raise KeyboardInterrupt
+        compute(self, asked, missing)
+
+    monkeypatch.setattr(PointBatches, "_compute", stopped)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            solve("zdt1", unit(6), aims, "parts", search=search)
+    parts = solve("zdt1", unit(6), aims, "parts", search=search)
+    assert parts.reused > 0
+    assert parts.computed + parts.reused == whole.computed
+    assert parts.front.drop_attrs().identical(whole.front.drop_attrs())
+
+
+def test_the_quantile_of_a_scatter(solve):
+    """Exact: scatter about x has its quantile of (x - 1)^2 smallest at x = 1, and s adds 1.645 deviations."""
+    summary = solve(
+        "slope",
+        {"x": {"low": 0, "high": 3}},
+        {"f": {"output": "f"}},
+        optimisation={"quantile": 0.95},
+        scatter={"s": {"distribution": "normal", "mean": 0, "std": 0.1}, "x": {"distribution": "normal", "std": 1e-6}},
+        search={"evaluations": 60, "samples": 128, "confirm_samples": 512, "confirmed": 3},
+    )
+    assert float(summary.front["x"][0]) == pytest.approx(1, abs=0.1)
+    low, high = (float(summary.front["f"][0]) + sign * 2 * float(summary.front["f_error"][0]) for sign in (-1, 1))
+    assert low < 0.1645 + (float(summary.front["x"][0]) - 1) ** 2 < high
+    assert abs(float(summary.front["f_search"][0]) - float(summary.front["f"][0])) < 0.02
+
+
+@pytest.mark.parametrize(("over", "best"), [("mean", 0.0), ("max", 0.0), ("min", 0.0)])
+def test_weights_and_a_goal_to_maximise(solve, tmp_path, over, best):
+    """Exact: stress = load (1 + x) with weights 3 to 1, made as large as possible at x = 0.6."""
+    (tmp_path / "at.csv").write_text("load,weight\n1,3\n2,1\n")
+    summary = solve(
+        "hole",
+        {"x": {"values": [0, 0.3, 0.6]}},
+        {"s": {"output": "stress", "over": over, "goal": "maximise"}},
+        at={"table": "at.csv", "weights": "weight"},
+        search={"evaluations": 10},
+    )
+    assert float(summary.front["x"][0]) == 0.6
+    assert float(summary.front["s"][0]) == pytest.approx(1.6 * {"mean": 1.25, "max": 2, "min": 1}[over])
+
+
+def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
+    """Exact: the front holds what the better model says; needles that do not fit are left out, and cost nothing."""
+    (tmp_path / "joint.toml").write_text("""
+        [optimisation]
+        name = "joint"
+        [base]
+        model = "equilibrium"
+        [variables.needle_count]
+        low = 24
+        high = 30
+        [variables.pitch_radius_mm]
+        low = 20
+        high = 24
+        [at.torque_n_m]
+        values = [40, -90]
+        [objectives.third]
+        output = "thrust_amplitude"
+        order = 3
+        [constraints.size]
+        output = "pitch_radius_mm"
+        high = 23
+        [search]
+        evaluations = 40
+        confirm = "kinetostatic"
+        confirmed = 3
+    """)
+    summary = td.optimise(tmp_path / "joint.toml", tmp_path / "out", workers=0, progress=False)
+    best = summary.front.isel(candidate=0)
+    assert best["needle_count"].dtype.kind == "i"
+    assert float(best["pitch_radius_mm"]) == pytest.approx(23, abs=0.2)
+    alone = td.simulate(
+        needle_count=int(best["needle_count"]), pitch_radius_mm=float(best["pitch_radius_mm"]), torque_n_m=-90
+    )
+    assert float(best["third"]) == pytest.approx(float(alone["thrust_amplitude"].sel(order=3)), rel=1e-6)
+    assert float(best["third_search"]) != float(best["third"])
+    assert 0 < float(best["third_error"]) < 0.05 * float(best["third"])
+    with xr.open_dataset(tmp_path / "out" / "candidates.nc") as candidates:
+        many = candidates["needle_count"].values >= 28
+        assert all("jammed" in str(reason) for reason in candidates["reason"].values[many])
+    base = (tmp_path / "out" / "base.toml").read_text()
+    assert f"needle_count = {int(best['needle_count'])}" in base
+    page = (tmp_path / "out" / "report" / "index.html").read_text()
+    assert "Thrust force of start and best" in page
+    assert "not known" not in page
+
+
+def test_the_example_of_the_documentation(tmp_path, capsys):
+    """The commands of docs/optimisation.md and the file that it names, with fewer candidates and without `rollers`."""
+    page = (ROOT / "docs" / "optimisation.md").read_text()
+    (name,) = re.findall(r"<!-- example: (\S+) -->", page)
+    text = (ROOT / name).read_text().replace("evaluations = 800", "evaluations = 24")
+    (tmp_path / "example.toml").write_text(text.replace('confirm = "rollers"\n', ""))
+    assert main(["plan", str(tmp_path / "example.toml"), "--no-timing"]) == 0
+    assert "24 candidates, 144 points" in capsys.readouterr().out
+    assert main(["optimise", str(tmp_path / "example.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
+    assert "candidate 0: third_order" in capsys.readouterr().out
+    where = "diameter < 75"
+    assert main(["query", str(tmp_path / "out" / "front.nc"), "--variable", "third_order", "--where", where]) == 0
+    assert "third_order" in capsys.readouterr().out
+
+
+def test_the_plan_counts_what_confirms(tmp_path):
+    (tmp_path / "a.toml").write_text((ROOT / "optimisations" / "smaller_joint.toml").read_text())
+    search, confirm = plan_optimisation(tmp_path / "a.toml", timing=False)
+    assert (search.candidates, search.points) == (800, 4800)
+    assert confirm.points == 6 * confirm.candidates
+
+
+JOINT = """
+[optimisation]
+name = "a"
+[variables.pitch_radius_mm]
+low = 20
+high = 24
+[objectives.third]
+output = "thrust_amplitude"
+order = 3
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("pitch_radius_mm", "pitch_radius"), r"\[variables.pitch_radius\]: unknown parameter; did you mean"),
+        (("high = 24", "high = 19"), r"\[variables.pitch_radius_mm\]: low = 20.0 must be below high = 19.0"),
+        (("low = 20", "low = -20"), "pitch_radius_mm = -20"),
+        (("order = 3", "order = 13"), "order = 13: the orders are 0 to 12"),
+        (("order = 3\n", ""), "give the order"),
+        (
+            ('"thrust_amplitude"', '"thrust_amplitud"'),
+            r"\[objectives.third\]: output = .* did you mean 'thrust_amplitude'",
+        ),
+        (('output = "thrust_amplitude"\norder = 3', 'output = "thrust"'), "by a response"),
+        (("order = 3", 'order = 3\nover = "median"'), "over = 'median': unknown"),
+        (("order = 3", "order = 3\n[constraints.size]\noutput = 'pitch_radius_mm'"), r"\[constraints.size\]: give low"),
+        (("order = 3", "order = 3\n[at.torque]\nvalues = [1]"), r"\[at\]: torque: unknown parameter; did you mean"),
+        (("order = 3", "order = 3\n[at.torque_n_m]\nvalue = [1]"), r"\[at\]: torque_n_m: unknown key 'value'"),
+        (("order = 3", "order = 3\n[search]\nconfirm = 'needle'"), r"confirm = 'needle': .* did you mean 'needles'"),
+        (("order = 3", "order = 3\n[search]\nevaluation = 3"), "unknown key 'evaluation'; did you mean 'evaluations'"),
+        (("order = 3", "order = 3\n[scatter.model]\nvalues = [1]"), r"\[scatter.model\]"),
+        (("objectives.third", "objectives.pitch_radius_mm"), "this name is taken"),
+        (("objectives.third", "objectives.'../x'"), "not a name"),
+        (("[optimisation]", "[optimization]"), "optimisation"),
+        (("low = 20\nhigh = 24", 'formula = "roller_radius_mm + 5"'), "at least one needs a range"),
+    ],
+)
+def test_a_wrong_file_is_refused_before_anything_runs(tmp_path, change, message):
+    assert change[0] in JOINT
+    (tmp_path / "a.toml").write_text(JOINT.replace(*change))
+    with pytest.raises(InputError, match=message) as refused:
+        td.optimise(tmp_path / "a.toml", tmp_path / "out", progress=False)
+    assert "a.toml" in str(refused.value)
+    assert not (tmp_path / "out").exists()
