@@ -7,9 +7,10 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.fit.sentences import candidate_text
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.report.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import ORDINALS, spoken
+from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _MOST_CANDIDATES = 20
@@ -116,7 +117,7 @@ def _left_over(fit: xr.Dataset) -> list[Chart]:
                     label=ORDINALS[int(str(order))],
                 )
             axes.axhline(0, color=MUTED, lw=0.8)
-            axes.set_xlabel(f"{spoken(name)} ({JOINT_PARAMETERS[name].unit_text})")
+            axes.set_xlabel(f"{spoken(name)} ({unit_text(JOINT_PARAMETERS[name].unit)})")
             axes.set_ylabel("measured minus fitted (N)")
             legend_above(axes, 3)
         caption = f"What is left over {spoken(name)}, with the 95 % uncertainty of measurement and model together."
@@ -135,9 +136,11 @@ def _profiles(fit: xr.Dataset) -> list[Chart]:
         if len(data) < 3:
             continue
         with drawing(4.0, 2.5) as (figure, axes):
-            axes.plot(data[name], data["growth"], "o-", color=COLOURS[0])
+            curve = _profile_curve(data[name].to_numpy(), data["growth"].to_numpy())
+            axes.plot(*curve, color=COLOURS[0])
+            axes.plot(data[name], data["growth"], "o", color=COLOURS[0])
             axes.axhline(allowed, color=COLOURS[1], ls="--", lw=1)
-            unit = JOINT_PARAMETERS[name].unit_text
+            unit = unit_text(JOINT_PARAMETERS[name].unit)
             axes.set_xlabel(f"{spoken(name)}{f' ({unit})' if unit else ''}")
             axes.set_ylabel("growth of chi squared")
             axes.set_ylim(0, 2 * allowed)
@@ -147,6 +150,13 @@ def _profiles(fit: xr.Dataset) -> list[Chart]:
         )
         charts.append(Chart(f"profile-{name}", f"Profile of {spoken(name)}", caption, figure, data))
     return charts
+
+
+def _profile_curve(values: FloatArray, growth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A profile between its points: the root of growth, with the sign of its side, is nearly a straight line."""
+    root = np.sqrt(growth) * np.sign(np.arange(values.size) - int(np.argmin(growth)))
+    fine = np.linspace(values[0], values[-1], 101)
+    return fine, np.asarray(np.interp(fine, values, root) ** 2, float)
 
 
 def _correlations(fit: xr.Dataset) -> Chart:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from tripod_doe.analyses.comparison.measurement import read_measurement
 from tripod_doe.analyses.comparison.model_point import complex_orders
@@ -21,8 +22,8 @@ from tripod_doe.simulator import Parameter, Value
 
 _SPEED = "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
-_FEW = 3  # degrees of freedom below which a scatter is hardly known
-_FEW_FACTOR = 3.0
+_PRIOR = 8  # degrees of freedom for which the usual scatter of all records counts in each of them
+_FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
 _OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
 """Keys of [records] that a column of the table may give for each record."""
 
@@ -184,31 +185,46 @@ def _read(request: FitRequest, asked: _Asked) -> RigRecord:
 
 @dataclass(frozen=True)
 class MeasuredOrders:
-    """Mean orders of a record with their deviations."""
+    """Mean orders of a record with their scatter."""
 
     mean: ComplexArray  # shape (order,)
-    # along, across: standard deviation of the mean along itself, and at right angles to it, shape (order,)
-    along: FloatArray
-    across: FloatArray
+    variance: FloatArray  # of the mean, along itself and at right angles to it, from the revolutions, shape (2, order)
+    freedom: int  # degrees of freedom of the variance
+    edge: FloatArray  # deviation at right angles that all revolutions share, as the marker is a sampled edge, (order,)
 
 
 def measured_orders(record: RigRecord, orders: Sequence[int]) -> MeasuredOrders:
-    """Mean orders of a record; their deviations follow from the scatter between revolutions.
-
-    A deviation that is estimated from few revolutions counts as larger, as Student's distribution is wider.
-    """
+    """Mean orders of a record, turned to its reference angle, and their scatter between revolutions."""
     each = record.orders[:, list(orders)] * (record.sign or 1.0)
     reference = record.reference_angle_deg
     each = each * np.exp(-1j * np.radians(reference or 0.0) * np.array(orders))
-    mean, freedom = each.mean(axis=0), each.shape[0] - 1
-    factor = np.sqrt(freedom / (freedom - 2)) if freedom >= _FEW else _FEW_FACTOR
+    mean, count = each.mean(axis=0), each.shape[0]
     turned = each * np.exp(-1j * np.angle(mean))
-    along, across = (factor * part.std(axis=0, ddof=1) / np.sqrt(freedom + 1) for part in (turned.real, turned.imag))
-    if reference is not None:  # the marker is known to half a sample, in all revolutions alike
-        edge = np.radians(record.angle_error_deg) / np.sqrt(3)
-        across = np.hypot(across, np.array(orders) * edge * np.abs(mean))
-    floor = _FLOOR * float(np.abs(mean).max())
-    return MeasuredOrders(mean, np.hypot(along, floor), np.hypot(across, floor))
+    variance = np.array([part.var(axis=0, ddof=1) / count for part in (turned.real, turned.imag)])
+    edge = np.zeros(len(orders))
+    if reference is not None:  # half a sample at most
+        edge = np.array(orders) * np.radians(record.angle_error_deg) / np.sqrt(3) * np.abs(mean)
+    return MeasuredOrders(mean, variance, count - 1, edge)
+
+
+def deviations(parts: Sequence[MeasuredOrders]) -> FloatArray:
+    """Standard deviations of the mean orders, along and across, shape (record, 2, order).
+
+    A scatter from few revolutions is itself a matter of chance. So the usual scatter of all records, relative to the
+    largest order of each, counts in each record as if it came from eight more revolutions (Smyth 2004), and the rest of
+    chance widens it as Student's distribution is wider than the normal one.
+    """
+    size = np.array([np.abs(part.mean).max() for part in parts])[:, None, None]
+    own = np.array([part.variance for part in parts])
+    revolutions = np.array([part.freedom for part in parts], float)[:, None, None]
+    each = own / size**2 * (revolutions + 1) * revolutions / chi2.median(revolutions)
+    usual = np.median(each, axis=0) * size**2 / (revolutions + 1)
+    prior = _PRIOR if len(parts) > 2 else 0
+    freedom = np.maximum(revolutions + prior, _FEW_FREEDOM)
+    pooled = (revolutions * own + prior * usual) / (revolutions + prior)
+    variance = pooled * freedom / (freedom - 2) + (_FLOOR * size) ** 2
+    variance[:, 1] += np.array([part.edge for part in parts]) ** 2
+    return np.asarray(np.sqrt(variance), float)
 
 
 def make_rows(
@@ -223,13 +239,13 @@ def make_rows(
         scale_error: Relative deviation of the force sensor's scale.
     """
     parts = [measured_orders(record, orders) for record in records]
-    count = len(records)
+    count, deviation = len(records), deviations(parts)
     return Rows(
         record=np.repeat(np.arange(count), len(orders)),
         order=np.tile(np.array(orders, np.int64), count),
         measured=np.concatenate([part.mean for part in parts]),
-        along=np.concatenate([part.along for part in parts]),
-        across=np.concatenate([part.across for part in parts]),
+        along=deviation[:, 0].ravel(),
+        across=deviation[:, 1].ravel(),
         own_error=own.ravel(),
         shared_error=shared.ravel(),
         free_phase=np.array([record.reference_angle_deg is None for record in records]),

@@ -12,7 +12,7 @@ import xarray as xr
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of, interval, level, number, with_unit
-from tripod_doe.report.responses import ORDINALS, spoken
+from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
 UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")
 """Heads of the table of unknowns."""
@@ -31,7 +31,10 @@ def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
     Args:
         fit: From `fit_dataset`.
     """
-    sentences = [_unknown_sentence(fit, str(unknown)) for unknown in fit["unknown"].values]
+    names = fit["unknown"].values.tolist()
+    known = [name for name in names if _is_known(fit.sel(unknown=name))]
+    sentences = _known_sentence(fit, known)
+    sentences += [_unknown_sentence(fit, name) for name in names if name not in known]
     sentences += _combined(fit)
     sentences += _next_sentences(fit)
     sentences += _correlated(fit)
@@ -39,15 +42,32 @@ def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
 
 
 def _unit(name: str) -> str:
-    return JOINT_PARAMETERS[name].unit_text
+    return unit_text(JOINT_PARAMETERS[name].unit)
+
+
+def _is_known(own: xr.Dataset) -> bool:
+    return own["verdict"].item() == FOUND and math.isfinite(float(own["value"]))
+
+
+def _known_sentence(fit: xr.Dataset, names: list[str]) -> list[str]:
+    """One sentence on all unknowns that the records determine."""
+    texts = []
+    for name in names:
+        own = fit.sel(unknown=name)
+        value, low, high = (number(float(own[key])) for key in ("value", "low", "high"))
+        texts.append(f"{spoken(name)} is {with_unit(value, _unit(name))} ({low} to {high})")
+    if not texts:
+        return []
+    whole = ", ".join(texts)
+    return [f"{whole[:1].upper()}{whole[1:]}, with the intervals of 95 % confidence."]
 
 
 def _unknown_sentence(fit: xr.Dataset, name: str) -> str:
     own = fit.sel(unknown=name)
-    value, low, high = (float(own[key]) for key in ("value", "low", "high"))
-    if not math.isfinite(value):
+    low, high = (float(own[key]) for key in ("low", "high"))
+    if not math.isfinite(low):
         return _sentence_of_records(own, name)
-    return f"{_subject(name)} {_statement(str(own['verdict'].item()), value, low, high, own, _unit(name))}."
+    return f"{_subject(name)} {_statement(str(own['verdict'].item()), low, high, own, _unit(name))}."
 
 
 def _subject(name: str) -> str:
@@ -55,11 +75,9 @@ def _subject(name: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _statement(verdict: str, value: float, low: float, high: float, own: xr.Dataset, unit: str) -> str:
-    """What is known of a value, as the end of a sentence."""
+def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str) -> str:
+    """What is known of a value that is not determined, as the end of a sentence."""
     ends = f"{number(low)} to {with_unit(number(high), unit)}"
-    if verdict == FOUND:
-        return f"is {with_unit(number(value), unit)}, with 95 % confidence {ends}"
     if verdict == ONE_SIDED:
         below = low <= float(own["bound_low"]) * (1 + 1e-9) + 1e-12
         side, end = ("at most", high) if below else ("at least", low)
