@@ -33,14 +33,14 @@ POINTS = (
     {"joint_angle_deg": 14, "speed_rpm": 1800, "torque_n_m": 100, "groove_sliding_friction": 0.16},
     {"joint_angle_deg": 9, "speed_rpm": 1200, "torque_n_m": 57, "groove_sliding_friction": 0.18},
 )
-"""Operating points of the reference joint, of which one needs little friction; torque of both signs."""
+"""Operating points of the reference joint, dry (0.001 s/mm), one of little friction; torque of both signs."""
 PHASE = 0.1
 LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
 
 
 def follow(point: dict[str, float], method: str, setting: float, revolutions: int) -> tuple[float, float]:
     """Mean third order of a joint followed by a method, and how far chance may move it; prints both."""
-    values = point_values({"relative_tolerance": 4e-3, **point}).point(0)
+    values = point_values({"relative_tolerance": 4e-3, "contact_damping_s_per_mm": 0.001, **point}).point(0)
     joint = RevolvingJoint(
         assemble(build_joint(values, needles=False)), values, METHODS[method], Wanted(60), LIMITS, 10**9
     )
@@ -63,7 +63,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=len(POINTS))
     arguments = parser.parse_args()
     for point in POINTS[: arguments.points]:
-        found = growing_vibration(point_values({"relative_tolerance": 4e-3, **point}).point(0))
+        found = growing_vibration(point_values({"relative_tolerance": 4e-3, "contact_damping_s_per_mm": 0.001, **point}).point(0))
         print(" ".join(f"--{name} {value}" for name, value in point.items()))
         if found is None:
             print("  does not vibrate")
