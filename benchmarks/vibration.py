@@ -63,7 +63,9 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=len(POINTS))
     arguments = parser.parse_args()
     for point in POINTS[: arguments.points]:
-        found = growing_vibration(point_values({"relative_tolerance": 4e-3, "contact_damping_s_per_mm": 0.001, **point}).point(0))
+        found = growing_vibration(
+            point_values({"relative_tolerance": 4e-3, "contact_damping_s_per_mm": 0.001, **point}).point(0)
+        )
         print(" ".join(f"--{name} {value}" for name, value in point.items()))
         if found is None:
             print("  does not vibrate")
