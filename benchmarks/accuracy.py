@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.passes import FollowedJoint
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
@@ -52,7 +52,7 @@ REVOLUTIONS_OF_GIVEN = 4 + 2 * 7 / 6
 
 @dataclass(frozen=True)
 class Trial:
-    """A point: whether its goal was met, errors over its third order (of the amplitude, complex, reported), tolerance
+    """A point: whether its accuracy was met, errors over its third order (of the amplitude, complex, reported), tolerance
     and force evaluations, and those of a sample with it."""
 
     met: bool
@@ -78,8 +78,8 @@ def joint_of(values: JointValues[float], needles: bool, samples: int) -> Followe
 
 def trial(values: JointValues[float], needles: bool, accuracy: float, finer: float, samples: int) -> Trial | None:
     """Refine a point and hold it against its truth; None where it stops on its way."""
-    goal, joint = Goal({3: accuracy}), joint_of(values, needles, samples)
-    motion = refine(joint, goal, first_tolerance(values, goal, needles))
+    wanted, joint = OrderAccuracy({3: accuracy}), joint_of(values, needles, samples)
+    motion = refine(joint, wanted, first_tolerance(values, wanted, needles))
     if not motion.sampled:
         return None
     per_sample = motion.runs[-1].force_evaluations / (motion.runs[-1].times.size - 1)
@@ -92,7 +92,7 @@ def trial(values: JointValues[float], needles: bool, accuracy: float, finer: flo
     except StoppedError:
         return None
     truth = true.orders.mean(0)[3]
-    size = float(goal.sizes(np.abs(joint.orders_of(motion).mean(0)), values)[3])
+    size = float(wanted.sizes(np.abs(joint.orders_of(motion).mean(0)), values)[3])
     return Trial(
         not motion.missed,
         abs(abs(found) - abs(truth)) / size,

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.simulator import Demand, Outcome
+from tripod_doe.simulator import Outcome, Quantity
 from tripod_doe.study.designs import make_points
 from tripod_doe.workflow.definition import fed_study
 
@@ -31,26 +31,26 @@ def full_model(study: td.Study, choice: xr.Dataset, chosen: np.ndarray) -> td.St
     """The finest candidate that ran in the pilot, at some points of the study."""
     points = make_points(study)
     finest = str(choice["candidate_label"].values[-1])
-    candidate = next(each for each in study.accuracy.candidates if each.label == finest)
+    candidate = next(each for each in study.auto_model.candidates if each.label == finest)
     table = {name: ("point", column[chosen]) for name, column in points.columns.items()}
     table |= {name: ("point", np.array([value] * chosen.size)) for name, value in candidate.values.items()}
     return fed_study(study, xr.Dataset(table), "full")
 
 
-def quantity(cube: xr.Dataset, name: str, demand: Demand) -> tuple[np.ndarray, np.ndarray]:
+def numbers(cube: xr.Dataset, name: str, quantity: Quantity) -> tuple[np.ndarray, np.ndarray]:
     """A quantity at every point, and the largest one beside it."""
     values = cube[name].values.reshape(cube["outcome"].size, -1)
-    if demand.label is None:
+    if quantity.label is None:
         return values[:, 0], np.abs(values[:, 0])
-    return values[:, demand.label], np.abs(values[:, 1:]).max(axis=1)
+    return values[:, quantity.label], np.abs(values[:, 1:]).max(axis=1)
 
 
-def errors(auto: xr.Dataset, full: xr.Dataset, chosen: np.ndarray, demand: Demand, floor: float) -> np.ndarray:
+def errors(auto: xr.Dataset, full: xr.Dataset, chosen: np.ndarray, quantity: Quantity, floor: float) -> np.ndarray:
     """Error of every compared point, and of the full model there, over the allowed one, shape (2, point)."""
-    exact, largest = quantity(full, demand.output, demand)
-    size = demand.allowed * np.maximum(np.abs(exact), floor * largest)
-    missed = np.abs(quantity(auto, demand.output, demand)[0][chosen] - exact) / size
-    own = quantity(full, demand.error, demand)[0] / size
+    exact, largest = numbers(full, quantity.output, quantity)
+    size = quantity.allowed * np.maximum(np.abs(exact), floor * largest)
+    missed = np.abs(numbers(auto, quantity.output, quantity)[0][chosen] - exact) / size
+    own = numbers(full, quantity.error, quantity)[0] / size
     finished = (full["outcome"].values == Outcome.FINISHED) & np.isfinite(missed)
     return np.stack([missed, own])[:, finished]
 
@@ -94,8 +94,8 @@ def compare(path: Path, out: Path, checked: int, workers: int = 1) -> dict[str, 
         "candidates": {str(label): int(number) for label, number in points if number},
         "recorded_share": choice.attrs.get("recorded_share"),
         **{
-            each.name: told(errors(auto, full, chosen, each, study.accuracy.demands.floor), each.allowed)
-            for each in study.accuracy.demands.quantities
+            each.name: told(errors(auto, full, chosen, each, study.auto_model.accuracy.floor), each.allowed)
+            for each in study.auto_model.accuracy.quantities
         },
         "expected_not_met": int((choice["accuracy_met"] == 0).sum()),
         "counted_cpu_s": price,

@@ -107,14 +107,14 @@ def solve_block(name: str, count: int) -> dict[str, object]:
 
 def solve_accurately(model: str, number: int, **other: float) -> dict[str, object]:
     """Price, counted work and orders of one point, refined to an accuracy of its orders, with other parameters."""
-    from tripod_doe.joint.accuracy import Goal
+    from tripod_doe.joint.accuracy import OrderAccuracy
     from tripod_doe.joint.multibody.run_result import Wanted
     from tripod_doe.joint.multibody_run import run_joint
     from tripod_doe.joint.orders import complex_amplitudes
     from tripod_doe.joint.parameters import point_values
 
     values, worked = point_values(POINTS[number] | other).point(0), time.process_time()
-    run = run_joint(values, model == "needles", "adaptive-euler", Wanted(360), goal=Goal(ACCURACY))
+    run = run_joint(values, model == "needles", "adaptive-euler", Wanted(360), accuracy=OrderAccuracy(ACCURACY))
     orders = abs(complex_amplitudes(run.readings.groove_thrust.sum(1)).mean(0))[2:4]
     counted = {"steps": run.steps, "force_evaluations": run.force_evaluations, "solves": run.solves}
     return {

@@ -188,7 +188,7 @@ def test_the_reference_of_a_choice_is_its_last_candidate_at_the_points_that_are_
     """Exact: the same points, all with the model that the pilot took as its reference."""
     auto = benchmark("auto")
     study = auto.td.load_study(auto.STUDIES / "auto_map.toml")
-    points, last = auto.make_points(study), study.accuracy.candidates[-1]
+    points, last = auto.make_points(study), study.auto_model.candidates[-1]
     choice = auto.xr.Dataset({"candidate_label": ("candidate_number", ["another", last.label])})
     chosen = np.array([2, 0])
     reference = auto.make_points(auto.full_model(study, choice, chosen)).columns

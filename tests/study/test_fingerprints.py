@@ -25,7 +25,7 @@ STUDIES = {
 def as_defined(study, points):
     """Every fingerprint by itself: BLAKE2b of the names of all parameters and of their values."""
     full = study.simulator.columns(study.base, points.at(slice(None)), points.count)
-    named = "\n".join([study.simulator.name, *sorted(full), *([study.demands.text] if study.demands else [])])
+    named = "\n".join([study.simulator.name, *sorted(full), *([study.accuracy.text] if study.accuracy else [])])
 
     def number(value):
         if isinstance(value, float | int | np.number):

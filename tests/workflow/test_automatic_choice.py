@@ -211,7 +211,7 @@ def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
     assert np.array_equal(chosen, pilot_points(study, points))
     places = {(float(points.columns["x"][i]), float(points.columns["z"][i])) for i in chosen}
     assert {(0, 0), (0, 2), (1, 0), (1, 2), (0.5, 1)} <= places
-    cheap, substitute, *_ = study.accuracy.candidates
+    cheap, substitute, *_ = study.auto_model.candidates
     pilot = pilot_study(study, points, [(cheap, chosen), (substitute, chosen[:2])])
     assert make_points(pilot).count == chosen.size + 2
 

@@ -30,10 +30,10 @@ def recorded(tmp_path, monkeypatch):
     kind = type(td.load_study(bench.write(STUDY)).simulator)
 
     def with_record(**errors) -> Bench:
-        def recorded_errors(self, points, demands):
+        def recorded_errors(self, points, accuracy):
             known = errors[f"model_{int(points['model'][0])}"]
             own = known(points["x"]) if callable(known) else np.full(len(points["model"]), known)
-            allowed = np.array([demand.allowed for demand in demands.quantities])
+            allowed = np.array([quantity.allowed for quantity in accuracy.quantities])
             return np.repeat((own[:, None] / allowed)[:, None], SIMILAR, axis=1)
 
         monkeypatch.setattr(kind, "recorded_errors", recorded_errors)

@@ -57,7 +57,7 @@ def _plan_study(options: argparse.Namespace) -> int:
     if (count := point_count(study)) > _SILENT_POINTS:
         print(f"checking {count:,} points: about {duration(count * _CHECK_SECONDS)}", file=sys.stderr)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
-    if study.accuracy:
+    if study.auto_model:
         from tripod_doe.analyses.model_choice.study_choice import describe_choice
 
         print(describe_choice(study, options.out))

@@ -11,23 +11,23 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
-from tripod_doe.simulator import Demands
+from tripod_doe.simulator import Accuracy
 
 SMALLEST_THIRD = 2e-3
 """Share of |T| / R_p: a smaller third order, as a straight joint has, counts as one of this size."""
 
 
 @dataclass(frozen=True)
-class Goal:
+class OrderAccuracy:
     """Allowed errors of the orders of the thrust."""
 
     orders: Mapping[int, float]  # allowed relative error by order
     floor: float = 0.01  # share of the largest order: an order that is smaller counts as one of this size
 
     @classmethod
-    def of(cls, demands: Demands) -> Goal:
+    def of(cls, accuracy: Accuracy) -> OrderAccuracy:
         """Take the accuracy that a study asks for."""
-        return cls({each.label: each.allowed for each in demands.quantities if each.label is not None}, demands.floor)
+        return cls({each.label: each.allowed for each in accuracy.quantities if each.label is not None}, accuracy.floor)
 
     def sizes(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
         """Sizes that errors are relative to, for orders of these amplitudes; shape (order,)."""

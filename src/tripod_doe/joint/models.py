@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
@@ -67,7 +67,7 @@ class Model:
     outputs: frozenset[str]  # names of the outputs that it computes
     # (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
     # the third order's `accuracy`) -> results
-    simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], Goal | None], BlockResult]
+    simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], OrderAccuracy | None], BlockResult]
     # (block of one point, method): compiles all that `simulate` needs
     prepare: Callable[[JointValues[FloatArray], str], None]
     ignores: frozenset[str] = frozenset()  # parameters that it cannot represent
@@ -91,7 +91,7 @@ def _simulate_balance(
     method: str,
     samples: int,
     keep: Collection[str],
-    goal: Goal | None = None,
+    accuracy: OrderAccuracy | None = None,
 ) -> BlockResult:
     """Simulate points by a balance; its tolerance is settled before (`balance_tolerance`)."""
     block = BlockResult.blank(points.torque.size)
@@ -277,7 +277,7 @@ def _simulate_multibody(
     method: str,
     samples: int,
     keep: Collection[str],
-    goal: Goal | None = None,
+    accuracy: OrderAccuracy | None = None,
 ) -> BlockResult:
     """Simulate points one by one: a run costs far more than what points could share."""
     from tripod_doe.joint.multibody.run_result import Wanted
@@ -291,7 +291,7 @@ def _simulate_multibody(
         names |= {"largest_needle_pressure_mpa"}
     extremes = Extremes(*np.zeros((3, block.count)))
     for i in range(block.count):
-        result = run_joint(points.point(i), needles, method, Wanted(samples, rates, split, names), goal, usual)
+        result = run_joint(points.point(i), needles, method, Wanted(samples, rates, split, names), accuracy, usual)
         if result.settled:
             block.settle(setting, i, result.setting)
         block.end(i, result.outcome, result.detail)

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.contact_readings import contact_readings
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.numerical_error import (
@@ -77,7 +77,7 @@ def run_joint(
     needles: bool,
     method: str,
     wanted: Wanted,
-    goal: Goal | None = None,
+    accuracy: OrderAccuracy | None = None,
     usual: float = math.nan,
 ) -> JointRun:
     """Simulate one operating point.
@@ -92,24 +92,24 @@ def run_joint(
         How it is integrated, with the step or the tolerance among the values where they are given.
     wanted
         Results to read off it.
-    goal
-        Accuracy to which a run without a given tolerance or step is refined; unless given, the accuracy of the third
+    accuracy
+        To which a run without a given tolerance or step is refined; unless given, the accuracy of the third
         order among the values.
     usual
         Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
-    goal, samples = goal or Goal({3: values.accuracy}), wanted.samples
+    accuracy, samples = accuracy or OrderAccuracy({3: values.accuracy}), wanted.samples
     settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
     lumped, vibrating = assemble(build_joint(values, needles=False)), None
     if vibration := growing_vibration(values, lumped):
-        vibrating = _vibrating(values, vibration, wanted, goal)
+        vibrating = _vibrating(values, vibration, wanted, accuracy)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
             return _with_last(answer, vibrating.last_revolution, values, wanted)
     assembly = assemble(build_joint(values, needles)) if needles else lumped
     if settles:
-        motion = _follow_to(goal, assembly, values, method, samples, usual)
+        motion = _follow_to(accuracy, assembly, values, method, samples, usual)
     else:
         motion = _follow_given(assembly, values, method, samples)
     result = motion.result
@@ -134,7 +134,7 @@ def run_joint(
             and _may_be_kicked(motion, vibrating)
         ):
             third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
-            kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), wanted, goal)
+            kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), wanted, accuracy)
             answer = kicked.answer(needles, anyhow=True)
             if answer and answer.outcome == Outcome.FINISHED:
                 return _with_last(answer, kicked.last_revolution, values, wanted)
@@ -154,18 +154,20 @@ def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
     return not motion.swings and bool(vibrating or not motion.missed or not motion.repeats)
 
 
-def _vibrating(values: JointValues[float], vibration: Vibration, wanted: Wanted, goal: Goal) -> VibratingJoint:
-    """Prepare a vibrating joint to be followed as accurately as a goal asks for."""
-    limits, allowed = run_limits(values, 1, _DAMPS), partial(goal.allowed, values=values)
+def _vibrating(
+    values: JointValues[float], vibration: Vibration, wanted: Wanted, accuracy: OrderAccuracy
+) -> VibratingJoint:
+    """Prepare a vibrating joint to be followed to an accuracy."""
+    limits, allowed = run_limits(values, 1, _DAMPS), partial(accuracy.allowed, values=values)
     return VibratingJoint(values, vibration, wanted, limits, allowed)
 
 
 def _follow_to(
-    goal: Goal, assembly: Assembly, values: JointValues[float], method: str, samples: int, usual: float
+    accuracy: OrderAccuracy, assembly: Assembly, values: JointValues[float], method: str, samples: int, usual: float
 ) -> Motion:
-    """The motion with the tolerance or step that a goal asks for."""
+    """The motion with the tolerance or step that an accuracy needs."""
     joint = FollowedJoint(assembly, values, method_named(method), samples, run_limits(values, 1, method))
-    return refine(joint, goal, first_tolerance(values, goal, joint.remembers) if method == _DAMPS else usual)
+    return refine(joint, accuracy, first_tolerance(values, accuracy, joint.remembers) if method == _DAMPS else usual)
 
 
 def _follow_given(assembly: Assembly, values: JointValues[float], method: str, samples: int) -> Motion:

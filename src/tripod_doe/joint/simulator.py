@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
-from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, errors_at, similar_errors
@@ -25,8 +25,8 @@ from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.contact_damping import settled
 from tripod_doe.simulator import (
     NUMERICS,
+    Accuracy,
     BlockResult,
-    Demands,
     Departure,
     Methods,
     ModelErrors,
@@ -49,15 +49,15 @@ class JointSimulator(Simulator):
     source_hash = source_hashes().results
     candidates = JOINT_CANDIDATES
     model_names = tuple(models.MODELS)
-    goal: Goal | None = None
+    accuracy: OrderAccuracy | None = None
 
-    def refined_to(self, demands: Demands) -> JointSimulator:
+    def refined_to(self, accuracy: Accuracy) -> JointSimulator:
         """Make a simulator whose runs are refined to the accuracy that a study asks of the orders it names."""
-        for demand in demands.quantities:
-            if demand.output != "thrust_amplitude" or demand.label is None:
-                raise InputError(f"[accuracy]: {demand.name}: runs are refined to orders of thrust_amplitude")
+        for quantity in accuracy.quantities:
+            if quantity.output != "thrust_amplitude" or quantity.label is None:
+                raise InputError(f"[accuracy]: {quantity.name}: runs are refined to orders of thrust_amplitude")
         other = copy(self)
-        other.goal = Goal.of(demands)
+        other.accuracy = OrderAccuracy.of(accuracy)
         return other
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
@@ -115,11 +115,11 @@ class JointSimulator(Simulator):
         size, error = (outputs[name][:, 3] for name in ("thrust_amplitude", "thrust_amplitude_error"))
         return np.asarray(np.divide(error, size, out=np.zeros_like(error), where=size > 0))
 
-    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
+    def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:
         """Errors of the second and third order against `needles` at measured points like these."""
         similar: FloatArray | None = None
         for model, rows, own in _by_model(points):
-            errors = similar_errors(model.name, own, demands)
+            errors = similar_errors(model.name, own, accuracy)
             if errors is None:
                 return None
             if similar is None:
@@ -181,7 +181,8 @@ class JointSimulator(Simulator):
             if chosen.size:
                 columns = _of_rows(points, chosen)
                 wanted = [output for output in keep if output in model.outputs]
-                block.fill(chosen, model.simulate(_values(model, method, columns), method, samples, wanted, self.goal))
+                values = _values(model, method, columns)
+                block.fill(chosen, model.simulate(values, method, samples, wanted, self.accuracy))
         first = {name: points[name][0] for name in self.length_parameters}
         block.coordinates.update(self.labels(block.outputs, first))
         return block

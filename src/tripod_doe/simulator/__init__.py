@@ -3,10 +3,10 @@
 No model and no study is in here.
 """
 
+from tripod_doe.simulator.accuracy import Accuracy, Quantity
 from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values, common_unit
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.counted_time import counted_time, not_counted
-from tripod_doe.simulator.demand import Demand, Demands
 from tripod_doe.simulator.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
 from tripod_doe.simulator.model_summary import ModelSummary
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
@@ -25,10 +25,9 @@ __all__ = [
     "TRUST_ATTRIBUTES",
     "WORK",
     "ZERO_AT",
+    "Accuracy",
     "BlockResult",
     "Candidate",
-    "Demand",
-    "Demands",
     "Departure",
     "Dimension",
     "Methods",
@@ -37,6 +36,7 @@ __all__ = [
     "Outcome",
     "Output",
     "Parameter",
+    "Quantity",
     "Retries",
     "Simulator",
     "Trust",

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
+from tripod_doe.simulator.accuracy import Accuracy
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
-from tripod_doe.simulator.demand import Demands
 from tripod_doe.simulator.known_error import ModelErrors
 from tripod_doe.simulator.model_summary import ModelSummary
 from tripod_doe.simulator.outcome import Outcome
@@ -63,7 +63,7 @@ class Simulator(ABC):
             In the order of the points; no point's values depend on the others in the block.
         """
 
-    def refined_to(self, demands: Demands) -> Simulator:
+    def refined_to(self, accuracy: Accuracy) -> Simulator:
         """The same simulator with runs that are refined to the accuracy of a study.
 
         Raises:
@@ -154,7 +154,7 @@ class Simulator(ABC):
         """
         return None
 
-    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
+    def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:
         """Recorded errors of the models at points similar to the given ones, for the quantities of a study.
 
         Args:

@@ -48,7 +48,7 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
 
 def _digest_of_names(study: Study, names: Sequence[str]) -> Any:
     """The beginning of all fingerprints: what the values belong to."""
-    named = [study.simulator.name, *names, *([study.demands.text] if study.demands else [])]
+    named = [study.simulator.name, *names, *([study.accuracy.text] if study.accuracy else [])]
     return hashlib.blake2b("\n".join(named).encode(), digest_size=16)
 
 

@@ -108,7 +108,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     foreseen = common_failures(_foreseen(study, points, able))
     count = int(able.sum())
     timed, prices = 0, np.array([])
-    if count and study.accuracy is None and (timing or recorded):
+    if count and study.auto_model is None and (timing or recorded):
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
@@ -127,7 +127,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         cpu_hours=hours,
         cube_bytes=cube_bytes(study, points),
         timed=timed,
-        chosen=study.accuracy is not None,
+        chosen=study.auto_model is not None,
         warnings=(*study.warnings, *models.warnings),
         foreseen=tuple(foreseen),
         models=(*models.verdict, *models.error_sentences),
@@ -145,7 +145,7 @@ def _blocks(fixed: int | None, points: int, seconds: float) -> int:
 
 def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator[tuple[int, str]]:
     """Outcome and reason of each point that is known to fail; `able`, shape (point,), is cleared there."""
-    if study.accuracy:  # a pilot sets what decides
+    if study.auto_model:  # a pilot sets what decides
         return
     for start in range(0, points.count, _CHUNK):
         chosen = start + np.flatnonzero(able[start : start + _CHUNK])
@@ -193,7 +193,7 @@ def _written_bytes(study: Study, points: Points) -> int | None:
     if not points.is_grid:  # the levels of a grid are negligible
         design = _WORD + sum(map(_stored_bytes, (*points.columns.values(), *points.labels.values())))
     cube, cost = design + _WORD, design + _WORD + _COSTS * 8  # with outcome_detail, and with worker
-    if study.accuracy is None and study.simulator.model_errors(StudyPoints(study, points).columns(np.arange(1))):
+    if study.auto_model is None and study.simulator.model_errors(StudyPoints(study, points).columns(np.arange(1))):
         cube += 2 * 8 + 1  # the error to expect, its limit, and the verdict
     if study.retry.changes:
         cube += 2 + _WORD  # attempt, first_outcome and its detail

@@ -71,7 +71,7 @@ class StudyPoints:
 
     def refuse_impossible(self) -> None:
         """Refuse (InputError) a study whose every point is known to be jammed, unless it expects that."""
-        if Outcome.JAMMED in self.good_outcomes or self.study.accuracy:  # a pilot completes the values of points
+        if Outcome.JAMMED in self.good_outcomes or self.study.auto_model:  # a pilot completes the values of points
             return
         chosen, ends = np.flatnonzero(self.points.allowed), Counter[str]()
         for start in range(0, chosen.size, _LOOKED_AT):

@@ -217,7 +217,7 @@ def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
         for key in table.variables
         if table[key].dims == ("point",) and str(key) in parameters
     }
-    wanted = [*study.factors, *(study.accuracy.parameters if study.accuracy else ())]
+    wanted = [*study.factors, *(study.auto_model.parameters if study.auto_model else ())]
     for factor in wanted:
         if factor not in columns:
             raise study.fail(

@@ -153,14 +153,14 @@ def run_on(
     if refuse_impossible:
         asked.refuse_impossible()
     with ResultDirectory(out, take_over) as directory:
-        if study.accuracy:
+        if study.auto_model:
             asked = _choose_models(asked, directory, execution, progress, take_over)
         piloted = 0
         if needs_split(study):
             asked, piloted = _split_samples(asked, directory, execution, fail_fast, progress)
             study = asked.study
         directory.accept(asked)
-        if study.accuracy:
+        if study.auto_model:
             _take_over_pilot(asked, directory, retry_failed)
         missing = directory.missing(asked, retry_failed)
         left = missing.size

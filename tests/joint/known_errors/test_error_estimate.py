@@ -15,7 +15,7 @@ from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED, kno
 from tripod_doe.joint.known_errors.operating_ratios import operating_ratios
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.simulator import Demand, Demands, model_notes
+from tripod_doe.simulator import Accuracy, Quantity, model_notes
 from tripod_doe.study.definition.study import load_study
 
 STUDIES = [
@@ -29,8 +29,8 @@ STUDIES = [
         "needles_wide_field",
     )
 ] + ["studies/rungs.toml"]
-SECOND = Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
-THIRD = Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
+SECOND = Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
+THIRD = Quantity("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
 
 
 def test_the_record_is_made_from_the_studies_as_they_stand(pytestconfig):
@@ -142,11 +142,11 @@ def test_similar_errors_are_those_of_the_nearest_measured_points():
         np.flatnonzero((table["needles"] == 1) & (table["needle_crown_um"] > 0) & (table["needles_2"] > 0.02))[0]
     ]
     block = points(**{name: [row[name]] for name in table.dtype.names if name in simulator.parameters})
-    errors = similar_errors("kinetostatic", block, Demands((SECOND, THIRD), 0.01))
+    errors = similar_errors("kinetostatic", block, Accuracy((SECOND, THIRD), 0.01))
     missed = abs(row["kinetostatic_2"] - row["needles_2"]) / row["needles_2"]
     assert errors.shape == (1, 10, 2)
     np.testing.assert_allclose(errors[0, 0], [missed / 0.1, abs(row["kinetostatic"]) / 0.015], rtol=1e-5)
-    coarse = similar_errors("kinetostatic", block, Demands((SECOND,), 2 * row["needles_2"]))
+    coarse = similar_errors("kinetostatic", block, Accuracy((SECOND,), 2 * row["needles_2"]))
     assert coarse[0, 0, 0] == pytest.approx(missed / 0.2, rel=1e-5)
 
 
@@ -166,25 +166,25 @@ def test_similar_errors_are_those_of_the_nearest_measured_points():
 def test_no_errors_are_similar_where_nothing_like_it_was_measured(varied):
     """Other numbers of needles, more crown or friction, an aligned joint; the last is far from all, in every range."""
     errors = similar_errors(
-        "kinetostatic", points(**{name: [value] for name, value in varied.items()}), Demands((THIRD,), 0.01)
+        "kinetostatic", points(**{name: [value] for name, value in varied.items()}), Accuracy((THIRD,), 0.01)
     )
     assert np.isnan(errors).all()
-    usual = similar_errors("kinetostatic", points(joint_angle_deg=[10.0]), Demands((THIRD,), 0.01))
+    usual = similar_errors("kinetostatic", points(joint_angle_deg=[10.0]), Accuracy((THIRD,), 0.01))
     assert np.isfinite(usual).all()
 
 
 def test_only_second_and_third_order_of_compared_models_are_on_record():
     block = points(joint_angle_deg=[10.0])
-    assert similar_errors("kinetostatic", block, Demands((replace(THIRD, label=1),), 0.01)) is None
-    assert similar_errors("kinetostatic", block, Demands((THIRD, replace(THIRD, output="thrust_rms")), 0.01)) is None
-    assert np.isnan(similar_errors("closed-form", block, Demands((THIRD,), 0.01))).all()
+    assert similar_errors("kinetostatic", block, Accuracy((replace(THIRD, label=1),), 0.01)) is None
+    assert similar_errors("kinetostatic", block, Accuracy((THIRD, replace(THIRD, output="thrust_rms")), 0.01)) is None
+    assert np.isnan(similar_errors("closed-form", block, Accuracy((THIRD,), 0.01))).all()
 
 
 @pytest.mark.parametrize("demand", [SECOND, THIRD])
-def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly_is(demand):
+def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly_is(quantity):
     """Measured, each point left out in turn: 45 of 51 in the second order to 10 %, 123 of 130 in the third to 1.5 %."""
     measured = error_estimate._measured()
-    errors = measured.over_allowed("kinetostatic", demand, 0.01)
+    errors = measured.over_allowed("kinetostatic", quantity, 0.01)
     asked = ~np.isinf(errors)
     places, within = measured.places[asked], errors[asked] <= 1
     apart = np.square(places[:, None] - places).sum(axis=2)

@@ -11,7 +11,7 @@ from tripod_doe.joint.known_errors.error_estimate import WITHOUT_VIBRATION, know
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.simulator import Demand, Demands, model_notes
+from tripod_doe.simulator import Accuracy, Quantity, model_notes
 
 FLUTTERING = {"joint_angle_deg": 17.0, "torque_n_m": -300.0, "speed_rpm": 1500.0, "groove_sliding_friction": 0.15}
 """Its third order is 391 N without vibration, and 255 N with it by three methods (docs/models.md)."""
@@ -66,16 +66,16 @@ def test_joints_of_little_friction_keep_their_errors_and_their_range():
 
 
 def test_a_choice_counts_what_vibration_makes_of_similar_errors():
-    demands = Demands(
+    accuracy = Accuracy(
         (
-            Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.03),
-            Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1),
+            Quantity("thrust_amplitude_3", "thrust_amplitude", 3, 0.03),
+            Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 0.1),
         ),
         0.01,
     )
     block = points(**FLUTTERING | {"groove_sliding_friction": 0.1})
     vibrates = vibration_errors(block)[0] > 0
-    third, second = similar_errors("kinetostatic", block, demands)[0].T
+    third, second = similar_errors("kinetostatic", block, accuracy)[0].T
     assert vibrates.any()
     assert np.isnan(second[vibrates]).all()
     assert not (third[vibrates] < vibration_errors(block)[0][vibrates] / 0.03).any()

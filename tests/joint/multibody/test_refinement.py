@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.accuracy import SMALLEST_THIRD, Goal
+from tripod_doe.joint.accuracy import SMALLEST_THIRD, OrderAccuracy
 from tripod_doe.joint.multibody import refinement
 from tripod_doe.joint.multibody.passes import Pass
 from tripod_doe.joint.orders import ORDERS
@@ -32,7 +32,7 @@ def sampled(setting, third, noise=0.0, count=2, seed=1):
 
 
 def compared(coarse, fine, order=1, share=0.02, remembers=False):
-    return refinement._Comparison.of(coarse, fine, order, Goal({3: share}), POINT, remembers)
+    return refinement._Comparison.of(coarse, fine, order, OrderAccuracy({3: share}), POINT, remembers)
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
@@ -125,16 +125,16 @@ def test_a_slow_swing_is_waited_for_and_chance_is_not(left, noise, asked, swings
     most half of the 2 % that are asked for in the sixteenth, not in the eighth."""
     monkeypatch.setattr(refinement, "_LONGEST", 8 if swings else 128)
     joint = SwingingIn(left, noise)
-    first, told = refinement._once_swung_in(joint, joint.pass_of(2), Goal({3: 0.02}))
+    first, told = refinement._once_swung_in(joint, joint.pass_of(2), OrderAccuracy({3: 0.02}))
     assert joint.asked == asked
     assert len(first.orders) == 2
     assert bool(told) == swings
 
 
 def test_small_orders_count_as_a_share_of_the_largest():
-    sizes = Goal({2: 0.05}, floor=0.01).sizes(np.r_[0.0, 0.0, 1e-9, THIRD, np.zeros(9)], POINT)
+    sizes = OrderAccuracy({2: 0.05}, floor=0.01).sizes(np.r_[0.0, 0.0, 1e-9, THIRD, np.zeros(9)], POINT)
     assert sizes[2] == pytest.approx(0.01 * THIRD)
-    assert Goal({3: 0.02}).sizes(np.zeros(13), POINT)[3] == pytest.approx(
+    assert OrderAccuracy({3: 0.02}).sizes(np.zeros(13), POINT)[3] == pytest.approx(
         SMALLEST_THIRD * POINT.torque / POINT.pitch_radius
     )
 
@@ -142,13 +142,13 @@ def test_small_orders_count_as_a_share_of_the_largest():
 def test_the_first_tolerance_follows_the_operating_point_and_the_goal():
     """The faster rollers swing beside the rotation, the finer; and for a tighter accuracy, or a higher order."""
     slow, usual, fast = (
-        refinement.first_tolerance(point_values({"speed_rpm": speed}).point(0), Goal({3: 0.02}), needles=False)
+        refinement.first_tolerance(point_values({"speed_rpm": speed}).point(0), OrderAccuracy({3: 0.02}), needles=False)
         for speed in (60, 600, 3000)
     )
     assert slow < usual < fast
     for needles in (False, True):
         tight = [
-            refinement.first_tolerance(POINT, Goal(orders), needles)
+            refinement.first_tolerance(POINT, OrderAccuracy(orders), needles)
             for orders in ({3: 0.02}, {3: 0.002}, {3: 0.02, 6: 0.002})
         ]
         assert tight[0] > tight[1] == pytest.approx(2 * tight[2])
@@ -158,8 +158,8 @@ def test_the_first_tolerance_follows_the_operating_point_and_the_goal():
 def test_needles_resolve_their_motion_by_the_rotation():
     """Slow joints under load need no finer steps for a roller's swing, which needles damp."""
     slow = point_values({"speed_rpm": 60}).point(0)
-    found = [refinement.first_tolerance(values, Goal({3: 0.02}), needles=True) for values in (slow, POINT)]
-    assert found[0] == found[1] > refinement.first_tolerance(slow, Goal({3: 0.02}), needles=False)
+    found = [refinement.first_tolerance(values, OrderAccuracy({3: 0.02}), needles=True) for values in (slow, POINT)]
+    assert found[0] == found[1] > refinement.first_tolerance(slow, OrderAccuracy({3: 0.02}), needles=False)
 
 
 @pytest.mark.slow

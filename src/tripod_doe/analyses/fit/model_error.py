@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.simulator import Demand, Demands, Simulator
+from tripod_doe.simulator import Accuracy, Quantity, Simulator
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
@@ -83,7 +83,7 @@ def _third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatAr
 
 def _second(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
     """Typical error of the second order over the third; NaN where it is not known."""
-    asked = Demands((Demand("thrust_amplitude_2", "thrust_amplitude", 2, 1.0),), floor=1.0)
+    asked = Accuracy((Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 1.0),), floor=1.0)
     errors = np.full(len(columns["model"]), np.nan)
     for model in dict.fromkeys(columns["model"].tolist()):
         rows = np.flatnonzero(columns["model"] == model)

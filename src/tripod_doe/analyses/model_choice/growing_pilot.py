@@ -26,21 +26,21 @@ from tripod_doe.analyses.model_choice.recorded import CONFIRMING, RecordedChoice
 from tripod_doe.analyses.model_choice.selection import choose
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.study.definition.accuracy import AutoModel
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.results.result_cube import open_cube
-from tripod_doe.study.results.stored_choice import accuracy_of
+from tripod_doe.study.results.stored_choice import auto_model_of
 
 Runs = list[tuple[Candidate, IntArray]]
 """Candidates of a pilot, each with the points at which it runs."""
 
 
-def first_candidates(accuracy: Accuracy) -> list[Candidate]:
+def first_candidates(auto: AutoModel) -> list[Candidate]:
     """What a pilot without a record starts with: the cheapest candidate and the full model."""
     return [
-        accuracy.candidates[0],
-        next((candidate for candidate in accuracy.candidates[1:] if candidate.full), accuracy.candidates[-1]),
+        auto.candidates[0],
+        next((candidate for candidate in auto.candidates[1:] if candidate.full), auto.candidates[-1]),
     ]
 
 
@@ -55,7 +55,7 @@ def confirming_sizes(study: Study, points: Points, record: RecordedChoice | None
     most = pilot_points(study, points).size or int(points.allowed.sum()) // 2 + 1
     if CONFIRMING + (~record.cheap).sum() > most:
         return []
-    sizes, confidence = [1], accuracy_of(study).confidence
+    sizes, confidence = [1], auto_model_of(study).confidence
     while max(CONFIRMING, 2 * sizes[-1]) < most:
         sizes.append(max(CONFIRMING, 2 * sizes[-1]))
     return sizes if record.expected(sizes[-1], sizes[-1]) >= confidence and len(sizes) > 1 else []
@@ -87,13 +87,13 @@ class GrowingPilot:
 
     def errors_so_far(self) -> PilotErrors:
         """The errors that the pilot has measured so far."""
-        return pilot_errors(open_cube(self.directory), list(self.usable), accuracy_of(self.study))
+        return pilot_errors(open_cube(self.directory), list(self.usable), auto_model_of(self.study))
 
     def confirmed(self, record: RecordedChoice, measured: PilotErrors) -> xr.Dataset | None:
         """The choice by record, where as many points as asked for are expected to be within the accuracy."""
         hits, known = record.hits(measured, self._allowed_places(measured))
         share = record.expected(hits, known)
-        if known < CONFIRMING or share < accuracy_of(self.study).confidence:
+        if known < CONFIRMING or share < auto_model_of(self.study).confidence:
             return None
         return record.labelled(measured, self.usable, self.study, share)
 
@@ -110,19 +110,19 @@ class GrowingPilot:
                 return choice, runs
             hits, known = record.hits(measured, self._allowed_places(measured))
             more = sizes[-1] - size
-            if record.expected(hits + more, known + more) < accuracy_of(self.study).confidence:
+            if record.expected(hits + more, known + more) < auto_model_of(self.study).confidence:
                 break
         return None, runs
 
     def _select(self, ran: Runs, places: IntArray) -> xr.Dataset:
         """Run the whole pilot, extend it as long as that could pay, and select by its errors alone."""
-        accuracy = accuracy_of(self.study)
-        cheap = [each for each, _ in ran if not each.full and each != accuracy.candidates[0]]
-        runs = [(each, places) for each in (accuracy.candidates[0], *cheap)] + self._full_runs(ran, places)
+        auto = auto_model_of(self.study)
+        cheap = [each for each, _ in ran if not each.full and each != auto.candidates[0]]
+        runs = [(each, places) for each in (auto.candidates[0], *cheap)] + self._full_runs(ran, places)
         while True:
             measured = self._as_fine_as_needed(runs, places)
-            choice = choose(measured, self.usable, accuracy)
-            between = _candidate_between(measured, choice, accuracy, [candidate for candidate, _ in runs])
+            choice = choose(measured, self.usable, auto)
+            between = _candidate_between(measured, choice, auto, [candidate for candidate, _ in runs])
             if between is None:
                 return choice
             runs.append((between, places))
@@ -132,7 +132,7 @@ class GrowingPilot:
         full = [each for each in ran if each[0].full]
         sizes = [sum(at.size for other, at in full if other == each) for each, _ in full]
         finest_first = [each for each, _ in full[::-1]]
-        usual = finest_first[int(np.argmax(sizes[::-1]))] if full else first_candidates(accuracy_of(self.study))[-1]
+        usual = finest_first[int(np.argmax(sizes[::-1]))] if full else first_candidates(auto_model_of(self.study))[-1]
         new = np.setdiff1d(places, np.concatenate([np.array([], np.int64), *(at for _, at in full)]))
         return [*full, (usual, new)] if new.size else full
 
@@ -145,7 +145,7 @@ class GrowingPilot:
             rows = np.flatnonzero(measured.known)
             sure = {_values(measured.columns, int(row)) for row in rows}
             unsure = np.array([at for row, at in enumerate(places) if _values(given, row) not in sure], np.int64)
-            finer = _finer_candidate(measured, accuracy_of(self.study))
+            finer = _finer_candidate(measured, auto_model_of(self.study))
             if finer is None or not unsure.size:
                 return measured
             runs.append((finer, unsure))
@@ -159,18 +159,18 @@ class GrowingPilot:
         return np.array([np.flatnonzero(each)[0] for each in same])
 
 
-def _finer_candidate(measured: PilotErrors, accuracy: Accuracy) -> Candidate | None:
+def _finer_candidate(measured: PilotErrors, auto: AutoModel) -> Candidate | None:
     """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
-    finer = accuracy.candidates[accuracy.candidates.index(measured.candidates[-1]) + 1 :]
-    return finer[0] if finer and 1 - measured.known.mean() > 1 - accuracy.confidence else None
+    finer = auto.candidates[auto.candidates.index(measured.candidates[-1]) + 1 :]
+    return finer[0] if finer and 1 - measured.known.mean() > 1 - auto.confidence else None
 
 
 def _candidate_between(
-    measured: PilotErrors, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
+    measured: PilotErrors, choice: xr.Dataset, auto: AutoModel, tried: list[Candidate]
 ) -> Candidate | None:
     """A candidate that the pilot should run besides, since it could save more than it costs; None if there is none."""
     paid = measured.prices[choice["candidate"].values]
-    for candidate in accuracy.candidates[: accuracy.candidates.index(measured.candidates[-1])]:
+    for candidate in auto.candidates[: auto.candidates.index(measured.candidates[-1])]:
         saving = float(np.maximum(paid - candidate.price, 0).sum())
         if candidate not in tried and saving > candidate.price * measured.count:
             return candidate

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate, Outcome
-from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.study.definition.accuracy import AutoModel
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.execution.retry import untried
@@ -97,19 +97,17 @@ def least_points(study: Study, points: Points) -> int:
 
 
 def _wanted(study: Study, factors: Mapping[str, object]) -> int:
-    assert study.accuracy is not None
-    return max(study.accuracy.least_points, _POINTS_A_FACTOR * len(factors) + 1)
+    assert study.auto_model is not None
+    return max(study.auto_model.least_points, _POINTS_A_FACTOR * len(factors) + 1)
 
 
 def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, IntArray]]) -> Study:
     """The pilot: each candidate at some points, by their indices. With more runs it is the same study, grown."""
-    accuracy = study.accuracy
-    assert accuracy is not None
+    auto = study.auto_model
+    assert auto is not None
     chosen = np.concatenate([indices for _, indices in runs])
     places = {name: column[chosen].tolist() for name, column in points.columns.items()}
-    ways = {
-        name: [candidate.values[name] for candidate, indices in runs for _ in indices] for name in accuracy.parameters
-    }
+    ways = {name: [candidate.values[name] for candidate, indices in runs for _ in indices] for name in auto.parameters}
     head, policy = study.file.study, study.file.run
     content: dict[str, Any] = {
         "study": {
@@ -120,7 +118,7 @@ def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, In
         "base": dict(study.base),
         "factors": {name: {"values": values} for name, values in (places | ways).items()},
         "design": {"kind": "zip"},
-        "keep": {"outputs": _kept(study, accuracy)},
+        "keep": {"outputs": _kept(study, auto)},
         # a candidate that fails is an answer
         "run": {
             "expected_outcomes": [outcome.label for outcome in Outcome if outcome is not Outcome.WORKER_LOST],
@@ -131,14 +129,14 @@ def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, In
     return parse_study(tomlkit.dumps(content), f"{study.origin}: pilot", study.folder)
 
 
-def _kept(study: Study, accuracy: Accuracy) -> list[str]:
+def _kept(study: Study, auto: AutoModel) -> list[str]:
     """What the study keeps, so that it need not run these points again, and what its accuracy is judged by.
 
     All outputs of a function, whose names are its own.
     """
     if not study.simulator.outputs:
         return []
-    wanted = {name for demand in accuracy.demands.quantities for name in (demand.output, demand.error)} | set(
+    wanted = {name for quantity in auto.accuracy.quantities for name in (quantity.output, quantity.error)} | set(
         study.stored
     )
     return [name for name in study.simulator.outputs if name in wanted]

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Candidate, Demand, Outcome
-from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.simulator import Candidate, Outcome, Quantity
+from tripod_doe.study.definition.accuracy import AutoModel
 
 AS_GOOD = 1.1
 """Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""
@@ -87,7 +87,7 @@ class PilotErrors:
         return float(self.prices @ self.runs)
 
 
-def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> PilotErrors:
+def pilot_errors(pilot: xr.Dataset, names: list[str], auto: AutoModel) -> PilotErrors:
     """Errors of each candidate against the reference of each pilot point, and its price.
 
     Args:
@@ -96,11 +96,11 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
     Raises:
         InputError: If the cube lacks a factor, a quantity or a candidate, or the reference finished nowhere.
     """
-    cells = {name: _column(pilot, name) for name in [*names, *accuracy.parameters]}
+    cells = {name: _column(pilot, name) for name in [*names, *auto.parameters]}
     candidate_of = np.full(pilot["outcome"].size, -1)
-    for number, candidate in enumerate(accuracy.candidates):
+    for number, candidate in enumerate(auto.candidates):
         candidate_of[np.all([_equal(cells[name], value) for name, value in candidate.values.items()], axis=0)] = number
-    ran = [number for number in range(len(accuracy.candidates)) if (candidate_of == number).any()]
+    ran = [number for number in range(len(auto.candidates)) if (candidate_of == number).any()]
     if len(ran) < 2:
         raise InputError("the pilot ran fewer than two candidates: nothing can be compared")
     own = {name: cells[name] for name in names}
@@ -109,7 +109,7 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
     for position, number in enumerate(ran):
         chosen = np.flatnonzero(candidate_of == number)
         table[point_of[chosen], position] = chosen
-    candidates = tuple(accuracy.candidates[number] for number in ran)
+    candidates = tuple(auto.candidates[number] for number in ran)
     reference = _references(pilot, table, candidates)
     known = reference >= 0
     if not known.any():
@@ -117,8 +117,8 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
             f"the pilot's reference ({candidates[-1].label}) finished at no point: nothing can be compared"
         )
     pairs = [
-        _errors(pilot, demand, table[known], reference[known], accuracy.demands.floor)
-        for demand in accuracy.demands.quantities
+        _errors(pilot, quantity, table[known], reference[known], auto.accuracy.floor)
+        for quantity in auto.accuracy.quantities
     ]
     differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*pairs, strict=True))
     columns = {name: column[first][known] for name, column in own.items()}
@@ -158,35 +158,35 @@ def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
 
 
 def _errors(
-    pilot: xr.Dataset, demand: Demand, table: IntArray, reference: IntArray, floor: float
+    pilot: xr.Dataset, quantity: Quantity, table: IntArray, reference: IntArray, floor: float
 ) -> tuple[FloatArray, FloatArray]:
     """Differences to the reference, shape (pilot point, candidate), NaN where a run failed, and numerical errors."""
-    values, largest = _cells(pilot, demand.output, demand)
+    values, largest = _cells(pilot, quantity.output, quantity)
     numerical = np.zeros_like(values)
-    if demand.error in pilot:
-        numerical = np.nan_to_num(_cells(pilot, demand.error, demand)[0])
+    if quantity.error in pilot:
+        numerical = np.nan_to_num(_cells(pilot, quantity.error, quantity)[0])
     cell = table[np.arange(reference.size), reference]
     finer = (table < 0) & (np.arange(table.shape[1]) > reference[:, None])
     at = np.where(_usable(pilot, table), values[table], np.where(finer, values[cell][:, None], np.nan))
-    size = np.maximum(np.abs(values[cell]), floor * largest[cell]) * demand.allowed
+    size = np.maximum(np.abs(values[cell]), floor * largest[cell]) * quantity.allowed
     with np.errstate(invalid="ignore", divide="ignore"):
         differences = np.clip((at - values[cell][:, None]) / size[:, None], -HOPELESS, HOPELESS)
         return differences, np.minimum(numerical[cell] / size, HOPELESS)
 
 
-def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, FloatArray]:
+def _cells(pilot: xr.Dataset, name: str, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
     """A quantity in every cell, and the largest value beside it; shape (cell,)."""
     if name not in pilot:
         known = near_match(name, [str(key) for key in pilot.data_vars])
-        raise InputError(f"[accuracy]: {demand.name}: the pilot has no output {name}{known}")
+        raise InputError(f"[accuracy]: {quantity.name}: the pilot has no output {name}{known}")
     rows = pilot[name].values.reshape(pilot["outcome"].size, -1)
-    if demand.label is None:
+    if quantity.label is None:
         return rows[:, 0], np.abs(rows[:, 0])
     labels = pilot[str(pilot[name].dims[-1])].values.tolist()
-    if demand.label not in labels:
-        raise InputError(f"[accuracy]: {demand.name}: {name} goes from {labels[0]} to {labels[-1]}")
+    if quantity.label not in labels:
+        raise InputError(f"[accuracy]: {quantity.name}: {name} goes from {labels[0]} to {labels[-1]}")
     rotating = [position for position, label in enumerate(labels) if label != 0]
-    return rows[:, labels.index(demand.label)], np.abs(rows[:, rotating]).max(axis=1)
+    return rows[:, labels.index(quantity.label)], np.abs(rows[:, rotating]).max(axis=1)
 
 
 def _prices(pilot: xr.Dataset, table: IntArray, candidates: tuple[Candidate, ...]) -> FloatArray:

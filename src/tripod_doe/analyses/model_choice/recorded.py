@@ -29,7 +29,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.results.stored_choice import accuracy_of
+from tripod_doe.study.results.stored_choice import auto_model_of
 
 CONFIRMING = 4
 """Points of the smallest pilot that confirms a record: it would be confirmed by a chance of 6 % if every other point
@@ -95,9 +95,9 @@ class RecordedChoice:
         )
         error = np.where(self.cheap[:, None], self.error, measured.numerical.max(axis=0))
         # by the share that `expected` averages, not by `error`: a mean square that one similar point may decide
-        accuracy = accuracy_of(study)
-        met = np.where(self.cheap, self.share >= accuracy.confidence, (error <= 1).all(axis=1))
-        return labelled(measured, columns, accuracy, numbers, error, met).assign_attrs(
+        auto = auto_model_of(study)
+        met = np.where(self.cheap, self.share >= auto.confidence, (error <= 1).all(axis=1))
+        return labelled(measured, columns, auto, numbers, error, met).assign_attrs(
             {
                 "limit": 1.0,
                 "misses": 0,
@@ -114,31 +114,31 @@ def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
 
     None, too, where no point would run with a cheaper model than the full one.
     """
-    accuracy, rows = accuracy_of(study), np.flatnonzero(points.allowed)
-    full = next((at for at, candidate in enumerate(accuracy.candidates) if candidate.full), None)
+    auto, rows = auto_model_of(study), np.flatnonzero(points.allowed)
+    full = next((at for at, candidate in enumerate(auto.candidates) if candidate.full), None)
     if not full:
         return None
     given = points.at(rows)
     shares, errors, similar = [], [], 0
-    for candidate in accuracy.candidates[:full]:
+    for candidate in auto.candidates[:full]:
         columns = dict(study.simulator.columns(study.base, given, rows.size))
         for name, value in candidate.values.items():
             columns[name] = np.full(rows.size, value, object if isinstance(value, str) else float)
-        recorded = study.simulator.recorded_errors(columns, accuracy.demands)
+        recorded = study.simulator.recorded_errors(columns, auto.accuracy)
         if recorded is None:
             return None
         recorded, similar = np.nan_to_num(recorded, nan=HOPELESS, posinf=HOPELESS), recorded.shape[1]
         shares.append((recorded.max(axis=2) <= 1).mean(axis=1))
         errors.append(np.sqrt(np.square(recorded).mean(axis=1)))
     share, every = np.stack(shares, axis=1), np.arange(rows.size)
-    enough = share >= accuracy.confidence
+    enough = share >= auto.confidence
     number = np.where(enough.any(axis=1), enough.argmax(axis=1), share.argmax(axis=1))
     cheap = share[every, number] >= 0.5
     if not cheap.any():
         return None
     error = np.where(cheap[:, None], np.stack(errors, axis=1)[every, number], np.nan)
     return RecordedChoice(
-        accuracy.candidates,
+        auto.candidates,
         np.where(cheap, number, full),
         cheap,
         np.where(cheap, share[every, number], 1.0),

@@ -43,7 +43,7 @@ from tripod_doe.analyses.model_choice.pilot_errors import AS_GOOD, HOPELESS, Pil
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.definition.accuracy import AUTO, Accuracy
+from tripod_doe.study.definition.accuracy import AUTO, AutoModel
 from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
@@ -61,7 +61,7 @@ class ChooseSettings(BaseModel):
     )
 
 
-def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
+def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], auto: AutoModel) -> xr.Dataset:
     """Choose a candidate for every point.
 
     Args:
@@ -74,11 +74,11 @@ def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy:
         ``pilot_point``: the factors and the measured relative errors.
     """
     prediction = _Prediction(measured)
-    limit, misses = prediction.limit(accuracy.confidence)
+    limit, misses = prediction.limit(auto.confidence)
     expected = prediction.errors(in_unit_cube(columns, measured.columns))
     candidate = _cheapest(expected.max(axis=2), measured.prices, limit)
     every = np.arange(candidate.size)
-    choice = labelled(measured, columns, accuracy, candidate, expected[every, candidate])
+    choice = labelled(measured, columns, auto, candidate, expected[every, candidate])
     study = float(measured.prices[candidate].sum())
     return choice.assign_attrs(
         {
@@ -106,33 +106,33 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
         raise InputError(f"choose needs one pilot as its input, not {len(cubes)}")
     path = folder.file(settings.study, "study")
     study = load_study(path, folder.around(path))
-    if study.accuracy is None:
+    if study.auto_model is None:
         raise InputError(f'{study.origin}: the study names its model; set model = "{AUTO}" and [accuracy]')
     points = make_points(study)
     columns = {name: column[points.allowed] for name, column in points.columns.items()}
-    measured = pilot_errors(next(iter(cubes.values())), list(columns), study.accuracy)
-    return choose(measured, columns, study.accuracy)
+    measured = pilot_errors(next(iter(cubes.values())), list(columns), study.auto_model)
+    return choose(measured, columns, study.auto_model)
 
 
-def full_candidates(accuracy: Accuracy) -> tuple[Candidate, ...]:
+def full_candidates(auto: AutoModel) -> tuple[Candidate, ...]:
     """The full model, with its usual numerical error first; the finest candidate where none is full."""
-    return tuple(candidate for candidate in accuracy.candidates if candidate.full) or accuracy.candidates[-1:]
+    return tuple(candidate for candidate in auto.candidates if candidate.full) or auto.candidates[-1:]
 
 
-def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
+def without_pilot(columns: Mapping[str, NDArray[Any]], auto: AutoModel) -> xr.Dataset:
     """The full model at every point of a study that is too small for a pilot; its errors are unknown."""
-    candidates = full_candidates(accuracy)[:1]
+    candidates = full_candidates(auto)[:1]
     count = len(next(iter(columns.values())))
     measured = PilotErrors(
         {name: column[:0] for name, column in columns.items()},
         candidates,
-        np.zeros((0, 1, len(accuracy.demands.quantities))),
-        np.zeros((0, len(accuracy.demands.quantities))),
+        np.zeros((0, 1, len(auto.accuracy.quantities))),
+        np.zeros((0, len(auto.accuracy.quantities))),
         np.array([candidates[0].price]),
         np.zeros(1, int),
     )
     choice = labelled(
-        measured, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands.quantities)), np.nan)
+        measured, columns, auto, np.zeros(count, int), np.full((count, len(auto.accuracy.quantities)), np.nan)
     )
     price = float(candidates[0].price * count)
     return choice.assign_attrs(
@@ -232,7 +232,7 @@ def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> IntArra
 def labelled(
     measured: PilotErrors,
     columns: Mapping[str, NDArray[Any]],
-    accuracy: Accuracy,
+    auto: AutoModel,
     candidate: IntArray,
     error: FloatArray,
     met: NDArray[np.bool_] | None = None,
@@ -241,11 +241,9 @@ def labelled(
 
     The accuracy is expected to be met where `met`, shape (point,), says so; by default where `error` is at most one.
     """
-    allowed = np.array([demand.allowed for demand in accuracy.demands.quantities])
+    allowed = np.array([quantity.allowed for quantity in auto.accuracy.quantities])
     numbers, labels = np.arange(len(measured.candidates), dtype=np.int32), [way.label for way in measured.candidates]
-    chosen = {
-        name: np.array([way.values[name] for way in measured.candidates])[candidate] for name in accuracy.parameters
-    }
+    chosen = {name: np.array([way.values[name] for way in measured.candidates])[candidate] for name in auto.parameters}
     expected = (error <= 1).all(axis=1) if met is None else met
     flags = np.where(np.isnan(error).any(axis=1), -1, expected).astype(np.int8)
     return xr.Dataset(
@@ -292,14 +290,14 @@ def labelled(
             "candidate_label": ("candidate_number", labels, {"long_name": "candidate in words"}),
             "quantity": (
                 "quantity",
-                [demand.name for demand in accuracy.demands.quantities],
+                [quantity.name for quantity in auto.accuracy.quantities],
                 {"long_name": "quantity asked for"},
             ),
         },
         attrs={
-            "accuracy": json.dumps({demand.name: demand.allowed for demand in accuracy.demands.quantities}),
-            "confidence": accuracy.confidence,
-            "floor": accuracy.demands.floor,
+            "accuracy": json.dumps({quantity.name: quantity.allowed for quantity in auto.accuracy.quantities}),
+            "confidence": auto.confidence,
+            "floor": auto.accuracy.floor,
             "pilot_unknown": int((~measured.known).sum()),
         },
     )

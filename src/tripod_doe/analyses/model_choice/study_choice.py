@@ -23,7 +23,7 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.results.stored_choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
+from tripod_doe.study.results.stored_choice import CHOICE, auto_model_of, chosen_points, frozen_choice, key_texts
 
 
 def make_choice(
@@ -38,7 +38,7 @@ def make_choice(
     Raises:
         InputError: If the choice costs more than the budget, or is frozen for another accuracy.
     """
-    accuracy = accuracy_of(study)
+    auto = auto_model_of(study)
     usable = {name: column[points.allowed] for name, column in points.columns.items()}
     keys = key_texts(study, points)[points.allowed]
     frozen = frozen_choice(study, directory)
@@ -54,9 +54,9 @@ def make_choice(
         record = choice_by_record(study, points) if "recorded_share" in frozen.attrs else None
         measured = pilot.errors_so_far()
         choice = pilot.confirmed(record, measured) if record else None
-        choice = choose(measured, usable, accuracy) if choice is None else choice
+        choice = choose(measured, usable, auto) if choice is None else choice
     if choice is None:
-        choice = without_pilot(usable, accuracy)
+        choice = without_pilot(usable, auto)
     choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
     if frozen is not None:
         choice = _with_frozen(choice, frozen)
@@ -96,8 +96,8 @@ def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilo
 def _first_stage(study: Study, points: Points, record: RecordedChoice | None) -> tuple[list[Candidate], int]:
     """Candidates that a pilot starts with, and at how many points; by the record, those that confirm it at best."""
     if record and (sizes := confirming_sizes(study, points, record)):
-        return [*record.chosen, first_candidates(accuracy_of(study))[-1]], sizes[1]
-    return first_candidates(accuracy_of(study)), pilot_points(study, points).size
+        return [*record.chosen, first_candidates(auto_model_of(study))[-1]], sizes[1]
+    return first_candidates(auto_model_of(study)), pilot_points(study, points).size
 
 
 def _pilot_price(candidates: list[Candidate], count: int) -> float:
@@ -106,7 +106,7 @@ def _pilot_price(candidates: list[Candidate], count: int) -> float:
 
 
 def _check_budget(study: Study, price: float, what: str) -> None:
-    budget = accuracy_of(study).budget_cpu_s
+    budget = auto_model_of(study).budget_cpu_s
     if budget is not None and price > budget:
         raise InputError(
             f"{study.origin}: [accuracy]: budget_cpu_s = {budget:g}: {what} would take about "
@@ -122,7 +122,7 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         record = choice_by_record(study, points)
         candidates, count = _first_stage(study, points, record)
         if not count:
-            full, count = full_candidates(accuracy_of(study))[0], int(points.allowed.sum())
+            full, count = full_candidates(auto_model_of(study))[0], int(points.allowed.sum())
             return (
                 f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
                 f"{full.label} everywhere, CPU time about {duration(count * full.price)}"

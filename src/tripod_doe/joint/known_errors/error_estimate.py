@@ -31,7 +31,7 @@ from tripod_doe.joint.known_errors.operating_ratios import RATIOS, has_no_thrust
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import number
-from tripod_doe.simulator import Demand, Demands
+from tripod_doe.simulator import Accuracy, Quantity
 
 RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""
@@ -85,14 +85,14 @@ class _Measured:
         nearest = nearest_rows(self.places[asked], places, ALIKE)
         return self.errors[model][asked][nearest]
 
-    def over_allowed(self, model: str, demand: Demand, floor: float) -> FloatArray | None:
+    def over_allowed(self, model: str, quantity: Quantity, floor: float) -> FloatArray | None:
         """Errors of a model over the allowed one, shape (measured,), as `errors`; None of what was not measured."""
-        if demand.output != "thrust_amplitude" or demand.label not in (2, 3):
+        if quantity.output != "thrust_amplitude" or quantity.label not in (2, 3):
             return None
-        if demand.label == 3:
-            return self.errors[model] / demand.allowed
+        if quantity.label == 3:
+            return self.errors[model] / quantity.allowed
         size = np.maximum(self.second, floor * np.maximum(1, self.second))
-        return np.where(np.isnan(self.second), np.inf, self.second_missed[model] / (size * demand.allowed))
+        return np.where(np.isnan(self.second), np.inf, self.second_missed[model] / (size * quantity.allowed))
 
     def speaks_of(self, points: Mapping[str, NDArray[Any]], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether no parameter of a point leaves the range of its values at some measured ones, shape (point,)."""
@@ -202,12 +202,12 @@ def errors_at(
     return expected, limit, unknown
 
 
-def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
+def similar_errors(model: str, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:
     """Errors that a model makes in what a study asks for, at the measured points most like some points.
 
     Args:
         model, points: As for `known_errors`.
-        demands: Required accuracy.
+        accuracy: Required accuracy.
 
     Returns:
         Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or
@@ -216,9 +216,9 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     """
     measured = _measured()
     known = model if model in COMPARED else COMPARED[0]
-    by_demand = [measured.over_allowed(known, demand, demands.floor) for demand in demands.quantities]
-    recorded = [errors for errors in by_demand if errors is not None]
-    if len(recorded) < len(by_demand):
+    by_quantity = [measured.over_allowed(known, quantity, accuracy.floor) for quantity in accuracy.quantities]
+    recorded = [errors for errors in by_quantity if errors is not None]
+    if len(recorded) < len(by_quantity):
         return None
     errors = np.stack(recorded, axis=-1)
     similar = np.full((len(points["torque_n_m"]), ALIKE, errors.shape[-1]), np.nan)
@@ -234,18 +234,18 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
     similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
     if model in WITHOUT_VIBRATION:
-        similar += _by_vibration(points, demands)
+        similar += _by_vibration(points, accuracy)
     return similar
 
 
-def _by_vibration(points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray:
+def _by_vibration(points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray:
     """Errors by leaving out vibration, over the allowed ones, shape (point, similar, quantity).
 
     For the second order they are not on record: NaN where a joint like the point vibrates.
     """
     third = vibration_errors(points)[:, :ALIKE]
     second = np.where(third > 0, np.nan, 0.0)
-    return np.stack([third / each.allowed if each.label == 3 else second for each in demands.quantities], axis=-1)
+    return np.stack([third / each.allowed if each.label == 3 else second for each in accuracy.quantities], axis=-1)
 
 
 def _apart(known: FloatArray, places: FloatArray, nearest: IntArray) -> FloatArray:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.geometry.roller_inertia import roller_inertia
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion, Pass
 from tripod_doe.joint.multibody.run_result import StoppedError
@@ -85,7 +85,13 @@ class _Comparison:
 
     @classmethod
     def of(
-        cls, coarse: Pass, fine: Pass, method_order: int, goal: Goal, values: JointValues[float], remembers: bool
+        cls,
+        coarse: Pass,
+        fine: Pass,
+        method_order: int,
+        accuracy: OrderAccuracy,
+        values: JointValues[float],
+        remembers: bool,
     ) -> _Comparison:
         """Errors of the finer of two passes.
 
@@ -97,7 +103,7 @@ class _Comparison:
         With needle bodies, revolutions differ in any steps while skews still change. There only the difference of the
         two passes in the same revolution is scatter, half of its variance each.
         """
-        allowed = goal.allowed(np.abs(fine.orders.mean(0)), values)
+        allowed = accuracy.allowed(np.abs(fine.orders.mean(0)), values)
         asked = np.isfinite(allowed)
         dropped = swung_in(fine.orders[:, asked] / allowed[asked])
         parts = (fine.orders - coarse.orders) / math.sqrt(2) if remembers else fine.orders
@@ -106,7 +112,7 @@ class _Comparison:
         change = np.abs(mean - coarse.orders[dropped:].mean(0))
         left = (fine.setting / coarse.setting) ** method_order
         by_steps = np.sqrt(np.maximum(change**2 - alike**2 / 2, 0)) * left / (1 - left)
-        sizes, allowed = (of(np.abs(mean), values) for of in (goal.sizes, goal.allowed))
+        sizes, allowed = (of(np.abs(mean), values) for of in (accuracy.sizes, accuracy.allowed))
         return cls(by_steps, np.maximum(chance, alike), sizes, allowed, dropped)
 
     @property
@@ -145,10 +151,10 @@ class _Comparison:
         return f"{text}, where {asked:.2g} % is required"
 
 
-def first_tolerance(values: JointValues[float], goal: Goal, needles: bool) -> float:
+def first_tolerance(values: JointValues[float], accuracy: OrderAccuracy, needles: bool) -> float:
     """Coarsest tolerance of `adaptive-euler` that the first pass of an operating point is likely to need."""
     resolved, left = (_RESOLVED_NEEDLES, _LEFT_NEEDLES) if needles else (_resolves_swing(values), _LEFT)
-    return min(resolved, *(3 / max(order, 3) * _AIM * share / left for order, share in goal.orders.items()))
+    return min(resolved, *(3 / max(order, 3) * _AIM * share / left for order, share in accuracy.orders.items()))
 
 
 def _resolves_swing(values: JointValues[float]) -> float:
@@ -160,19 +166,19 @@ def _resolves_swing(values: JointValues[float]) -> float:
     return next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
 
 
-def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
-    """Follow a joint, refining steps and adding revolutions until the goal is met.
+def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Motion:
+    """Follow a joint, refining steps and adding revolutions until they are accurate enough.
 
     Args:
         joint: The joint.
-        goal: Required accuracy.
+        accuracy: Required accuracy.
         setting: Tolerance or step of the first pass.
     """
     order = 1 if joint.method.controlled else joint.method.order
     setting, error, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), 0
     missed, repeats = "", True
     try:
-        first, swings = _once_swung_in(joint, joint.first(setting), goal)
+        first, swings = _once_swung_in(joint, joint.first(setting), accuracy)
         finest = coarse = first
     except StoppedError as stop:
         return Motion(stop.stopped, 0, setting, 0.0, error, "", tuple(joint.runs))
@@ -186,7 +192,7 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         except StoppedError as stop:
             missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
             break
-        compared = _Comparison.of(coarse, finest, order, goal, joint.values, joint.remembers)
+        compared = _Comparison.of(coarse, finest, order, accuracy, joint.values, joint.remembers)
         error, dropped = compared.error, compared.swung_in
         if compared.settles:
             break
@@ -201,7 +207,7 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
     )
 
 
-def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass, str]:
+def _once_swung_in(joint: FollowedJoint, first: Pass, accuracy: OrderAccuracy) -> tuple[Pass, str]:
     """Continue the first pass until revolutions are alike or only scatter; with a reason if it still swings in.
 
     Some joints swing in slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
@@ -209,7 +215,7 @@ def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass,
     are left out: their skew changes in all revolutions.
     """
     while not joint.remembers:
-        count, allowed = len(first.orders), goal.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
+        count, allowed = len(first.orders), accuracy.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
         asked = np.isfinite(allowed)
         scaled = first.orders[:, asked] / allowed[asked]
         apart = np.abs(np.diff(scaled, axis=0)).max(axis=1)

@@ -180,7 +180,7 @@ def choice(folder: str, path: str) -> Any:
 
     place = Path(folder) / STUDY
     study = load_study(place, StudyFolder.of(place, untrusted=True))
-    return describe_choice(study, Path(path)).splitlines() if study.accuracy else describe_split(study, Path(path))
+    return describe_choice(study, Path(path)).splitlines() if study.auto_model else describe_split(study, Path(path))
 
 
 def study_form(body: bytes, limits: Limits) -> Any:

@@ -53,7 +53,7 @@ class ModelRecords:
             Error, limit and trust of every point, shape (point,) each, with their meanings; empty if nothing is known.
         """
         rows = np.flatnonzero(points.allowed & answered)
-        if self._study.accuracy is not None and "model" not in used:
+        if self._study.auto_model is not None and "model" not in used:
             return {}
         expected, limit = np.full((2, points.count), np.nan)
         trust, of = np.full(points.count, Trust.NOT_KNOWN, np.int8), ""

@@ -10,17 +10,17 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import NUMERICS, Candidate, Demand, Demands, Simulator
+from tripod_doe.simulator import NUMERICS, Accuracy, Candidate, Quantity, Simulator
 
 AUTO = "auto"
 """Value of `model` by which a pilot chooses the model of every point."""
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class AutoModel:
     """The checked table [accuracy] of a study with model = "auto"."""
 
-    demands: Demands  # the quantities with their allowed errors
+    accuracy: Accuracy  # the quantities with their allowed errors
     confidence: float  # share of the points in which they must be met
     budget_cpu_s: float | None  # largest estimated price of pilot and study; None without
     candidates: tuple[Candidate, ...]  # the models to choose from, from the cheapest to the finest
@@ -36,20 +36,20 @@ class Accuracy:
         return round(1 / (1 - self.confidence)) - 1
 
 
-def check_accuracy(
+def check_auto_model(
     simulator: Simulator,
-    demands: Mapping[str, float],
+    accuracy: Mapping[str, float],
     confidence: float,
     floor: float,
     budget: float | None,
     taken: Collection[str],
-) -> Accuracy:
-    """Check the accuracy that an automatic choice must meet.
+) -> AutoModel:
+    """Check the accuracy that an automatic choice of the model must meet.
 
     Args:
-        demands: Allowed relative errors by quantity.
-        confidence, budget: See `Accuracy`.
-        floor: See `Demands`.
+        accuracy: Allowed relative errors by quantity.
+        confidence, budget: See `AutoModel`.
+        floor: See `Accuracy`.
         taken: Parameters that the study sets itself; the choice leaves them alone.
 
     Raises:
@@ -62,18 +62,18 @@ def check_accuracy(
         fixed = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
         why = f"the study sets {fixed} itself, so nothing is left to choose" if fixed else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
-    return Accuracy(check_demands(simulator, demands, floor), confidence, budget, candidates)
+    return AutoModel(check_accuracy(simulator, accuracy, floor), confidence, budget, candidates)
 
 
-def check_demands(simulator: Simulator, demands: Mapping[str, float], floor: float) -> Demands:
+def check_accuracy(simulator: Simulator, accuracy: Mapping[str, float], floor: float) -> Accuracy:
     """Check quantities and their allowed errors.
 
     Raises:
         InputError: If nothing is asked for, or a quantity is unknown or has no numerical error.
     """
-    if not demands:
+    if not accuracy:
         raise InputError("[accuracy]: name what must be accurate, for instance thrust_amplitude_3 = 0.03")
-    return Demands(tuple(_demand(simulator, name, allowed) for name, allowed in demands.items()), floor)
+    return Accuracy(tuple(_quantity(simulator, name, allowed) for name, allowed in accuracy.items()), floor)
 
 
 def own_candidates(known: Sequence[Candidate], taken: Collection[str]) -> tuple[Candidate, ...]:
@@ -105,15 +105,15 @@ def _varies(name: str, candidates: Collection[Candidate]) -> bool:
     return len({candidate.values[name] for candidate in candidates}) > 1
 
 
-def _demand(simulator: Simulator, name: str, allowed: float) -> Demand:
+def _quantity(simulator: Simulator, name: str, allowed: float) -> Quantity:
     if not 0 < allowed < 1:
         raise InputError(f"[accuracy]: {name} = {allowed:g}: a relative error lies between 0 and 1")
     output, _, label = name.rpartition("_")
     if not simulator.outputs:  # a function's outputs are known from its first answer
-        return Demand(name, output, int(label), allowed) if label.isdigit() else Demand(name, name, None, allowed)
-    known = [key for key in simulator.outputs if Demand(key, key, None, allowed).error in simulator.outputs]
+        return Quantity(name, output, int(label), allowed) if label.isdigit() else Quantity(name, name, None, allowed)
+    known = [key for key in simulator.outputs if Quantity(key, key, None, allowed).error in simulator.outputs]
     if label.isdigit() and output in known and len(simulator.outputs[output].dims) == 1:
-        return Demand(name, output, int(label), allowed)
+        return Quantity(name, output, int(label), allowed)
     examples = [f"{key}_{order}" for key in known for order in range(13)]
     raise InputError(
         f"[accuracy]: {name}: not a quantity with a known numerical error{near_match(name, examples)}"

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, first_messages, near_match
-from tripod_doe.simulator import NUMERICS, Demands, Outcome, Parameter, Simulator, Value, check_parameters
-from tripod_doe.study.definition.accuracy import AUTO, Accuracy, check_accuracy, check_demands
+from tripod_doe.simulator import NUMERICS, Accuracy, Outcome, Parameter, Simulator, Value, check_parameters
+from tripod_doe.study.definition.accuracy import AUTO, AutoModel, check_accuracy, check_auto_model
 from tripod_doe.study.definition.factors import Factor, checked_factor
 from tripod_doe.study.definition.responses import Response, check_responses, stored_outputs
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan, check_retries
@@ -47,9 +47,9 @@ class Study:
     switches: tuple[str, ...] = ()
     retry: RetryPlan = NO_RETRIES  # changes tried on points that failed
     # accuracy for which a pilot chooses the model of every point; None where the study names its model
-    accuracy: Accuracy | None = None
+    auto_model: AutoModel | None = None
     # accuracy to which runs are refined where the study names its model; None for the default of `simulator`
-    demands: Demands | None = None
+    accuracy: Accuracy | None = None
     responses: tuple[Response, ...] = ()  # variables of the cube by formula, in file order
 
     @property
@@ -117,12 +117,12 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     _check_run(origin, file.run)
     levels = {name: factor.values or () for name, factor in factors.items()}
     levels |= {name: (*levels[name], value) for name, value in center.items()}
-    accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto else None
-    demands = _demands(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
-    if accuracy:  # all candidates are in play
+    auto_model = _auto_model(origin, simulator, file, {*base, *factors}) if auto else None
+    accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
+    if auto_model:  # all candidates are in play
         levels |= {
-            name: tuple(dict.fromkeys(candidate.values[name] for candidate in accuracy.candidates))
-            for name in accuracy.parameters
+            name: tuple(dict.fromkeys(candidate.values[name] for candidate in auto_model.candidates))
+            for name in auto_model.parameters
         }
     run = file.run
     tabulated = "table" in (part.kind for part in _parts(file))
@@ -133,23 +133,23 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
         lambda: check_retries(simulator, base, levels, stored, run.retry, run.expected_outcomes, unknown),
     )
     study = Study(
-        file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy, demands, responses
+        file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, auto_model, accuracy, responses
     )
     warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, stored))
     return replace(study, warnings=tuple(warnings))
 
 
-def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Accuracy:
+def _auto_model(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> AutoModel:
     """The table [accuracy] of a study whose model is to be chosen."""
     table = file.accuracy or AccuracyTable()
     asked = table.__pydantic_extra__ or {}
     try:
-        return check_accuracy(simulator, asked, table.confidence, table.floor, table.budget_cpu_s, taken)
+        return check_auto_model(simulator, asked, table.confidence, table.floor, table.budget_cpu_s, taken)
     except InputError as error:
         raise InputError(f"{origin}: {error}") from error
 
 
-def _demands(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Demands:
+def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Accuracy:
     """The table [accuracy] of a study that names its model."""
     table = file.accuracy or AccuracyTable()
     if unused := table.model_fields_set & {"confidence", "budget_cpu_s"}:
@@ -162,11 +162,11 @@ def _demands(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]
             "leave one of them out"
         )
     try:
-        demands = check_demands(simulator, table.__pydantic_extra__ or {}, table.floor)
-        simulator.refined_to(demands)
+        accuracy = check_accuracy(simulator, table.__pydantic_extra__ or {}, table.floor)
+        simulator.refined_to(accuracy)
     except InputError as error:
         raise InputError(f"{origin}: {error}") from error
-    return demands
+    return accuracy
 
 
 def _at(origin: str, where: str, step: Any) -> Any:
@@ -328,8 +328,8 @@ def canonical(study: Study) -> dict[str, str]:
     content = study.file.model_dump()
     walk("", {key: content[key] for key in ("base", "factors", "design", "designs", "keep")})
     walk("study", {key: content["study"][key] for key in ("scene", "function")})
-    if study.demands:
-        flat["accuracy"] = json.dumps(study.demands.text)
+    if study.accuracy:
+        flat["accuracy"] = json.dumps(study.accuracy.text)
     if study.retry.changes:  # retries change the values of a point
         walk("run", {key: content["run"][key] for key in ("retry", "expected_outcomes")})
     return flat

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import BlockResult, Demands, Simulator, Value
+from tripod_doe.simulator import Accuracy, BlockResult, Simulator, Value
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -34,7 +34,7 @@ class Task:
     count: int
     keep: tuple[str, ...]
     retry: RetryPlan = NO_RETRIES
-    demands: Demands | None = None
+    accuracy: Accuracy | None = None
 
 
 def matching_simulator(scene: str, function: str | None, folder: StudyFolder | None, source_hash: str) -> Simulator:
@@ -55,8 +55,8 @@ def run_task(task: Task) -> tuple[BlockResult, float, float]:
     Compilation is not counted.
     """
     simulator = matching_simulator(task.scene, task.function, task.folder, task.source_hash)
-    if task.demands:
-        simulator = simulator.refined_to(task.demands)
+    if task.accuracy:
+        simulator = simulator.refined_to(task.accuracy)
     points = simulator.columns(task.base, task.columns, task.count)
     return simulate_with_retries(simulator, points, task.keep, task.retry)
 
@@ -74,5 +74,5 @@ def make_task(study: Study, points: Points, chosen: IntArray) -> Task:
         chosen.size,
         study.stored,
         study.retry,
-        study.demands,
+        study.accuracy,
     )

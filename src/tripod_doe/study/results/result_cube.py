@@ -214,7 +214,7 @@ def points_of(study: Study, path: Path) -> StudyPoints:
     from tripod_doe.study.study_points import StudyPoints
 
     points = make_points(study)
-    choice = frozen_choice(study, path) if study.accuracy else None
+    choice = frozen_choice(study, path) if study.auto_model else None
     return StudyPoints(study, points if choice is None else chosen_points(study, points, choice))
 
 

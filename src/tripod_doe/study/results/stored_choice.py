@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.cube.lazy_dataset import read_dataset
-from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.study.definition.accuracy import AutoModel
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.fingerprints import point_keys
@@ -32,10 +32,10 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     """
     if not (directory / CHOICE).exists():
         return None
-    frozen, accuracy = read_dataset(directory / CHOICE), accuracy_of(study)
+    frozen, auto = read_dataset(directory / CHOICE), auto_model_of(study)
     old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
-    new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands.quantities}
-    new |= {"confidence": accuracy.confidence, "floor": accuracy.demands.floor}
+    new: dict[str, float] = {quantity.name: quantity.allowed for quantity in auto.accuracy.quantities}
+    new |= {"confidence": auto.confidence, "floor": auto.accuracy.floor}
     changes = [
         f"  accuracy.{key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}"
         for key in sorted(old.keys() | new.keys())
@@ -61,7 +61,7 @@ def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
     rows = {key: row for row, key in enumerate(choice["point_key"].values.tolist())}
     at = np.array([rows.get(key, 0) for key in key_texts(study, points).tolist()])
     chosen = {}
-    for name in accuracy_of(study).parameters:
+    for name in auto_model_of(study).parameters:
         chosen[name] = study.simulator.parameters[name].column(choice[name].values[at].tolist())
     names = [str(name) for name in choice["quantity"].values]
     errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
@@ -73,7 +73,7 @@ def key_texts(study: Study, points: Points) -> NDArray[np.str_]:
     return np.array([key.tobytes().hex() for key in point_keys(study, replace(points, chosen={}))])
 
 
-def accuracy_of(study: Study) -> Accuracy:
+def auto_model_of(study: Study) -> AutoModel:
     """The accuracy that a study with model = "auto" asks for."""
-    assert study.accuracy is not None
-    return study.accuracy
+    assert study.auto_model is not None
+    return study.auto_model

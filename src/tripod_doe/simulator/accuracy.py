@@ -1,4 +1,4 @@
-"""Accuracy that a study demands of its outputs."""
+"""Accuracy that a study requires of its outputs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _ERROR = "_error"  # an output NAME with a numerical error has it beside it as N
 
 
 @dataclass(frozen=True)
-class Demand:
+class Quantity:
     """One quantity and its allowed relative error."""
 
     name: str  # as the study file writes it: an output, or an output with an order, as in thrust_amplitude_3
@@ -23,15 +23,15 @@ class Demand:
 
 
 @dataclass(frozen=True)
-class Demands:
-    """All quantities with a demanded accuracy."""
+class Accuracy:
+    """All quantities with a required accuracy."""
 
-    quantities: tuple[Demand, ...]
+    quantities: tuple[Quantity, ...]
     # share of the largest value along the dimension (the third order): the error of a smaller value is relative to this
     # share, since relative to itself a vanishing order could never be accurate
     floor: float
 
     @property
     def text(self) -> str:
-        """The demands as one line, the same for the same demands."""
+        """The accuracy as one line, equal for equal accuracies."""
         return ", ".join([f"{each.name} = {each.allowed!r}" for each in self.quantities] + [f"floor = {self.floor!r}"])
