@@ -261,11 +261,11 @@ def test_what_a_study_sets_itself_is_not_chosen(write_study):
     own = td.load_study(
         write_study(JOINT.replace("[factors]", "needle_count = 19\nrelative_tolerance = 1e-3\n[factors]"))
     )
-    assert own.accuracy.parameters == ("model",)
-    assert [candidate.label for candidate in own.accuracy.candidates] == [
+    assert own.auto_model.parameters == ("model",)
+    assert [candidate.label for candidate in own.auto_model.candidates] == [
         f"model = {name}" for name in ("equilibrium", "kinetostatic", "rollers", "needles")
     ]
-    assert own.accuracy.candidates[-1].full
+    assert own.auto_model.candidates[-1].full
 
 
 @pytest.mark.slow

@@ -180,7 +180,7 @@ def test_only_second_and_third_order_of_compared_models_are_on_record():
     assert np.isnan(similar_errors("closed-form", block, Accuracy((THIRD,), 0.01))).all()
 
 
-@pytest.mark.parametrize("demand", [SECOND, THIRD])
+@pytest.mark.parametrize("quantity", [SECOND, THIRD])
 def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly_is(quantity):
     """Measured, each point left out in turn: 45 of 51 in the second order to 10 %, 123 of 130 in the third to 1.5 %."""
     measured = error_estimate._measured()
