@@ -6,7 +6,9 @@ import os
 import signal
 import socket
 import textwrap
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -34,6 +36,29 @@ def test_the_server_prints_one_line_and_ends_in_time_with_a_hundred_streams(serv
             stream.close()
     assert (code, told) == (0, "")
     assert complaints == ""  # and so nothing of the token
+
+
+@pytest.mark.slow
+def test_submits_in_flight_hear_that_the_server_ends(serve):
+    """They got a bare 500."""
+    server = serve("--workers", "0")
+    study = '[study]\nname = "n"\n[base]\nmodel = "equilibrium"\n[factors.joint_angle_deg]\nlow = 1\nhigh = 9\ncount = 9999\n'
+    answers = []
+
+    def submit():
+        with suppress(OSError):  # one that the server had not begun to read
+            answers.append(server.ask("/runs", {"study": study}))
+
+    asking = [threading.Thread(target=submit) for _ in range(60)]
+    for thread in asking:
+        thread.start()
+    time.sleep(1)
+    code, _, _ = server.end()
+    for thread in asking:
+        thread.join(20)
+    assert code == 0
+    assert {status for status, _ in answers} <= {201, 503}
+    assert "the server is about to end" in str([told for status, told in answers if status == 503])
 
 
 @pytest.mark.slow

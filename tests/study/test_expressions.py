@@ -186,3 +186,21 @@ def test_labels_and_reductions(text, expected):
 def test_what_labels_and_reductions_cannot_do(text, message):
     with pytest.raises(InputError, match=message):
         Expression(text, ["wave", "a"]).numbers(Grid())
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("1/0", "no condition, as it names"),
+        ("s", "a text, and no condition"),
+        ("'x'", "no condition"),
+        ("s + 1 > 2", "a text cannot be calculated with"),
+        ("s * s > 2", "a text cannot be calculated with"),
+        ("-s > 2", "a text cannot be calculated with"),
+        ("sqrt(s) > 2", "a text cannot be calculated with"),
+    ],
+)
+def test_what_is_no_condition_is_refused_in_plain_words(text, told):
+    """In place of all rows, or of numpy's words about its own types."""
+    with pytest.raises(InputError, match=told):
+        Expression(text, COLUMNS)(COLUMNS)

@@ -16,13 +16,13 @@ from starlette.responses import Response
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.page import assets, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
-from tripod_doe.service.problems import RefusedError, form_problem, refusal_of
+from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, studies, views
 from tripod_doe.service.security.guard import API, Guard
 from tripod_doe.service.security.sessions import Sessions
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerFailedError
+from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
 
 log = logging.getLogger(__name__)
 
@@ -100,6 +100,9 @@ def _add_error_answers(app: FastAPI) -> None:
         message = "all workers are at work: ask again in a moment"
         return answer(request, RefusedError(503, message, headers={"retry-after": "5"}))
 
+    async def ending(request: Request, error: Exception) -> Response:
+        return answer(request, RefusedError(503, SERVER_ENDS))
+
     async def failed(request: Request, error: Exception) -> Response:
         known = error if not isinstance(error, WorkerFailedError) else None
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
@@ -111,5 +114,6 @@ def _add_error_answers(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, no_route)
     app.add_exception_handler(StorageError, full_disk)
     app.add_exception_handler(AllBusyError, busy)
+    app.add_exception_handler(ServerEndsError, ending)
     app.add_exception_handler(WorkerFailedError, failed)
     app.add_exception_handler(Exception, failed)

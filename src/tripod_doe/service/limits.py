@@ -20,6 +20,7 @@ class Limits:
     queued: int = 100
     running: int = 2
     cells: int = 2_000_000
+    answer_bytes: int = 64_000_000
     query_seconds: float = 30.0
     simulate_seconds: float = 300.0
     memory_bytes: int = 8_000_000_000
@@ -42,6 +43,7 @@ MEANINGS = {
     "queued": "runs that wait in the queue",
     "running": "runs at work at the same time",
     "cells": "cells in the answer to a query",
+    "answer_bytes": "size of the answer to a query (bytes)",
     "query_seconds": "CPU time for the answer to a query, a comparison or a check (s)",
     "simulate_seconds": "CPU time for one simulated point, or for a plan with timing (s)",
     "memory_bytes": "address space of a worker (bytes)",

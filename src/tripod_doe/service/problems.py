@@ -14,6 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.errors import ForbiddenError, InputError, TooLargeError
 
+SERVER_ENDS = "the server is about to end: ask again when it is back"
+"""Message of requests that the end of the server cuts short."""
+
 _MESSAGE = re.compile(
     r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<message>.*)", re.DOTALL
 )

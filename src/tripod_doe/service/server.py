@@ -8,6 +8,7 @@ import os
 import socket
 import stat
 import sys
+import threading
 import time
 import tomllib
 from collections.abc import Iterator
@@ -31,6 +32,7 @@ from tripod_doe.service.workers.forking import end_fork_server
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _GRACE = 3  # seconds that open answers get at the end
+_QUESTION_GRACE = 1.5  # seconds for questions, whose clients then still hear that the server ends
 _LOCK = ".service.lock"
 _ACCEPTED_AT_ONCE = 16  # each fails, and is logged, where the table of files is full
 
@@ -92,6 +94,9 @@ class _Server(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End on a signal, at once on the second; that is how a server ends, so its exit code is 0."""
         self._service.runs.events.close()
+        ending = threading.Timer(_QUESTION_GRACE, self._service.end_questions)
+        ending.daemon = True
+        ending.start()
         self.force_exit = self.should_exit
         self.should_exit = True
 

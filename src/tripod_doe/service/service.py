@@ -21,7 +21,7 @@ from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
 from tripod_doe.service.runs.table import Run
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerFailedError, WorkerPool
+from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError, WorkerPool
 
 log = logging.getLogger(__name__)
 
@@ -48,6 +48,7 @@ class Service:
         self.runs = Supervisor(settings)
         self._pool = WorkerPool(2, settings.limits)
         self._computing = WorkerPool(1, settings.limits)
+        self._large = WorkerPool(1, settings.limits)
         self.extremes = Extremes(self._find_extremes)
         self._started = self._closed = False
 
@@ -71,7 +72,7 @@ class Service:
                 check_delivered(path, found=True)
                 place = f"{_QUESTIONS}:plan_directory"
                 self.runs.adopt(path, self._pool.ask(place, limits.simulate_seconds, path=str(path), limits=limits))
-            except (RefusedError, TripodDoeError, AllBusyError, WorkerFailedError, OSError) as error:
+            except (RefusedError, TripodDoeError, AllBusyError, ServerEndsError, WorkerFailedError, OSError) as error:
                 if self._closed:
                     return
                 log.warning("%s is not shown: %s", path.name, error)
@@ -80,10 +81,14 @@ class Service:
 
     def close(self) -> None:
         """End supervision and workers; runs go on."""
-        self._closed = True
         self.runs.close()
-        self._pool.close()
-        self._computing.close()
+        self.end_questions()
+
+    def end_questions(self) -> None:
+        """Answer no question any more, also none that is asked already (`ServerEndsError`)."""
+        self._closed = True
+        for pool in (self._pool, self._computing, self._large):
+            pool.close()
 
     def plan(self, body: bytes, as_json: bool = False) -> Any:
         """Price of a study or a workflow before anything of it runs; see `plans.plan_upload`."""
@@ -121,6 +126,10 @@ class Service:
         """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`."""
         return self._pool.ask(question, self.settings.limits.query_seconds, as_json, **arguments)
 
+    def ask_large(self, question: str, **arguments: Any) -> Any:
+        """Ask a question with a large answer of a worker that answers no others, so that small ones need not wait."""
+        return self._large.ask(question, self.settings.limits.query_seconds, **arguments)
+
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question of `workers.questions` about the body of a request."""
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
@@ -130,7 +139,7 @@ class Service:
         try:
             path = str(self.directory(run.id))
             extremes: dict[str, Any] | None = self.ask("explorer.questions:extremes", path=path, order=order)
-        except (RefusedError, AllBusyError, WorkerFailedError):  # without this order, or about to go
+        except (RefusedError, AllBusyError, ServerEndsError, WorkerFailedError):  # without this order, or about to go
             return None
         return extremes
 

@@ -214,6 +214,10 @@ class Expression:
     def truths(self, source: Source) -> NamedArray:
         """Evaluate a condition; see `__call__`."""
         result = self._evaluated(source)
+        if not self.used and result.data.dtype != np.bool_:
+            raise InputError(f"{self.text!r}: no condition, as it names no coordinate or variable and compares nothing")
+        if _is_text(result.data):
+            raise InputError(f"{self.text!r}: a text, and no condition; compare it, as in name == 'text'")
         return NamedArray(result.dims, _truth(result.data), result.labels)
 
     def numbers(self, source: Source) -> NamedArray:
@@ -231,7 +235,9 @@ class Expression:
         try:
             with np.errstate(all="ignore"):
                 return self._value(self._tree, source, False)
-        except (TypeError, OverflowError, ValueError) as error:
+        except TypeError as error:  # numpy's, whose words are about its own types
+            raise InputError(f"{self.text!r}: a text cannot be calculated with; texts can only be compared") from error
+        except (OverflowError, ValueError) as error:
             raise InputError(f"{self.text!r}: {error}") from error
 
     def _refuse_mixed(self, terms: Sequence[Any]) -> None:

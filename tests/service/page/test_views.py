@@ -17,7 +17,7 @@ import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer.analysis_tables import view_behind
-from tripod_doe.service.explorer.axes import full_view
+from tripod_doe.service.explorer.axes import drawn_view, full_view
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
@@ -332,6 +332,42 @@ def test_wrong_names_are_told_with_a_near_one(folders):
         explore(str(folders["grid"]), [["variable", "thrust_amplitud"]], "x")
     with pytest.raises(InputError, match="analysis = 'none'"):
         figure(str(folders["grid"]), [["analysis", "none"]], None)
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("minus=point=nan", "minus = 'point=nan': a number is needed"),
+        ("minus=pint=3", "minus = 'pint': not a coordinate"),
+        ("x=thrust", "x = 'thrust': not a coordinate"),
+        ("by=torque", "by = 'torque': not a coordinate of this cube; did you mean 'torque_n_m'"),
+        ("select=ordr=3", "select = 'ordr': not a coordinate of this cube; did you mean 'order'"),
+        ("low=5&high=1", "low = 5: not below high = 1"),
+        ("where=1/0", "no condition"),
+    ],
+)
+def test_wrong_parts_of_a_view_are_refused_by_its_figure(folders, address, told):
+    """They were passed over in silence, and another view was drawn."""
+    items = [tuple(part.split("=", 1)) for part in address.split("&")]
+    for ask in (figure, numbers):
+        with pytest.raises(InputError) as refused:
+            ask(str(folders["list"]), items, None)
+        assert told in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["points", "lines", "matrix", "parallel", ""])
+@pytest.mark.parametrize("variable", ["thrust_amplitude", "thrust"])
+def test_one_point_of_a_list_is_drawn(folders, kind, variable):
+    """Its factors were lost with the dimension of the points: a KeyError."""
+    items = [("variable", variable), ("kind", kind), ("select", "order=3"), ("select", "point=5")]
+    drawn = json.loads(figure(str(folders["list"]), items, None))
+    assert drawn["axes"] if kind in ("matrix", "parallel") else drawn["data"]
+
+
+def test_an_analysis_has_nothing_to_subtract_from(folders):
+    axis = xr.Dataset({"S1": ("factor", [0.1, 0.9])}, {"factor": ["a", "b"]})
+    with pytest.raises(InputError, match="minus = 'abc': an analysis has no points"):
+        drawn_view(axis, View(minus="abc"))
 
 
 def test_many_points_are_drawn_as_their_density():

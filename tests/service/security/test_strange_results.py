@@ -10,8 +10,11 @@ from service_client import ADDRESS, TOKEN, Asked
 from starlette.testclient import TestClient
 
 import tripod_doe as td
+from tripod_doe.errors import TooLargeError
 from tripod_doe.service.app import create_app
+from tripod_doe.service.limits import Limits
 from tripod_doe.service.settings import Settings
+from tripod_doe.service.workers.questions import query
 
 STUDY = """
     [study]
@@ -70,6 +73,42 @@ def test_an_analysis_of_another_study_is_served_by_no_route(two):
         assert "its results are of another study" in answer.text, route
     place.write_bytes(own)
     assert [api.get(f"/runs/{run_id}{route}").status_code for route in ROUTES] == [200] * len(ROUTES)
+
+
+def test_a_large_answer_keeps_no_small_one_waiting(two, monkeypatch):
+    """Three queries of 151 MB had all workers; a small one waited for 15 s."""
+    api, _ = two
+    run_id = api.get("/runs").json()[0]["id"]
+    service = api.client.app.state.service
+    asked = []
+    for name in ("ask", "ask_large"):
+        own = getattr(service, name)
+
+        def noted(question, *words, own=own, name=name, **more):
+            asked.append((name, question.partition(":")[2]))
+            return own(question, *words, **more)
+
+        monkeypatch.setattr(service, name, noted)
+    small = api.get(f"/runs/{run_id}/query?variable=thrust_rms&select=order=3")
+    assert small.status_code == 200
+    assert asked == [("ask", "small_query")]
+    asked.clear()
+    large = api.get(f"/runs/{run_id}/query?variable=groove_thrust")  # 77,760 cells
+    assert large.status_code == 200
+    assert len(large.json()) > 50_000
+    assert asked == [("ask", "small_query"), ("ask_large", "query")]
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "netcdf"])
+def test_an_answer_of_too_many_bytes_is_refused(two, form):
+    _, results = two
+    words = {"variable": "thrust_rms", "select": [], "nearest": False, "where": None, "form": form}
+    size = len(query(str(results / "one"), **words, limits=Limits()))
+    assert len(query(str(results / "one"), **words, limits=Limits(answer_bytes=size + 10_000))) > 0
+    with pytest.raises(
+        TooLargeError, match=r"an answer of about [\d,]+ bytes; at most .* are sent: select fewer cells"
+    ):
+        query(str(results / "one"), **words, limits=Limits(answer_bytes=size // 2))
 
 
 def _is_at(api, run_id, directory):

@@ -18,7 +18,7 @@ import pytest
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.workers.forking import start_process, start_program
-from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerFailedError, WorkerPool
+from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError, WorkerPool
 
 MODULES = {
     "spinning": "while True: pass",
@@ -70,6 +70,29 @@ def test_an_answer_that_takes_too_long_ends_with_its_process(pool, name, most):
         load(pool, name)
     assert time.monotonic() - started < most
     assert works(pool) is False
+
+
+def test_questions_hear_that_the_server_ends(pool):
+    """Those at work, those that wait and those to come: it was an internal error."""
+    assert works(pool) is False
+    heard = []
+
+    def ask():
+        try:
+            load(pool, "sleeping", 20)
+        except (ServerEndsError, AllBusyError) as error:
+            heard.append(type(error))
+
+    asking = [threading.Thread(target=ask) for _ in range(3)]
+    for thread in asking:
+        thread.start()
+    time.sleep(0.3)
+    pool.close()
+    for thread in asking:
+        thread.join(10)
+    assert heard == [ServerEndsError] * 3
+    with pytest.raises(ServerEndsError):
+        works(pool)
 
 
 @pytest.mark.parametrize("name", ["greedy", "deep"])

@@ -185,3 +185,20 @@ def test_names_that_would_be_paths_are_refused_where_files_are_read(tmp_path, ta
     with pytest.raises(InputError, match="not a name for a"):
         read(tmp_path / "file.toml")
     assert judged(lambda: read(tmp_path / "file.toml")) is None
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 4000, "0o" + "7" * 6000, "0b" + "1" * 20_000, "9" * 4000, "9" * 5000])
+@pytest.mark.parametrize("place", ["[base]\njoint_angle_deg = {}", "[design]\nsamples = {}", "[x]\ny = [[{}]]"])
+def test_whole_numbers_of_thousands_of_digits_are_refused(number, place):
+    """Python writes no such number: messages that repeated them ended in internal errors."""
+    text = f'[study]\nname = "a"\n{place.format(number)}\n'
+    with pytest.raises(InputError, match=r"a whole number .*; write a number beyond 1e38 with") as refused:
+        parse_study(text, "study.toml", StudyFolder("."))
+    assert "set_int_max_str_digits" not in str(refused.value)
+
+
+@pytest.mark.parametrize("line", ["[design]\nsamples = true", "[factors.x]\nlow = false", "[run]\nblock = true"])
+def test_a_switch_is_no_number(line):
+    """Python's true is 1."""
+    with pytest.raises(InputError, match=r"= (True|False): a number is needed, not true or false"):
+        parse_study(f'[study]\nname = "a"\n{line}\n', "study.toml", StudyFolder("."))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import xarray as xr
@@ -117,6 +118,38 @@ def full_view(cube: xr.Dataset, view: View) -> View:
     still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and not _has_value(kept, axis)]
     kept += tuple(f"{axis.name}={_start(cube, axis)}" for axis in still)
     return replace(view, select=kept, minus=view.minus if _can_subtract(cube, view, kept) else "")
+
+
+def drawn_view(cube: xr.Dataset, asked: View) -> View:
+    """Fill in a view as `full_view` does, and refuse coordinates and levels that no variable of this cube has.
+
+    Coordinates of other variables are left out: a page keeps them while a person goes from one variable to another.
+
+    Raises:
+        InputError: If it names what this cube does not have.
+    """
+    _refuse_unknown(cube, asked)
+    return full_view(cube, asked)
+
+
+def _refuse_unknown(cube: xr.Dataset, view: View) -> None:
+    known = coordinate_axes(cube)
+    level = view.minus_level
+    named = [("x", view.x), ("by", view.by), ("minus", level[0] if level else "")]
+    for key, name in [*named, *(("select", text.partition("=")[0]) for text in view.select)]:
+        if name and name not in known:
+            raise InputError(f"{key} = {name[:100]!r}: not a coordinate of this cube{near_match(name, known)}")
+    if level and known[level[0]].numeric and not _is_number(level[1]):
+        raise InputError(f"minus = {view.minus[:100]!r}: a number is needed behind {level[0]}=")
+    if view.minus and not design_of(cube):
+        raise InputError(f"minus = {view.minus[:100]!r}: an analysis has no points to subtract; leave it out")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _can_subtract(cube: xr.Dataset, view: View, select: tuple[str, ...]) -> bool:

@@ -16,7 +16,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.names import path_within
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.report.responses import factor_names, unit_text
-from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, full_view
+from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
 from tripod_doe.service.explorer.controls import controls, view_title
 from tripod_doe.service.explorer.exports import (
     point_values,
@@ -81,7 +81,7 @@ def figure(path: str, items: Items, other: str | None) -> bytes:
     """A view of a result directory as the JSON of a figure for Plotly; `other` is the directory that is subtracted."""
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
-        view = full_view(cube, asked)
+        view = drawn_view(cube, asked)
         drawn = draw(cube, view, subtracted if view.minus else None)
     return json.dumps(drawn, allow_nan=False).encode()
 
@@ -104,7 +104,7 @@ def numbers(path: str, items: Items, other: str | None = None) -> Any:
     """The cells of a view as texts, at most 500 of them: ``heads``, ``rows`` with the number of the point first."""
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
-        return _table(cube, full_view(cube, asked), subtracted)
+        return _table(cube, drawn_view(cube, asked), subtracted)
 
 
 def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, Any]:

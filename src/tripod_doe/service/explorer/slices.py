@@ -20,7 +20,7 @@ from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_fail
 from tripod_doe.service.explorer.figures.heat_map import heat_map
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.view import View
+from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query.query import narrowed, query
 
@@ -71,7 +71,8 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
         if name in cube and set(cube[name].dims) <= set(cube[view.variable].dims):
             axes = [axis.name for axis in coordinate_axes(cube).values() if axis.dim in cube[name].dims]
             found[name] = query(cube, name, view.selected(axes))[name]
-    keep = {view.x, view.by}
+    keep = {dim for name in (view.x, view.by) if name in cube.variables for dim in cube[name].dims}
+    keep |= set(design_of(cube)) if view.kind in OF_POINTS else set()
     return found.squeeze([dim for dim in found.dims if found.sizes[dim] == 1 and dim not in keep], drop=True)
 
 
@@ -161,9 +162,9 @@ def colour_range(cube: xr.Dataset, view: View) -> tuple[float, float] | None:
 
 
 def _limits(view: View, found: tuple[float, float] | None) -> tuple[float, float] | None:
-    if view.low is not None and view.high is not None:
-        return view.low, view.high
-    return found
+    low, high = found or (None, None)
+    low, high = low if view.low is None else view.low, high if view.high is None else view.high
+    return None if low is None or high is None else (low, high)
 
 
 def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:

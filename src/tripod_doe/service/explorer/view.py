@@ -40,7 +40,7 @@ class View:
         """The view that the items of an address describe; unknown ones are none of its business.
 
         Raises:
-            InputError: If a limit is no number, or the kind is unknown.
+            InputError: If a limit is no number, low is not below high, or the kind is unknown.
         """
         given = list(items)
         words: dict[str, str] = {name: text for name, text in given if name in _WORDS}
@@ -49,6 +49,8 @@ class View:
         view = cls(select=selected, low=limits.get("low"), high=limits.get("high"), **words)
         if view.kind and view.kind not in KINDS:
             raise InputError(f"kind = {view.kind!r}: unknown{near_match(view.kind, KINDS)}")
+        if view.low is not None and view.high is not None and view.low >= view.high:
+            raise InputError(f"low = {view.low:g}: not below high = {view.high:g}")
         return view
 
     def items(self) -> list[tuple[str, str]]:

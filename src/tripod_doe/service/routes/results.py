@@ -36,16 +36,18 @@ def query(
     analysis: Annotated[str | None, Query(description="analysis of the study, in place of its cube")] = None,
 ) -> Response:
     """Cells of a cube or of an analysis: the same records as `tripod-doe query`."""
-    data = service.ask(
-        "workers.questions:query",
-        path=service.cube_path(run_id, step, analysis),
-        variable=variable,
-        select=select,
-        nearest=nearest,
-        where=where,
-        form=format,
-        cells=service.settings.limits.cells,
-    )
+    asked: dict[str, Any] = {
+        "path": service.cube_path(run_id, step, analysis),
+        "variable": variable,
+        "select": select,
+        "nearest": nearest,
+        "where": where,
+        "form": format,
+        "limits": service.settings.limits,
+    }
+    data = service.ask("workers.questions:small_query", **asked)
+    if data is None:
+        data = service.ask_large("workers.questions:query", **asked)
     headers = {"content-disposition": 'attachment; filename="answer.nc"'} if format == "netcdf" else {}
     return Response(data, media_type=_TYPES[format], headers=headers)
 
@@ -58,7 +60,7 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
         return _file(service, directory / "cube.nc")
     folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
     try:
-        service.ask("workers.questions:cube", path=str(directory), folder=str(folder))
+        service.ask_large("workers.questions:cube", path=str(directory), folder=str(folder))
         return _TemporaryFile(folder / "cube.nc", media_type=_TYPES["netcdf"], filename="cube.nc")
     except BaseException:
         shutil.rmtree(folder)

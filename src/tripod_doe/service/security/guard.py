@@ -20,7 +20,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.problems import SERVER_ENDS, RefusedError
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS
 from tripod_doe.service.security.report_keys import is_report_address
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
@@ -100,7 +100,24 @@ class Guard:
                 answer = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
             await answer(scope, receive, send)
             return
-        await self._app(scope, receive, send)
+        await self._answer(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let the application answer; say so where the server ends before: uvicorn would send a bare 500."""
+        begun = False
+
+        async def noted(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, noted)
+        except asyncio.CancelledError:
+            if begun:
+                raise
+            refusal = RefusedError(503, SERVER_ENDS)
+            await JSONResponse(refusal.answer(), refusal.status)(scope, receive, send)
 
     def _check_host(self, headers: Headers) -> None:
         given = headers.getlist("host")

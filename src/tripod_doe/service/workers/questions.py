@@ -20,6 +20,9 @@ from tripod_doe.service.requests.forms import Comparison, FieldChange, PlanReque
 from tripod_doe.service.requests.uploads import STUDY, refuse_many_files, upload_texts, write_upload
 from tripod_doe.study.definition.study_folder import StudyFolder
 
+_MOST_AT_ONCE = 50_000  # cells of a small query: 4 MB of JSON
+_SAMPLE = 1_000  # rows by which the size of an answer is estimated
+
 
 def plan(body: bytes, limits: Limits) -> Any:
     """Price of a study or workflow that was sent; see `plans`."""
@@ -97,8 +100,21 @@ def simulate(body: bytes, limits: Limits) -> Any:
     return simulate_point(scene, **parameters).record()
 
 
+def small_query(
+    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, limits: Limits
+) -> bytes | None:
+    """The same as `query` where the answer is small; None where it is not, for which another worker is to be asked."""
+    from tripod_doe.study.query.arrays import opened_arrays
+    from tripod_doe.study.query.query import cell_count
+
+    with opened_arrays(path) as cube:
+        if cell_count(cube, variable, select, nearest) > _MOST_AT_ONCE:
+            return None
+    return query(path, variable, select, nearest, where, form, limits)
+
+
 def query(
-    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, cells: int
+    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, limits: Limits
 ) -> bytes:
     """Cells of a cube as ``query`` gives them: JSON or CSV text, or a netCDF file."""
     from tripod_doe.study.query.arrays import opened_arrays
@@ -107,14 +123,30 @@ def query(
 
     with opened_arrays(path) as cube:
         count = cell_count(cube, variable, select, nearest)
-        if count > cells:
-            raise TooLargeError(f"select: {count:,} cells; at most {cells:,} are sent in one answer: select fewer")
+        if count > limits.cells:
+            raise TooLargeError(
+                f"select: {count:,} cells; at most {limits.cells:,} are sent in one answer: select fewer"
+            )
         if form != "netcdf":
             columns = records(cube, variable, select, nearest, where)
             if form == "csv":
                 columns = {name: _without_formulas(column) for name, column in columns.items()}
-            return records_text(columns, form).encode()
-    return _netcdf_bytes(narrowed(cells_of(path, variable, select, nearest, where)))
+            rows = columns[variable].size
+            first = {name: column[:_SAMPLE] for name, column in columns.items()}
+            _refuse_large(len(records_text(first, form)) * max(rows, 1) // max(min(rows, _SAMPLE), 1), limits)
+            answer = records_text(columns, form).encode()
+        else:
+            answer = _netcdf_bytes(narrowed(cells_of(path, variable, select, nearest, where)))
+    _refuse_large(len(answer), limits)
+    return answer
+
+
+def _refuse_large(size: int, limits: Limits) -> None:
+    if size > limits.answer_bytes:
+        raise TooLargeError(
+            f"select: an answer of about {size:,} bytes; at most {limits.answer_bytes:,} are sent: select fewer cells, "
+            "or take cube.nc"
+        )
 
 
 def _without_formulas(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -32,6 +32,10 @@ class WorkerFailedError(Exception):
     """A worker failed for a reason that is not the client's."""
 
 
+class ServerEndsError(Exception):
+    """The server ends before there is an answer."""
+
+
 class WorkerPool:
     """Workers, started when they are first needed.
 
@@ -60,6 +64,7 @@ class WorkerPool:
             StorageError: If the disk is full.
             AllBusyError: If no worker becomes free in time.
             WorkerFailedError: If the worker failed.
+            ServerEndsError: If the pool was closed.
         """
         try:
             worker = self._free.get(timeout=self._patience)
@@ -94,7 +99,7 @@ class _Worker:
         """Start the process if there is none; gives the connection to it."""
         with self._changing:
             if self._closed:
-                raise WorkerFailedError("the server is about to end")
+                raise ServerEndsError
             if self._process is not None and not self._process.is_alive():
                 self._forget()
             if self._process is None:
@@ -123,7 +128,7 @@ class _Worker:
                 kind, answer = connection.recv()
             else:
                 kind = "late"
-        except (OSError, EOFError):
+        except (OSError, EOFError, TypeError):  # the last of a connection that is closed meanwhile
             kind = "ended"
         if kind == "answer":
             return answer
@@ -135,6 +140,8 @@ class _Worker:
             raise WorkerFailedError(answer)
         with self._changing:
             late = self._end(_MOMENT if kind == "ended" else 0.0) == -signal.SIGXCPU or kind == "late"
+        if self._closed:
+            raise ServerEndsError
         name = question.partition(":")[2].replace("_", " ")
         if late:
             raise RefusedError(413, f"{name}: no answer within {seconds:g} s of CPU time, which is the limit here")

@@ -8,14 +8,16 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from tripod_doe.errors import InputError, closest, first_messages, near_match
 from tripod_doe.names import check_identifier
 
 _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value
+_MOST_BITS = 128
+_LARGEST_NUMBERS = "write a number beyond 1e38 with a decimal point or an exponent"
 _LONG_NAME = re.compile(
     rf"""(?<![\w-])((?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}"""  # never looks back
 )
@@ -47,6 +49,17 @@ DesignKind = Literal[
 ]
 
 
+def _no_switch(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise PydanticCustomError("no_number", "a number is needed, not true or false")
+    return value
+
+
+Whole = Annotated[int, BeforeValidator(_no_switch)]
+Number = Annotated[float, BeforeValidator(_no_switch)]
+"""Numbers for which Python's true is not 1."""
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -64,17 +77,19 @@ class FactorTable(_Table):
     """[factors.PARAMETER]: values, a range with a count, a range to sample, or a distribution."""
 
     values: list[Scalar] | None = Field(None, description="the values it takes")
-    low: float | None = Field(None, description="lower end of the range")
-    high: float | None = Field(None, description="upper end of the range")
-    count: int | None = Field(None, ge=1, le=1_000_000, description="number of values from low to high, ends included")
+    low: Number | None = Field(None, description="lower end of the range")
+    high: Number | None = Field(None, description="upper end of the range")
+    count: Whole | None = Field(
+        None, ge=1, le=1_000_000, description="number of values from low to high, ends included"
+    )
     scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
     distribution: Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None = (
         Field(None, description="distribution of a sampled factor; uniform on its scale if omitted")
     )
-    mean: float | None = Field(None, description="mean of a normal distribution")
-    std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
-    mode: float | None = Field(None, description="peak of a triangular distribution")
-    weights: list[float] | None = Field(
+    mean: Number | None = Field(None, description="mean of a normal distribution")
+    std: Number | None = Field(None, gt=0, description="standard deviation of a normal distribution")
+    mode: Number | None = Field(None, description="peak of a triangular distribution")
+    weights: list[Number] | None = Field(
         None, description="relative frequencies of the values of a discrete distribution"
     )
     group: str | None = Field(None, description="saltelli, morris: factors of one group are varied together")
@@ -93,24 +108,24 @@ class DesignTable(_Table):
     """[design]: how the points are made from the factors."""
 
     kind: DesignKind = Field("grid", description="kind of design")
-    samples: int | None = Field(
+    samples: Whole | None = Field(
         None,
         ge=1,
         description="number of samples (saltelli: SALib's N; morris: trajectories; fast: points of a curve; "
         "multifidelity: samples of the most expensive model)",
     )
-    seed: int = Field(0, ge=0, description="seed of the random numbers")
-    levels: int | None = Field(
+    seed: Whole = Field(0, ge=0, description="seed of the random numbers")
+    levels: Whole | None = Field(
         None,
         ge=2,
         le=_MOST_LEVELS,
         description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted",
     )
     scramble: bool = Field(True, description="sobol, halton: whether the sequence is scrambled")
-    correlation: list[list[str | float]] | dict[str, dict[str, float]] = Field(
+    correlation: list[list[str | Number]] | dict[str, dict[str, Number]] = Field(
         [], description="sampled designs: rank correlations, [factor, factor, value] each, or the whole matrix"
     )
-    resolution: int | None = Field(
+    resolution: Whole | None = Field(
         None, ge=3, le=8, description="fractional-factorial: smallest resolution, 4 if omitted; its aliases are stated"
     )
     star: Literal["circumscribed", "inscribed", "faced"] = Field(
@@ -121,10 +136,10 @@ class DesignTable(_Table):
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
     fidelity: str = Field("model", description="multifidelity: factor that names the model, the truth last")
     indices: bool = Field(True, description="multifidelity: whether the points for Sobol' indices are added")
-    pilot: int | None = Field(
+    pilot: Whole | None = Field(
         None, ge=16, description="multifidelity: samples that all models run first, 24 or all samples if omitted"
     )
-    most_points: int | None = Field(
+    most_points: Whole | None = Field(
         None,
         ge=1,
         description="multifidelity: points of all models together that a split from the pilot may have; 200,000 if "
@@ -133,10 +148,10 @@ class DesignTable(_Table):
     target: list[str] = Field(
         [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split makes small; all if omitted"
     )
-    split: dict[str, Annotated[int, Field(ge=0)]] = Field(
+    split: dict[str, Annotated[Whole, Field(ge=0)]] = Field(
         {}, description="multifidelity: samples of each model; from the pilot if omitted"
     )
-    prices: dict[str, Annotated[float, Field(gt=0)]] = Field(
+    prices: dict[str, Annotated[Number, Field(gt=0)]] = Field(
         {}, description="multifidelity: CPU seconds of a point with each model; counted in the pilot if omitted"
     )
     combinations: Literal["all", "single"] = Field(
@@ -169,7 +184,7 @@ class ResponseTable(_Table):
 class RunTable(_Table):
     """[run]: how the points are run; only `retry` changes values."""
 
-    block: int | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
+    block: Whole | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
     exclusive: bool = Field(False, description="run one block at a time, so that no other block disturbs its timing")
     expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
     retry: list[str | dict[str, Scalar]] = Field(
@@ -183,18 +198,18 @@ class AccuracyTable(_Table):
     """[accuracy]: OUTPUT_ORDER = relative error, to which runs are refined, or by which model = "auto" chooses."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
-    __pydantic_extra__: dict[str, float]
+    __pydantic_extra__: dict[str, Number]
 
-    confidence: float = Field(
+    confidence: Number = Field(
         0.9, ge=0.5, le=0.99, description='with model = "auto": share of the points in which the accuracy must be met'
     )
-    floor: float = Field(
+    floor: Number = Field(
         0.01,
         gt=0,
         lt=1,
         description="share of the largest order of a point; the error of a smaller order is relative to that share",
     )
-    budget_cpu_s: float | None = Field(
+    budget_cpu_s: Number | None = Field(
         None,
         gt=0,
         description='with model = "auto": largest estimated price of pilot and study; above it nothing is started (s)',
@@ -247,11 +262,25 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
     if long := _LONG_NAME.search(text):
         raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
     try:
-        return tomllib.loads(text)
-    except ValueError as error:  # tomllib's own, or Python's of a number of more than 4,300 digits
+        tables = tomllib.loads(text)
+        _refuse_large_numbers(tables, origin)
+        return tables
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"{origin}: not valid TOML: {error}") from error
+    except ValueError as error:  # Python's, of a number of more than 4,300 digits
+        raise InputError(f"{origin}: a whole number has more digits than can be read; {_LARGEST_NUMBERS}") from error
     except RecursionError as error:
         raise InputError(f"{origin}: brackets are nested too deeply") from error
+
+
+def _refuse_large_numbers(value: Any, place: str) -> None:
+    """Refuse whole numbers that no message could repeat: Python writes none of more than 4,300 digits."""
+    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        raise InputError(f"{place}: a whole number of {value.bit_length():,} bits; {_LARGEST_NUMBERS}")
+    for key, inner in value.items() if isinstance(value, dict) else ():
+        _refuse_large_numbers(inner, f"{place}: {key[:_LONGEST_SHOWN]}")
+    for inner in value if isinstance(value, list) else ():
+        _refuse_large_numbers(inner, place)
 
 
 def tables_in(path: Path) -> set[str]:

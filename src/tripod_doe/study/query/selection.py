@@ -143,6 +143,7 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
     """Labels that meet a selection."""
     if values.dtype.kind not in "fiub":
         return np.isin(values.astype(str), selection.texts)
+    _refuse_impossible(selection)
     if not selection.values:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
         return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
@@ -156,6 +157,18 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
         slack = _MATCH * max(abs(wanted), 1e-300)
         keep |= (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
     return keep
+
+
+def _refuse_impossible(selection: Selection) -> None:
+    """Refuse what no number can meet: NaN, and a range whose ends are the wrong way round."""
+    numbers = [each for each in (*selection.values, selection.low, selection.high) if isinstance(each, float)]
+    place = option("select", selection.name)
+    if any(map(math.isnan, numbers)):
+        raise InputError(f"{place}: nan is no value that a label can have; leave it out")
+    if selection.low > selection.high:
+        raise InputError(
+            f"{place}: no number lies in {level(selection.low)}:{level(selection.high)}; write the smaller end first"
+        )
 
 
 def labels_text(labels: Variable, count: int) -> str:

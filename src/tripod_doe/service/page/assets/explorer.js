@@ -164,7 +164,10 @@ async function fillNumbers() {
 }
 
 controls.addEventListener("submit", (event) => { event.preventDefault(); look(itemsOfControls()); });
-controls.addEventListener("change", () => look(itemsOfControls()));
+controls.addEventListener("change", (event) => {  // what is chosen for one cube says nothing of another
+  const { name, value } = event.target;
+  look(name === "analysis" ? [...stepItems(), ["analysis", value]] : itemsOfControls());
+});
 controls.addEventListener("click", (event) => {
   const button = event.target.closest(".step");
   if (!button) return;
