@@ -15,7 +15,7 @@ from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.pages.fit import write_fit_page
-from tripod_doe.simulator import check_parameters
+from tripod_doe.simulator import Outcome, check_parameters
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failures import Failure
@@ -37,8 +37,8 @@ class FitSummary:
 
     @property
     def good(self) -> bool:
-        """Whether every point had an answer."""
-        return not self.failures
+        """Whether no point failed but those of joints that cannot be, where the search has been as well."""
+        return all(failure.outcome is Outcome.JAMMED for failure in self.failures)
 
 
 def fit(

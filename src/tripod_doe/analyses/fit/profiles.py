@@ -117,6 +117,8 @@ def _side(
         target = here.place + direction * side * (away - abs(float(here.place[scalar]) - start))
         target = np.clip(np.where(free, target, start + side * away), 0.0, 1.0)
         descent = _slid(problem, here, target, free)
+        if descent is None:  # the others may have come to where points fail
+            descent = _slid(problem, here, np.where(free, here.place, target), free)
         if descent is None:
             failed, outer = True, (away, np.inf)
         else:

@@ -22,6 +22,7 @@ RECORD_HEADS = ("record", "order", "measured N", "+- N", "fitted N", "model +- N
 
 _CORRELATED = 0.9  # correlation from which the reader should know
 _WIDE = 1.3  # root of chi squared over degrees of freedom from which the reader should know
+_EDGE = 1e-6  # relative: how near to its bound an interval ends there
 _SHOWN = 3  # combinations and candidates that sentences state
 
 
@@ -79,8 +80,12 @@ def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str
     """What is known of a value that is not determined, as the end of a sentence."""
     ends = f"{number(low)} to {with_unit(number(high), unit)}"
     if verdict == ONE_SIDED:
-        below = low <= float(own["bound_low"]) * (1 + 1e-9) + 1e-12
-        side, end = ("at most", high) if below else ("at least", low)
+        ends_low, ends_high = (
+            abs(end - float(own[f"bound_{name}"])) > _EDGE * abs(end) for end, name in ((low, "low"), (high, "high"))
+        )
+        if ends_low and ends_high:
+            return f"lies within {ends}, and there an end is where points of the model fail"
+        side, end = ("at least", low) if ends_low else ("at most", high)
         return (
             f"is {side} {with_unit(number(end), unit)} with 95 % confidence; the records set no other limit within its "
             f"bounds {number(float(own['bound_low']))} to {number(float(own['bound_high']))}"
