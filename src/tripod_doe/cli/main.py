@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from tripod_doe.cli import (
+    annotate,
     check,
     compare,
     completion,
@@ -50,6 +51,7 @@ COMMANDS = {
     "diff": diff.COMMAND,
     "fit": fit.COMMAND,
     "check": check.COMMAND,
+    "annotate": annotate.COMMAND,
     "serve": serve.COMMAND,
     "init": init.COMMAND,
     "schema": schema.COMMAND,

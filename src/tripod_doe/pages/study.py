@@ -46,6 +46,7 @@ from tripod_doe.report.templates import render
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
+from tripod_doe.study.results.annotation import Annotation, read_annotation
 from tripod_doe.study.results.result_cube import is_shown, opened_cube
 
 _MOST_FAILED = 50
@@ -103,7 +104,7 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
     with opened_cube(directory) as cube:
-        page = make_page(cube, analyses, files, findings)
+        page = make_page(cube, analyses, files, findings, read_annotation(directory))
     return replace_text(directory / "report" / "index.html", page)
 
 
@@ -123,6 +124,7 @@ def make_page(
     analyses: Mapping[str, xr.Dataset],
     files: Sequence[str] = (),
     findings: Sequence[str] | None = None,
+    annotation: Annotation | None = None,
 ) -> str:
     """The report as HTML: the same cube and analyses give the same text.
 
@@ -136,6 +138,8 @@ def make_page(
         Files of the result directory, relative to it, to which the page links.
     findings
         What `find` says of the cube, where that is known already.
+    annotation
+        What people have written about it.
     """
     part = shown_subset(cube)
     shown = representative_points(part)
@@ -157,6 +161,7 @@ def make_page(
     return render(
         "page.html",
         attrs=cube.attrs,
+        annotation=annotation or Annotation(),
         files=files,
         design=design_kind(cube),
         total=int(asked(cube).sum()),

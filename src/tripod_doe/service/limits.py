@@ -26,6 +26,7 @@ class Limits:
     memory_bytes: int = 8_000_000_000
     streams: int = 1_000
     connections: int = 1_500
+    bin_days: float = 30.0
 
     def described(self) -> list[dict[str, Any]]:
         """All limits with their meanings, for programs and for the page."""
@@ -49,5 +50,6 @@ MEANINGS = {
     "memory_bytes": "address space of a worker (bytes)",
     "streams": "event streams open at the same time",
     "connections": "connections open at the same time; fewer where the system allows fewer open files",
+    "bin_days": "days after which a deleted run is removed from the bin, when a server starts",
 }
 """Meaning of each limit."""

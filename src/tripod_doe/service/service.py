@@ -172,6 +172,12 @@ class Service:
                 wanted += steps.get(other, {}).get("inputs", ())
         return found
 
+    def diff(self, run_id: str, other_id: str, variables: list[str]) -> bytes:
+        """What differs between two runs of studies, as ``diff --format json`` gives it."""
+        paths = [str(self.results(each)) for each in (run_id, other_id)]
+        answer: bytes = self.ask(f"{_QUESTIONS}:diff", a=paths[0], b=paths[1], variables=variables)
+        return answer
+
     def plan_of(self, run_id: str) -> dict[str, Any]:
         """The price of a run when it was submitted, and the choice of its models where a pilot makes it."""
         run, directory = self.runs.find(run_id), self.directory(run_id)

@@ -17,6 +17,7 @@ from datetime import datetime
 
 import pytest
 
+from tripod_doe.cli import main
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
@@ -25,6 +26,7 @@ from tripod_doe.service.runs.result_directory import ending_of, remove_report
 from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
 from tripod_doe.service.runs.table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.settings import Settings
+from tripod_doe.study.results.annotation import Annotation, read_annotation
 from tripod_doe.workflow.steps_file import STEPS
 
 PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
@@ -189,16 +191,71 @@ def test_a_directory_that_somebody_else_fills_is_left_alone(start, tmp_path):
     supervisor.delete(run_id)
 
 
-def test_a_deleted_run_leaves_nothing(start, settings, tmp_path):
+def test_a_run_deleted_from_the_bin_leaves_nothing(start, settings, tmp_path):
     supervisor = start(ENDS.format("over"))
     run_id = submit(supervisor, tmp_path, key="k", digest="d")
     wait(supervisor, run_id, State.FAILED)
     supervisor.delete(run_id)
+    assert [run.id for run in supervisor.in_bin()] == [run_id]
+    supervisor.delete(run_id)
+    assert supervisor.in_bin() == []
     assert sorted(path.name for path in settings.folder.iterdir() if "sqlite" not in path.name) == []
     assert supervisor.find_by_key("k", "other") is None
     with pytest.raises(RefusedError) as refused:
         supervisor.find(run_id)
     assert refused.value.status == 404
+
+
+def test_a_restored_run_is_as_it_was_also_for_the_next_server(start, settings, tmp_path):
+    supervisor = start(ENDS.format("over"))
+    runs = [submit(supervisor, tmp_path, key=key, digest="d") for key in ("a", "b", "c")]
+    before = [wait(supervisor, run_id, State.FAILED) for run_id in runs]
+    (supervisor.directory(runs[1]) / "kept").write_text("results")
+    supervisor.annotate(runs[1], {"tags": ["customer"]})
+    supervisor.delete(runs[1])
+    with pytest.raises(RefusedError, match="in the bin"):
+        supervisor.find(runs[1])
+    again = submit(supervisor, tmp_path, key="b", digest="d")  # its key may be used again
+    assert again not in runs
+    supervisor.close()
+    later = start(SLEEP)
+    assert [run.id for run in later.all()] == [again, runs[2], runs[0]]
+    assert [run.id for run in later.in_bin()] == [runs[1]]
+    restored = later.restore(runs[1])
+    assert [run.id for run in later.all()] == [again, *reversed(runs)]
+    assert (restored.state, restored.counts, restored.tags) == (before[1].state, before[1].counts, ("customer",))
+    assert (later.directory(runs[1]) / "kept").read_text() == "results"
+    with pytest.raises(RefusedError) as refused:
+        later.restore(runs[1])
+    assert refused.value.status == 404
+
+
+def test_the_bin_is_emptied_after_some_weeks(start, settings, tmp_path):
+    supervisor = start(ENDS.format("over"))
+    old, new = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    for run_id in (old, new):
+        wait(supervisor, run_id, State.FAILED)
+        supervisor.delete(run_id)
+    supervisor.close()
+    spoil_table(settings, old, lambda record: record | {"binned": "2020-01-01T00:00:00.000Z"})
+    later = start(SLEEP)
+    assert [run.id for run in later.in_bin()] == [new]
+    assert not (settings.folder / old).exists()
+    assert (settings.folder / new).is_dir()
+
+
+def test_what_the_command_line_writes_about_a_run_is_shown(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+    assert main(["annotate", str(supervisor.directory(run_id)), "--name", "customer/joint-7", "--tags", "a,b"]) == 0
+    until = time.monotonic() + 10
+    while supervisor.find(run_id).shown_name != "customer/joint-7":
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    supervisor.annotate(run_id, {"owner": "Ada"})
+    assert read_annotation(supervisor.directory(run_id)) == Annotation("customer/joint-7", "Ada", ("a", "b"))
+    assert supervisor.find(run_id).record()["tags"] == ["a", "b"]
 
 
 def test_a_full_queue_is_told(start, tmp_path):

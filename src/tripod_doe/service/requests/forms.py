@@ -57,6 +57,15 @@ class Comparison(_Form):
     speeds: str | None = Field(None, description="range of speed LOW:HIGH of the revolutions that are used (rpm)")
 
 
+class RunChange(_Form):
+    """What people write about a run; what is left out stays."""
+
+    name: str | None = Field(None, description="name to show; customer/joint-7 lies in the folder customer")
+    owner: str | None = Field(None, description="who answers for it")
+    tags: list[str] | None = Field(None, description="all its tags")
+    note: str | None = Field(None, description="note in Markdown")
+
+
 class StudyText(_Form):
     """The text of a study file."""
 
@@ -106,6 +115,9 @@ class RunRecord(BaseModel):
 
     id: str
     name: str
+    owner: str
+    tags: list[str]
+    note: str
     found: bool = Field(description="whether the command line filled its directory; the service only shows it then")
     kind: Literal["study", "workflow"]
     question: str
@@ -117,6 +129,7 @@ class RunRecord(BaseModel):
     eta_seconds: float | None
     created: str
     updated: str
+    binned: str = Field("", description="when it was put into the bin; empty outside")
 
 
 class Errors(BaseModel):

@@ -98,6 +98,7 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
         "choice": describe_choice(study, None).splitlines() if price.chosen else describe_split(study, None),
         "foreseen": [{"outcome": f.outcome.label, "reason": f.reason, "count": f.count} for f in price.foreseen],
         "models": list(price.models),
+        "factors": list(study.factors),
         "warnings": list(price.warnings),
         "expected_outcomes": list(study.file.run.expected_outcomes),
     }

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, Response
+from fastapi import APIRouter, Depends, Header, Query, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.responses import PlainTextResponse
 
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.forms import RunRecord, Submission
+from tripod_doe.service.requests.forms import RunChange, RunRecord, Submission
 from tripod_doe.service.routes.dependencies import (
     CHANGES,
     REFUSALS,
@@ -21,12 +22,34 @@ from tripod_doe.service.routes.dependencies import (
     gives,
     takes,
 )
+from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort, page_of
 from tripod_doe.service.runs.processes import run_log
+from tripod_doe.service.runs.table import State
 
 router = APIRouter(responses=REFUSALS)
 
 _HEARTBEAT = 15.0  # seconds of silence on a stream
 _KEY_LETTERS = 200
+_DAY = r"^(\d{4}-\d{2}-\d{2})?$"
+
+
+def _asked_runs(
+    text: Annotated[str, Query(max_length=200, description="words in name, question, note, tags, factors")] = "",
+    tag: Annotated[list[str], Query(description="tag that a run has; repeatable")] = [],  # noqa: B006
+    state: Annotated[list[State], Query(description="state of a run; repeatable: one of them")] = [],  # noqa: B006
+    folder: Annotated[str, Query(max_length=200, description="beginning of the name, up to a /")] = "",
+    since: Annotated[str, Query(pattern=_DAY, description="submitted on this day or later, YYYY-MM-DD (UTC)")] = "",
+    until: Annotated[str, Query(pattern=_DAY, description="submitted on this day or earlier")] = "",
+    sort: Sort = "newest",
+) -> RunFilter:
+    states = tuple(each.value for each in state)
+    return RunFilter(text, tuple(tag), states, folder, since, until, sort)
+
+
+AskedRuns = Annotated[RunFilter, Depends(_asked_runs)]
+"""The filter that a request asks for."""
+
+Page = Annotated[int | None, Query(ge=1, le=1_000_000, description=f"page of {PAGE} runs; all if omitted")]
 
 LastEventId = Annotated[str | None, Header(alias="Last-Event-ID")]
 
@@ -45,10 +68,21 @@ def submit(
 
 
 @router.get("/runs", response_model=list[RunRecord])
-async def list_runs(service: AnyService) -> Response:
-    """All runs, the newest first: the texts that their watchers get."""
-    texts = [service.runs.events.latest(run.id) for run in service.runs.all()]
-    return Response(f"[{','.join(text for text in texts if text)}]", media_type="application/json")
+async def list_runs(asked: AskedRuns, service: AnyService, page: Page = None, bin: bool = False) -> Response:
+    """Runs, the newest first: the texts that their watchers get. All that pass the filter, or one page of them.
+
+    The header X-Total-Count counts the runs that pass.
+    """
+    if bin:
+        passed = asked.select(service.runs.in_bin())
+        texts = [json.dumps(run.record(), allow_nan=False) for run in passed]
+    else:
+        passed = asked.select(service.runs.all())
+        texts = [service.runs.events.latest(run.id) for run in passed]
+    if page is not None:
+        texts = page_of(texts, page)
+    headers = {"x-total-count": str(len(passed))}
+    return Response(f"[{','.join(text for text in texts if text)}]", media_type="application/json", headers=headers)
 
 
 async def _stream_slot(service: AnyService) -> AsyncIterator[None]:
@@ -156,5 +190,28 @@ def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
 
 @router.delete("/runs/{run_id}", status_code=204, responses=CHANGES | errors_at(404))
 def delete(run_id: str, service: WritingService) -> None:
-    """Remove a run with its results."""
+    """Put a run into the bin, where its results are kept for some weeks; deleted there, they are removed."""
     service.runs.delete(run_id)
+
+
+@router.post("/runs/{run_id}/restore", responses=CHANGES | errors_at(404))
+def restore(run_id: str, service: WritingService) -> RunRecord:
+    """Take a run out of the bin."""
+    return RunRecord(**service.runs.restore(run_id).record())
+
+
+@router.patch("/runs/{run_id}", responses=CHANGES | errors_at(404), openapi_extra=takes(RunChange))
+def change(run_id: str, body: Body, service: WritingService) -> RunRecord:
+    """Change the name, the owner, the tags or the note of a run."""
+    return RunRecord(**service.runs.annotate(run_id, service.ask_body("changes", body)).record())
+
+
+@router.get("/runs/{run_id}/diff/{other_id}", responses=errors_at(404, 409), response_model=dict[str, Any])
+def diff(
+    run_id: str,
+    other_id: str,
+    service: AnyService,
+    variable: Annotated[list[str], Query(description="variable to compare; repeatable")] = [],  # noqa: B006
+) -> Response:
+    """What differs between two runs: the object of `tripod-doe diff --format json`."""
+    return Response(service.diff(run_id, other_id, variable), media_type="application/json")

@@ -22,19 +22,21 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.service.runs import processes
+from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
+from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
 from tripod_doe.service.runs.result_directory import ending_of, remove_report
 from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
+from tripod_doe.study.results.annotation import annotated, write_annotation
 
 UPLOAD = "upload"
 """Folder of a result directory with what the client submitted."""
 
 _PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
 _PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to
-_DELETED = ".deleted-"
 
 log = logging.getLogger(__name__)
 
@@ -64,24 +66,27 @@ class Supervisor:
         self._table = RunTable(settings.folder, settings.read_only)
         self._lock = threading.RLock()
         self._runs: dict[str, Run] = {}
+        self._bin = Bin(settings.folder, self._table)
         self._progress: dict[str, RunProgress] = {}
         self._interrupted: set[str] = set()
         self._stop_by: dict[str, float] = {}
         self._endings: dict[str, tuple[State, str]] = {}  # as they were found; a full disk may have to be waited for
+        self._annotation_files = AnnotationFiles()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
     def start(self) -> None:
         """Find the runs of earlier servers, and look after all from now on."""
-        for run in self._table.all():
+        rows = self._table.all()
+        self._bin.show(run for run in rows if run.binned)
+        for run in [run for run in rows if not run.binned]:
             if not run.place or self.settings.folder.joinpath(run.place).is_dir():
                 self._runs[run.id] = run
                 self.events.publish(run)
             elif not self.settings.read_only:
                 self._table.remove(run.id)
         if not self.settings.read_only:
-            for left in self.settings.folder.glob(f"{_DELETED}*"):
-                shutil.rmtree(left, ignore_errors=True)
+            self._bin.empty(self.settings.limits.bin_days)
         self._thread.start()
 
     def close(self) -> None:
@@ -99,7 +104,7 @@ class Supervisor:
     def known_places(self) -> set[str]:
         """Names of the directories of all runs."""
         with self._lock:
-            return {run.place or run.id for run in self._runs.values()}
+            return {run.place or run.id for run in (*self._runs.values(), *self._bin.all())}
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
         """Show a directory of the folder that the command line filled, or is filling."""
@@ -121,9 +126,13 @@ class Supervisor:
         self._look_at(run.id)
 
     def all(self) -> list[Run]:
-        """All runs, the newest first."""
+        """All runs but those in the bin, the newest first."""
         with self._lock:
             return list(reversed(self._runs.values()))
+
+    def in_bin(self) -> list[Run]:
+        """The runs in the bin, the last deleted first."""
+        return self._bin.all()
 
     def find(self, run_id: str) -> Run:
         """A run by its id.
@@ -133,6 +142,8 @@ class Supervisor:
         """
         with self._lock:
             run = self._runs.get(run_id)
+        if run is None and run_id in self._bin:
+            raise RefusedError(404, f"{run_id[:100]}: this run is in the bin: restore it first")
         if run is None:
             raise RefusedError(404, f"{run_id[:100]}: no run of this id")
         return run
@@ -253,25 +264,57 @@ class Supervisor:
                 )
             )
 
-    def delete(self, run_id: str) -> None:
-        """Forget a run and remove its directory.
+    def annotate(self, run_id: str, changes: dict[str, Any]) -> Run:
+        """Change what people say about a run: name, owner, tags, note.
 
-        Raises:
-            RefusedError: 409 if a process is at work on it.
+        Raises
+        ------
+        RefusedError
+            404 if there is no such run.
+        InputError
+            If a value cannot be used.
         """
         with self._lock:
+            run = self.find(run_id)
+            annotation = annotated(run.annotation, changes)
+            write_annotation(self.directory(run_id), annotation)
+            return self._put(with_annotation(run, annotation))
+
+    def delete(self, run_id: str) -> None:
+        """Put a run into the bin; of a run that is there, remove the directory.
+
+        Raises
+        ------
+        RefusedError
+            409 if a process is at work on it.
+        """
+        if run_id in self._bin:
+            self._bin.remove(run_id)
+            return
+        with self._lock:
             run = self._own(run_id)
-            directory = self.directory(run_id)
-            if run.state.alive or processes.is_held(directory):
+            if run.state.alive or processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, f"state: {run.state}: stop this run before you delete it")
-            doomed = directory.with_name(_DELETED + run_id)
-            if directory.exists():
-                directory.rename(doomed)  # a kill from here on leaves nothing that could be taken for a run
-            self._table.remove(run_id)
+            if run.state is State.QUEUED:
+                run = run.changed(state=State.STOPPED, message="stopped before it started")
+            self._bin.add(run)
             del self._runs[run_id]
             self._progress.pop(run_id, None)
             self.events.forget(run_id)
-        shutil.rmtree(doomed, ignore_errors=True)
+
+    def restore(self, run_id: str) -> Run:
+        """Take a run out of the bin.
+
+        Raises
+        ------
+        RefusedError
+            404 if it is not there.
+        """
+        with self._lock:
+            run = self._bin.take(run_id)
+            self._runs = {each.id: each for each in sorted((*self._runs.values(), run), key=lambda each: each.created)}
+            self._show(run)
+            return run
 
     def _own(self, run_id: str) -> Run:
         """A run that the service may change."""
@@ -301,6 +344,8 @@ class Supervisor:
                 with _logged("the table of runs"):
                     self._read_again()
             else:
+                with _logged("what people write about runs"):
+                    self._read_annotations()
                 self._start_waiting()
 
     def _for_one(self, run: Run, step: Callable[[str], None]) -> None:
@@ -336,8 +381,10 @@ class Supervisor:
         """Take over what the server that runs studies in this folder has written."""
         if not self._table.is_changed():
             return
-        stored = {run.id: run for run in self._table.all()}
+        rows = self._table.all()
+        stored = {run.id: run for run in rows if not run.binned}
         with self._lock:
+            self._bin.show(run for run in rows if run.binned)
             for gone in self._runs.keys() - stored.keys():
                 del self._runs[gone]
                 self.events.forget(gone)
@@ -375,6 +422,12 @@ class Supervisor:
                 )
             )
             self._forget_work(run_id)
+
+    def _read_annotations(self) -> None:
+        """Take over what the command line wrote about runs."""
+        with self._lock:
+            for run in self._annotation_files.changed([(run, self.directory(run.id)) for run in self._runs.values()]):
+                self._put(run)
 
     def _interrupt(self, run_id: str) -> None:
         """Ask a run to stop, once: a second time would end it at once."""

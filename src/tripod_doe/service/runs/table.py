@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
+from tripod_doe.study.results.annotation import Annotation
 
 TABLE = "service.sqlite"
 """File of the folder that holds the table."""
@@ -81,12 +82,31 @@ class Run:
     # key, digest: the client's Idempotency-Key, and the hash of what it submitted
     key: str | None = None
     digest: str = ""
+    # label, owner, tags, note: what people wrote about it, see `study.results.annotation`
+    label: str = ""
+    owner: str = ""
+    tags: tuple[str, ...] = ()
+    note: str = ""
+    binned: str = ""  # when it was put into the bin; empty outside
+
+    @property
+    def shown_name(self) -> str:
+        """The name that people gave it, else the name of its study."""
+        return self.label or self.name
+
+    @property
+    def annotation(self) -> Annotation:
+        """What people wrote about it."""
+        return Annotation(self.label, self.owner, self.tags, self.note)
 
     def record(self) -> dict[str, Any]:
         """The run as clients see it."""
         record: dict[str, Any] = {
             "id": self.id,
-            "name": self.name,
+            "name": self.shown_name,
+            "owner": self.owner,
+            "tags": list(self.tags),
+            "note": self.note,
             "found": bool(self.place),
             "kind": self.kind,
             "question": self.question,
@@ -104,6 +124,8 @@ class Run:
             "created": self.created,
             "updated": self.updated,
         }
+        if self.binned:
+            told["binned"] = self.binned
         if self.kind == "workflow":
             record["steps"] = [dict(step) for step in self.steps]
         return record
@@ -182,7 +204,7 @@ class RunTable:
         """
         self._write(
             "INSERT INTO run (id, key, record) VALUES (?, ?, ?) "
-            "ON CONFLICT (id) DO UPDATE SET record = excluded.record",
+            "ON CONFLICT (id) DO UPDATE SET key = excluded.key, record = excluded.record",
             (run.id, run.key, _to_text(run)),
         )
 
@@ -247,5 +269,5 @@ def _from_row(id: str, key: str | None, text: str) -> Run:
 def _from_text(text: str) -> Run:
     content = json.loads(text)
     content["counts"] = PointCounts(**content["counts"])
-    content["steps"] = tuple(content["steps"])
+    content |= {name: tuple(content.get(name, ())) for name in ("steps", "tags")}
     return Run(**(content | {"state": State(content["state"])}))

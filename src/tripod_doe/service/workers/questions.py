@@ -16,7 +16,15 @@ from tripod_doe.errors import InputError, TooLargeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
 from tripod_doe.service.requests.bodies import read_form, read_json
-from tripod_doe.service.requests.forms import Comparison, FieldChange, PlanRequest, PointRequest, StudyText, Submission
+from tripod_doe.service.requests.forms import (
+    Comparison,
+    FieldChange,
+    PlanRequest,
+    PointRequest,
+    RunChange,
+    StudyText,
+    Submission,
+)
 from tripod_doe.service.requests.uploads import STUDY, refuse_many_files, upload_texts, write_upload
 from tripod_doe.study.definition.study_folder import StudyFolder
 
@@ -85,6 +93,19 @@ def plan_directory(path: str, limits: Limits) -> Any:
     from tripod_doe.service.requests.plans import plan_stored
 
     return plan_stored(Path(path), limits)
+
+
+def changes(body: bytes, limits: Limits) -> Any:
+    """What a request changes of what people write about a run."""
+    return read_form(body, RunChange, limits.nesting).model_dump(exclude_none=True)
+
+
+def diff(a: str, b: str, variables: list[str]) -> bytes:
+    """What differs between the studies and results of two directories, as ``diff --format json`` gives it."""
+    from tripod_doe.analyses.diff.diff import diff as differences
+    from tripod_doe.analyses.diff.sentences import diff_json
+
+    return diff_json(differences(a, b, variables)).encode()
 
 
 def simulate(body: bytes, limits: Limits) -> Any:

@@ -1,0 +1,42 @@
+"""The command annotate."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from tripod_doe.cli.parser import DONE, Command, Parser, add_format
+
+
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
+    parser.add_argument("--name", metavar="TEXT", help="name to show; customer/joint-7 lies in the folder customer")
+    parser.add_argument("--owner", metavar="TEXT", help="who answers for it")
+    parser.add_argument("--tags", metavar="A,B", help="tags in place of those there are; an empty text removes them")
+    parser.add_argument("--note", metavar="TEXT", help="note in Markdown")
+    add_format(parser)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.study.results.annotation import annotated, read_annotation, write_annotation
+
+    changes = {key: getattr(options, key) for key in ("name", "owner", "note") if getattr(options, key) is not None}
+    if options.tags is not None:
+        changes["tags"] = [tag for tag in options.tags.split(",") if tag.strip()]
+    annotation = read_annotation(options.directory)
+    if changes:
+        annotation = annotated(annotation, changes)
+        write_annotation(options.directory, annotation)
+    values = asdict(annotation)
+    if options.format == "json":
+        print(json.dumps(values))
+        return DONE
+    shown = {key: ", ".join(value) if key == "tags" else value for key, value in values.items()}
+    print("\n".join(f"{key}  {value}" for key, value in shown.items() if value) or "nothing is written about it")
+    return DONE
+
+
+COMMAND = Command("name, tag and note a result directory, or print what is written about it", _add_arguments, _run)

@@ -1,0 +1,101 @@
+"""The list of runs as people look for one: filtered, sorted, a page at a time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar, get_args
+
+from tripod_doe.service.runs.table import Run
+
+T = TypeVar("T")
+
+PAGE = 100
+"""Runs on a page."""
+
+Sort = Literal["newest", "oldest", "updated", "name", "state", "points", "cpu"]
+"""Orders of the list."""
+
+_KEYS: dict[str, tuple[Callable[[Run], Any], bool]] = {  # key, and whether the largest comes first
+    "newest": (lambda run: run.created, True),
+    "oldest": (lambda run: run.created, False),
+    "updated": (lambda run: run.updated, True),
+    "name": (lambda run: run.shown_name.casefold(), False),
+    "state": (lambda run: run.state.value, False),
+    "points": (lambda run: run.counts.total, True),
+    "cpu": (lambda run: run.counts.cpu_seconds, True),
+}
+SORTS: tuple[str, ...] = get_args(Sort)
+"""Names of the orders."""
+
+
+@dataclass(frozen=True)
+class RunFilter:
+    """What a reader asks of the list; empty values let every run pass."""
+
+    text: str = ""  # words that all stand in name, question, note, owner, tags, factors, models or id
+    tags: tuple[str, ...] = ()  # tags that a run has, all of them
+    states: tuple[str, ...] = ()  # its state is one of these
+    folder: str = ""  # its name begins with this folder: `customer` holds `customer/joint-7`
+    since: str = ""  # submitted on this day or later, YYYY-MM-DD in UTC
+    until: str = ""  # submitted on this day or earlier
+    sort: str = "newest"
+
+    def __bool__(self) -> bool:
+        """Whether it leaves any run out."""
+        return bool(self.text or self.tags or self.states or self.folder or self.since or self.until)
+
+    def select(self, runs: Sequence[Run]) -> list[Run]:
+        """The runs that pass, in the order that is asked for."""
+        words = self.text.casefold().split()
+        key, reverse = _KEYS[self.sort]
+        return sorted((run for run in runs if self._passes(run, words)), key=key, reverse=reverse)
+
+    def _passes(self, run: Run, words: Sequence[str]) -> bool:
+        if self.states and run.state.value not in self.states:
+            return False
+        if not set(self.tags) <= set(run.tags):
+            return False
+        if self.folder and not run.shown_name.startswith(f"{self.folder.rstrip('/')}/"):
+            return False
+        day = run.created[:10]
+        if (self.since and day < self.since) or (self.until and day > self.until):
+            return False
+        text = _searched(run) if words else ""
+        return all(word in text for word in words)
+
+
+def _searched(run: Run) -> str:
+    """Every text of a run in which words are looked for."""
+    plan = run.plan
+    parts = [run.id, run.name, run.label, run.question, run.note, run.owner, run.state.value, run.kind, *run.tags]
+    parts += [str(name) for key in ("factors", "models") for name in plan.get(key, ())]
+    return "\n".join(parts).casefold()
+
+
+def page_of(runs: Sequence[T], page: int) -> list[T]:
+    """The runs, or what stands for them, on a page counted from 1."""
+    return list(runs[(page - 1) * PAGE : page * PAGE])
+
+
+def page_count(runs: Sequence[object]) -> int:
+    """Number of pages of a list, at least one."""
+    return max(1, -(-len(runs) // PAGE))
+
+
+def tags_of(runs: Sequence[Run]) -> list[str]:
+    """All tags, in alphabetical order."""
+    return sorted({tag for run in runs for tag in run.tags})
+
+
+def folders_of(runs: Sequence[Run]) -> list[str]:
+    """All folders that names of runs lie in, also those within others."""
+    parts = [run.shown_name.split("/")[:-1] for run in runs]
+    return sorted({"/".join(part[: depth + 1]) for part in parts for depth in range(len(part))})
+
+
+def short_ids(runs: Sequence[Run]) -> dict[str, str]:
+    """Beginnings of the ids of runs whose names are equal, by which they are told apart."""
+    names = Counter(run.shown_name for run in runs)
+    return {run.id: run.id[:6] for run in runs if names[run.shown_name] > 1}

@@ -1,0 +1,67 @@
+"""What people write about a result: a small file that no run and no hash depends on."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tripod_doe.cli import main
+from tripod_doe.errors import InputError
+from tripod_doe.study.results.annotation import FILE, Annotation, annotated, read_annotation, write_annotation
+
+LINE = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=30).map(str.strip)
+NOTE = st.lists(LINE).map("\n".join).map(str.strip)
+
+
+@given(LINE, LINE, st.lists(LINE.filter(lambda tag: tag and "," not in tag), unique=True, max_size=5), NOTE)
+def test_what_is_written_is_read(tmp_path_factory, name, owner, tags, note):
+    folder = tmp_path_factory.mktemp("about")
+    annotation = annotated(Annotation(), {"name": name, "owner": owner, "tags": tags, "note": note})
+    write_annotation(folder, annotation)
+    assert read_annotation(folder) == annotation == Annotation(name, owner, tuple(tags), note)
+    assert (folder / FILE).exists() == bool(annotation)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"nam": "x"}, "unknown key 'nam'; allowed: name, owner, tags, note"),
+        ({"tags": "one"}, "expected a list of texts"),
+        ({"tags": ["a,b"]}, "has no comma"),
+        ({"tags": [""]}, "not empty"),
+        ({"tags": [str(n) for n in range(21)]}, "21 tags, at most 20"),
+        ({"name": "x" * 201}, "201 characters, at most 200"),
+        ({"name": "two\nlines"}, "line ends are not allowed"),
+        ({"note": "\x1b[31m"}, "control characters are not allowed"),
+        ({"owner": 7}, "expected text"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(changes, message):
+    with pytest.raises(InputError, match=message.replace("[", r"\[")):
+        annotated(Annotation(), changes)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    for content in (b"name = ", b"\xff", b'name = "' + bytes(300_000) + b'"', b"note = 3"):
+        (tmp_path / FILE).write_bytes(content)
+        with pytest.raises(InputError, match=FILE):
+            read_annotation(tmp_path)
+    (tmp_path / FILE).unlink()
+    (tmp_path / FILE).symlink_to("/etc/hostname")
+    with pytest.raises(InputError, match="a link"):
+        read_annotation(tmp_path)
+
+
+def test_the_command_changes_only_what_it_names(tmp_path, capsys):
+    assert main(["annotate", str(tmp_path), "--name", "customer/joint-7", "--note", "# Steel\nby hand"]) == 0
+    assert main(["annotate", str(tmp_path), "--tags", "a, b", "--format", "json"]) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told == {"name": "customer/joint-7", "owner": "", "tags": ["a", "b"], "note": "# Steel\nby hand"}
+    assert tomllib.loads((tmp_path / FILE).read_text())["note"] == "# Steel\nby hand"
+    assert main(["annotate", str(tmp_path), "--name", "", "--note", "", "--tags", ""]) == 0
+    assert not (tmp_path / FILE).exists()
+    assert main(["annotate", str(tmp_path / "none"), "--name", "x"]) == 2
