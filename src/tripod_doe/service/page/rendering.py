@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import datetime
 from functools import cache
 from importlib.metadata import version
@@ -27,7 +28,7 @@ Two exceptions: the hash of an empty style element, which Plotly makes and fills
 from data: and blob: addresses, as which Plotly draws heat maps and saves figures.
 """
 
-_PAGES = (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"))
+_PAGES = (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"), ("/diff", "Differences"))
 
 
 @cache
@@ -48,6 +49,7 @@ def _templates() -> Environment:
         "to_come": _to_come,
         "day": _day,
         "words": in_words,
+        "in_file": _in_file,
     }
     environment.filters |= words
     environment.globals |= {"version": stamp(), "plotly": version("plotly")}
@@ -76,6 +78,13 @@ def _to_come(run: Run) -> str:
         return f"about {duration(run.counts.cpu_seconds / ended * run.counts.missing, 2)}"
     price = run.plan.get("cpu_seconds")
     return f"about {duration(price['mean'], 2)}" if price else "not known"
+
+
+def _in_file(value: object) -> str:
+    """A value as a study file has it; a dash where it is not set."""
+    if value is None:
+        return "-"
+    return value if isinstance(value, str) else level(value) if isinstance(value, float) else json.dumps(value)
 
 
 def _day(stamp: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
@@ -12,14 +13,16 @@ from tripod_doe.errors import InputError
 from tripod_doe.service import answers
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.routes.dependencies import AnyService, Body
+from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
+from tripod_doe.service.runs.listing import SORTS, RunFilter, folders_of, page_count, page_of, short_ids, tags_of
 from tripod_doe.service.runs.result_directory import has_report
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.runs.table import Run, State
 from tripod_doe.service.security.report_keys import report_key
 from tripod_doe.service.service import Service
 
 router = APIRouter(include_in_schema=False)
 
+_MOST_DIFFERENCES = 60  # rows of a table of results
 _KINDS = (("lines", "Lines"), ("map", "Map"), ("points", "Points"), ("matrix", "Matrix"), ("parallel", "Parallel axes"))
 _TABS = (
     ("", "Explore"),
@@ -35,29 +38,47 @@ Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose
 
 
 @router.get("/")
-def runs(service: AnyService, order: Order = 3) -> HTMLResponse:
-    """The list of runs."""
-    runs = service.runs.all()
+def runs(
+    service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
+) -> HTMLResponse:
+    """The list of runs, or of those in the bin."""
+    everything = service.runs.in_bin() if bin else service.runs.all()
+    choices = {"tags": tags_of(everything), "folders": folders_of(everything), "states": list(State), "sorts": SORTS}
     return show(
-        "runs.html", service.settings, here="/", runs=runs, order=order, extremes=service.extremes.known(runs, order)
+        "runs.html", service.settings, here="/", **choices, **_listed(service, request, asked, order, page or 1, bin)
     )
 
 
 @router.get("/parts/runs")
-def run_list(service: AnyService, order: Order = 3) -> HTMLResponse:
+def run_list(
+    service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
+) -> HTMLResponse:
     """The list alone."""
-    runs = service.runs.all()
-    found = service.extremes.known(runs, order)
+    values = _listed(service, request, asked, order, page or 1, bin)
     return HTMLResponse(
-        part(
-            "run_list.html",
-            root=service.settings.root,
-            runs=runs,
-            read_only=service.settings.read_only,
-            order=order,
-            extremes=found,
-        )
+        part("run_list.html", root=service.settings.root, read_only=service.settings.read_only, **values)
     )
+
+
+def _listed(
+    service: Service, request: Request, asked: RunFilter, order: int, page: int, in_bin: bool
+) -> dict[str, Any]:
+    """What a page of the list shows."""
+    passed = asked.select(service.runs.in_bin() if in_bin else service.runs.all())
+    shown = page_of(passed, page)
+    query = [(name, value) for name, value in _items(request) if name != "page" and value]
+    return {
+        "asked": asked,
+        "runs": shown,
+        "count": len(passed),
+        "page": page,
+        "pages_of_runs": page_count(passed),
+        "query": urlencode(query),
+        "in_bin": in_bin,
+        "short_ids": short_ids(passed),
+        "order": order,
+        "extremes": service.extremes.known(shown, order),
+    }
 
 
 @router.get("/parts/extremes")
@@ -201,6 +222,31 @@ def steps(run_id: str, service: AnyService) -> HTMLResponse:
     if run.kind != "workflow":
         raise RefusedError(404, "this run is a study; it has no steps")
     return _run_page("steps.html", service, run, "Steps")
+
+
+@router.get("/diff")
+def diff(service: AnyService, a: str = "", b: str = "") -> HTMLResponse:
+    """What differs between two runs."""
+    studies = [run for run in service.runs.all() if run.kind == "study"]
+    differences, trouble = None, ""
+    if a and b:
+        try:
+            differences = json.loads(service.diff(a, b, []))
+        except InputError as error:
+            trouble = str(error)
+    names = {run.id: run.shown_name for run in studies}
+    return show(
+        "diff.html",
+        service.settings,
+        here="/diff",
+        studies=studies,
+        short_ids=short_ids(studies),
+        chosen=(a, b),
+        names=[names.get(a, a), names.get(b, b)],
+        differences=differences,
+        trouble=trouble,
+        most=_MOST_DIFFERENCES,
+    )
 
 
 @router.get("/compare")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from fastapi import Depends, Request
+from fastapi import Depends, Query, Request
 from pydantic import BaseModel
 
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Errors
+from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
+from tripod_doe.service.runs.table import State
 from tripod_doe.service.service import Service
 
 
@@ -60,3 +62,25 @@ async def _writing_service(service: AnyService) -> Service:
 
 WritingService = Annotated[Service, Depends(_writing_service)]
 """The service behind a route that changes something; refused (403) where the server is read-only."""
+
+
+_DAY = r"^(\d{4}-\d{2}-\d{2})?$"
+
+
+def _asked_runs(
+    text: Annotated[str, Query(max_length=200, description="words in name, question, note, tags, factors")] = "",
+    tag: Annotated[list[str], Query(description="tag that a run has; repeatable")] = [],  # noqa: B006
+    state: Annotated[list[State | Literal[""]], Query(description="state of a run; repeatable: one of them")] = [],  # noqa: B006
+    folder: Annotated[str, Query(max_length=200, description="beginning of the name, up to a /")] = "",
+    since: Annotated[str, Query(pattern=_DAY, description="submitted on this day or later, YYYY-MM-DD (UTC)")] = "",
+    until: Annotated[str, Query(pattern=_DAY, description="submitted on this day or earlier")] = "",
+    sort: Sort = "newest",
+) -> RunFilter:
+    states, tags = tuple(str(each) for each in state if each), tuple(each for each in tag if each)
+    return RunFilter(text, tags, states, folder, since, until, sort)
+
+
+AskedRuns = Annotated[RunFilter, Depends(_asked_runs)]
+"""The filter that a request asks for."""
+
+PageNumber = Annotated[int | None, Query(ge=1, le=1_000_000, description=f"page of {PAGE} runs; all if omitted")]

@@ -16,40 +16,22 @@ from tripod_doe.service.routes.dependencies import (
     CHANGES,
     REFUSALS,
     AnyService,
+    AskedRuns,
     Body,
+    PageNumber,
     WritingService,
     errors_at,
     gives,
     takes,
 )
-from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort, page_of
+from tripod_doe.service.runs.listing import page_of
 from tripod_doe.service.runs.processes import run_log
-from tripod_doe.service.runs.table import State
 
 router = APIRouter(responses=REFUSALS)
 
 _HEARTBEAT = 15.0  # seconds of silence on a stream
 _KEY_LETTERS = 200
-_DAY = r"^(\d{4}-\d{2}-\d{2})?$"
 
-
-def _asked_runs(
-    text: Annotated[str, Query(max_length=200, description="words in name, question, note, tags, factors")] = "",
-    tag: Annotated[list[str], Query(description="tag that a run has; repeatable")] = [],  # noqa: B006
-    state: Annotated[list[State], Query(description="state of a run; repeatable: one of them")] = [],  # noqa: B006
-    folder: Annotated[str, Query(max_length=200, description="beginning of the name, up to a /")] = "",
-    since: Annotated[str, Query(pattern=_DAY, description="submitted on this day or later, YYYY-MM-DD (UTC)")] = "",
-    until: Annotated[str, Query(pattern=_DAY, description="submitted on this day or earlier")] = "",
-    sort: Sort = "newest",
-) -> RunFilter:
-    states = tuple(each.value for each in state)
-    return RunFilter(text, tuple(tag), states, folder, since, until, sort)
-
-
-AskedRuns = Annotated[RunFilter, Depends(_asked_runs)]
-"""The filter that a request asks for."""
-
-Page = Annotated[int | None, Query(ge=1, le=1_000_000, description=f"page of {PAGE} runs; all if omitted")]
 
 LastEventId = Annotated[str | None, Header(alias="Last-Event-ID")]
 
@@ -68,7 +50,7 @@ def submit(
 
 
 @router.get("/runs", response_model=list[RunRecord])
-async def list_runs(asked: AskedRuns, service: AnyService, page: Page = None, bin: bool = False) -> Response:
+async def list_runs(asked: AskedRuns, service: AnyService, page: PageNumber = None, bin: bool = False) -> Response:
     """Runs, the newest first: the texts that their watchers get. All that pass the filter, or one page of them.
 
     The header X-Total-Count counts the runs that pass.

@@ -1,6 +1,7 @@
 // Parts of a page that the server writes anew: only what changed is replaced, and the keyboard stays where it is.
 
 import { ask } from "./asking.js";
+import { localTimes } from "./local_times.js";
 
 function name(element) {
   return element?.dataset.post || element?.dataset.delete || element?.id || element?.getAttribute("href");
@@ -10,6 +11,7 @@ export async function refresh(place, address) {
   const text = await (await ask(address)).text();
   const fresh = document.createElement("template");
   fresh.innerHTML = text;
+  localTimes(fresh.content);
   replaceChanged(place, fresh.content);
 }
 

@@ -8,15 +8,25 @@ import { watch } from "./live.js";
 
 const list = document.getElementById("list");
 const LOOK = 2500;  // ms from a change to the next look for the extremes of runs
+const TYPING = 200;  // ms from a letter to the search
 let due = null;
 
+const form = document.getElementById("find");
+
+function asked() {
+  const query = new URLSearchParams([...new FormData(form)].filter(([, value]) => value));
+  const page = new URLSearchParams(location.search).get("page");
+  if (page) query.set("page", page);
+  return query;
+}
+
 function order() {
-  return document.getElementById("order").value;
+  return form.elements.order.value;
 }
 
 async function lookForExtremes() {
   const found = await askJson(`${root}/parts/extremes?order=${order()}`);
-  if (found.new) await refresh(list, `${root}/parts/runs?order=${order()}`);
+  if (found.new) await refresh(list, `${root}/parts/runs?${asked()}`);
 }
 
 function states() {
@@ -26,7 +36,7 @@ function states() {
 async function update() {
   const before = states();
   try {
-    await refresh(list, `${root}/parts/runs?order=${order()}`);
+    await refresh(list, `${root}/parts/runs?${asked()}`);
   } catch (error) {
     complain(error);
     return;
@@ -39,11 +49,25 @@ async function update() {
   }
 }
 
-document.getElementById("order").addEventListener("change", async () => {
-  history.replaceState(null, "", `${root}/?order=${order()}`);
-  await refresh(list, `${root}/parts/runs?order=${order()}`);
+async function find() {
+  const query = asked();
+  query.delete("page");
+  history.replaceState(null, "", `${root}/?${query}`);
+  try {
+    await refresh(list, `${root}/parts/runs?${query}`);
+  } catch (error) {
+    complain(error);
+    return;
+  }
   lookForExtremes().catch(complain);
+}
+
+let typed = null;
+form.addEventListener("input", (event) => {
+  clearTimeout(typed);
+  typed = setTimeout(find, event.target.type === "search" ? TYPING : 0);
 });
+form.addEventListener("submit", (event) => { event.preventDefault(); find(); });
 takeActions(update);
 watch(`${root}/api/v1/events`, update);
 lookForExtremes().catch(complain);
