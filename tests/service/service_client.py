@@ -46,6 +46,9 @@ class Asked:
     def post(self, path, json=None, **options):
         return self.client.post(API + path, json=json, **options)
 
+    def patch(self, path, json=None, **options):
+        return self.client.patch(API + path, json=json, **options)
+
     def delete(self, path, **options):
         return self.client.delete(API + path, **options)
 

@@ -15,6 +15,7 @@ from service_client import ADDRESS, COAST, Asked
 from starlette.testclient import TestClient
 
 import tripod_doe as td
+from tripod_doe.analyses.diff.sentences import diff_json
 from tripod_doe.service.app import create_app
 from tripod_doe.service.routes import results
 
@@ -243,3 +244,61 @@ def test_an_extended_run_keeps_the_limits_whatever_its_files_are_called(api):
     other = api.post("/runs", {"study": grown(5), "files": {"workflow.toml": small}})
     assert other.json()["kind"] == "study"
     assert api.wait(other.json()["id"], "finished", "failed")["state"] == "finished"
+
+
+def test_runs_are_chosen_by_what_people_write_about_them(api, coast):
+    assert (
+        api.patch(f"/runs/{coast}", {"name": "customer/coast", "tags": ["x 1"], "note": "by *hand*"}).status_code == 200
+    )
+    run = api.get(f"/runs/{coast}").json()
+    assert (run["name"], run["owner"], run["tags"], run["note"]) == ("customer/coast", "", ["x 1"], "by *hand*")
+    for asked in (
+        {"tag": "x 1"},
+        {"folder": "customer"},
+        {"text": "HAND coast"},
+        {"text": "bearing_radial hand", "state": "finished"},
+    ):
+        answer = api.get("/runs", params=asked)
+        assert [each["id"] for each in answer.json()] == [coast], asked
+        assert answer.headers["x-total-count"] == "1"
+        assert api.get("/runs", params=asked | {"page": 2}).json() == []
+    assert api.get("/runs", params={"tag": "y"}).json() == []
+    for wrong in ({"sort": "size"}, {"state": "done"}, {"page": 0}, {"since": "yesterday"}):
+        assert api.get("/runs", params=wrong).status_code == 422, wrong
+    for wrong in ({"nam": "x"}, {"tags": "x"}, {"name": 3}, {"note": "x" * 20_001}, {"tags": ["a,b"]}):
+        assert api.patch(f"/runs/{coast}", wrong).status_code == 422, wrong
+    assert api.patch("/runs/none", {"name": "x"}).status_code == 404
+    assert api.patch(f"/runs/{coast}", {"name": "", "tags": [], "note": ""}).json()["name"] == "coast"
+
+
+def test_a_deleted_run_is_restored_with_its_results(api):
+    run_id = api.submit(grown(4, 6))
+    before = api.wait(run_id, "finished", "failed")
+    cells = api.get(f"/runs/{run_id}/query", params={"variable": "thrust_rms"}).json()
+    assert api.delete(f"/runs/{run_id}").status_code == 204
+    answer = api.get(f"/runs/{run_id}")
+    assert answer.status_code == 404
+    assert "in the bin" in answer.json()["errors"][0]["message"]
+    assert run_id not in [run["id"] for run in api.get("/runs").json()]
+    assert [run["id"] for run in api.get("/runs", params={"bin": True}).json()] == [run_id]
+    assert api.post(f"/runs/{run_id}/restore").json() == before
+    assert api.get(f"/runs/{run_id}/query", params={"variable": "thrust_rms"}).json() == cells
+    assert api.post(f"/runs/{run_id}/restore").status_code == 404
+    for _ in range(2):
+        assert api.delete(f"/runs/{run_id}").status_code == 204
+    assert api.delete(f"/runs/{run_id}").status_code == 404
+
+
+def test_two_runs_are_compared_as_by_the_command(api, coast, settings):
+    other = api.submit(grown(2.5, 6))
+    api.wait(other, "finished", "failed")
+    told = api.get(f"/runs/{coast}/diff/{other}").json()
+    assert told["points"] == {"a": 8, "b": 8, "shared": 4}
+    assert {row["key"] for row in told["study"]} == {"factors.joint_angle_deg.values", "keep.outputs"}
+    assert told["results"] == []
+    own = json.loads(diff_json(td.diff(settings.folder / coast, settings.folder / other)))
+    assert told == own
+    assert api.get(f"/runs/{coast}/diff/none").status_code == 404
+    assert api.get(f"/runs/{coast}/diff/{other}", params={"variable": "thrust"}).status_code == 422
+    for _ in range(2):
+        api.delete(f"/runs/{other}")

@@ -47,7 +47,7 @@ def traces(page):
     return json.loads(page.evaluate("JSON.stringify(document.getElementById('figure').data)"))
 
 
-def test_a_run_appears_and_ends_without_reload_and_is_deleted_after_a_question(served, page):
+def test_a_run_appears_and_ends_without_reload_and_goes_by_way_of_the_bin(served, page):
     """The live page as a person uses it: a submitted study shows up, moves, ends and goes, in one loaded document."""
     page.goto(served.home)
     page.evaluate("window.same = true")
@@ -63,13 +63,53 @@ def test_a_run_appears_and_ends_without_reload_and_is_deleted_after_a_question(s
     explorer.close()
     assert not refused  # the explorer of a run without a point waits for one
     row.get_by_role("button", name="Delete").click()
-    page.get_by_role("button", name="Keep it").click()
-    assert row.is_visible()
+    row.wait_for(state="detached")
+    page.locator("#undo").get_by_role("button", name="Undo").click()
+    row.wait_for()
     row.get_by_role("button", name="Delete").click()
-    page.locator("#sure").get_by_role("button", name="Delete").click()
     row.wait_for(state="detached")
     assert page.evaluate("window.same")
+    page.get_by_role("link", name="Bin").click()
+    row.get_by_role("button", name="Remove for good").click()
+    page.get_by_role("button", name="Keep it").click()
+    assert row.is_visible()
+    row.get_by_role("button", name="Remove for good").click()
+    page.locator("#sure").get_by_role("button", name="Delete").click()
+    row.wait_for(state="detached")
     assert run_id not in [run["id"] for run in served.ask("GET", "/api/v1/runs")]
+
+
+def test_a_run_is_found_by_a_word_or_a_tag_written_on_its_page(served, page, sampled):
+    page.goto(f"{served.home}/runs/{sampled}/study")
+    page.get_by_text("Name, tags, note").click()
+    page.get_by_label("Name", exact=True).fill("customer/sampled")
+    page.get_by_label("Tags, separated by commas").fill("steel, spring")
+    page.get_by_label("Note").fill("Measured in May.")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_role("heading", name="customer/sampled").wait_for()
+    assert page.get_by_text("Measured in May.").first.is_visible()
+    page.goto(served.home)
+    assert page.locator("table.runs tbody tr").count() >= 4
+    assert "UTC" not in page.locator("table.runs time").first.inner_text()  # in the reader's zone
+    page.get_by_label("Search").fill("measured may")
+    until(page, "document.querySelectorAll('table.runs tbody tr').length === 1")
+    assert "text=measured+may" in page.url
+    page.reload()
+    assert page.locator("table.runs tbody tr").count() == 1
+    page.get_by_label("Search").fill("")
+    page.get_by_label("Tag").select_option("steel")
+    until(page, "document.querySelectorAll('table.runs tbody tr').length === 1")
+    assert page.locator("table.runs .tag").all_inner_texts() == ["steel", "spring"]
+    served.ask("PATCH", f"/api/v1/runs/{sampled}", {"name": "", "tags": [], "note": ""})
+
+
+def test_two_runs_side_by_side(served, page, coast, rungs):
+    page.goto(f"{served.home}/diff?a={coast}&b={rungs}")
+    assert "they share 0." in page.locator("#points").inner_text()
+    assert page.get_by_role("row", name="factors.model.values").is_visible()
+    page.locator("select[name=b]").select_option(coast)
+    page.get_by_role("button", name="Show").click()
+    assert "All results are equal there. The studies are equal." in page.locator("#points").inner_text()
 
 
 def test_controls_make_the_address_and_the_address_makes_the_view(served, page, coast):

@@ -43,7 +43,12 @@ def runs(
 ) -> HTMLResponse:
     """The list of runs, or of those in the bin."""
     everything = service.runs.in_bin() if bin else service.runs.all()
-    choices = {"tags": tags_of(everything), "folders": folders_of(everything), "states": list(State), "sorts": SORTS}
+    choices: dict[str, Any] = {
+        "tags": tags_of(everything),
+        "folders": folders_of(everything),
+        "states": list(State),
+        "sorts": SORTS,
+    }
     return show(
         "runs.html", service.settings, here="/", **choices, **_listed(service, request, asked, order, page or 1, bin)
     )

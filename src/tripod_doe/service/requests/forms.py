@@ -129,7 +129,7 @@ class RunRecord(BaseModel):
     eta_seconds: float | None
     created: str
     updated: str
-    binned: str = Field("", description="when it was put into the bin; empty outside")
+    binned: str = Field(description="when it was put into the bin; empty outside")
 
 
 class Errors(BaseModel):

@@ -123,9 +123,8 @@ class Run:
             "eta_seconds": None if self.eta_seconds is None else round(self.eta_seconds, 1),
             "created": self.created,
             "updated": self.updated,
+            "binned": self.binned,
         }
-        if self.binned:
-            told["binned"] = self.binned
         if self.kind == "workflow":
             record["steps"] = [dict(step) for step in self.steps]
         return record

@@ -133,3 +133,4 @@ def write_annotation(directory: Path, annotation: Annotation) -> None:
         if value:
             table[key] = tomlkit.string(value, multiline="\n" in value) if isinstance(value, str) else list(value)
     replace_text(path, tomlkit.dumps(table))
+    path.chmod(0o600 | directory.stat().st_mode & 0o044)  # as open as the directory, whatever the umask of a server
