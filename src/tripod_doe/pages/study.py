@@ -74,26 +74,17 @@ _FILES = ("cube.nc", "cost.nc", "study.toml")
 def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path:
     """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
-    Parameters
-    ----------
-    directory
-        A result directory.
-    findings
-        What `find` says of its cube, where that is known already.
+    Args:
+        directory: A result directory.
+        findings: What `find` says of its cube, where that is known already.
 
-    Returns
-    -------
-    pathlib.Path
+    Returns:
         The report, ``directory/report/index.html``; an older one is replaced whole.
 
-    Raises
-    ------
-    CubeError
-        If the cube or an analysis is missing or damaged.
-    InputError
-        If this is a file and no directory.
-    StorageError
-        If the report cannot be written; an older one stays.
+    Raises:
+        CubeError: If the cube or an analysis is missing or damaged.
+        InputError: If this is a file and no directory.
+        StorageError: If the report cannot be written; an older one stays.
     """
     directory = Path(directory)
     if directory.is_file():
@@ -111,10 +102,8 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
     """The analyses of a result directory by their names.
 
-    Raises
-    ------
-    CubeError
-        If one is damaged or of another study.
+    Raises:
+        CubeError: If one is damaged or of another study.
     """
     return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
 
@@ -128,18 +117,12 @@ def make_page(
 ) -> str:
     """The report as HTML: the same cube and analyses give the same text.
 
-    Parameters
-    ----------
-    cube
-        A result cube, with its costs where they are known.
-    analyses
-        Analyses of it by name.
-    files
-        Files of the result directory, relative to it, to which the page links.
-    findings
-        What `find` says of the cube, where that is known already.
-    annotation
-        What people have written about it.
+    Args:
+        cube: A result cube, with its costs where they are known.
+        analyses: Analyses of it by name.
+        files: Files of the result directory, relative to it, to which the page links.
+        findings: What `find` says of the cube, where that is known already.
+        annotation: What people have written about it.
     """
     part = shown_subset(cube)
     shown = representative_points(part)

@@ -31,10 +31,8 @@ class AnnotationFiles:
     def changed(self, runs: Iterable[tuple[Run, Path]]) -> Iterator[Run]:
         """Runs whose file has changed since the last look, as it is now; nothing where that was just now.
 
-        Parameters
-        ----------
-        runs
-            Runs with their directories.
+        Args:
+            runs: Runs with their directories.
         """
         if time.monotonic() < self._due:
             return

@@ -22,12 +22,9 @@ log = logging.getLogger(__name__)
 class Bin:
     """The runs in the bin; their rows stay in the table, marked, and their directories where they were.
 
-    Parameters
-    ----------
-    folder
-        The folder of all runs.
-    table
-        Their table.
+    Args:
+        folder: The folder of all runs.
+        table: Their table.
     """
 
     def __init__(self, folder: Path, table: RunTable) -> None:
@@ -58,10 +55,8 @@ class Bin:
     def take(self, run_id: str) -> Run:
         """Take a run out of the bin.
 
-        Raises
-        ------
-        RefusedError
-            404 if it is not there.
+        Raises:
+            RefusedError: 404 if it is not there.
         """
         with self._lock:
             if run_id not in self._runs:

@@ -267,12 +267,9 @@ class Supervisor:
     def annotate(self, run_id: str, changes: dict[str, Any]) -> Run:
         """Change what people say about a run: name, owner, tags, note.
 
-        Raises
-        ------
-        RefusedError
-            404 if there is no such run.
-        InputError
-            If a value cannot be used.
+        Raises:
+            RefusedError: 404 if there is no such run.
+            InputError: If a value cannot be used.
         """
         with self._lock:
             run = self.find(run_id)
@@ -283,10 +280,8 @@ class Supervisor:
     def delete(self, run_id: str) -> None:
         """Put a run into the bin; of a run that is there, remove the directory.
 
-        Raises
-        ------
-        RefusedError
-            409 if a process is at work on it.
+        Raises:
+            RefusedError: 409 if a process is at work on it.
         """
         if run_id in self._bin:
             self._bin.remove(run_id)
@@ -305,10 +300,8 @@ class Supervisor:
     def restore(self, run_id: str) -> Run:
         """Take a run out of the bin.
 
-        Raises
-        ------
-        RefusedError
-            404 if it is not there.
+        Raises:
+            RefusedError: 404 if it is not there.
         """
         with self._lock:
             run = self._bin.take(run_id)

@@ -42,10 +42,8 @@ class Annotation:
 def read_annotation(directory: Path) -> Annotation:
     """Read what is written about the results of a directory; empty without a file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, with the key that is wrong.
+    Raises:
+        InputError: If the file cannot be read, with the key that is wrong.
     """
     path = directory / FILE
     try:
@@ -62,19 +60,13 @@ def read_annotation(directory: Path) -> Annotation:
 def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> Annotation:
     """An annotation with some of its values changed.
 
-    Parameters
-    ----------
-    before
-        The annotation so far.
-    changes
-        New values of name, owner, tags and note.
-    place
-        Where they come from, for messages.
+    Args:
+        before: The annotation so far.
+        changes: New values of name, owner, tags and note.
+        place: Where they come from, for messages.
 
-    Raises
-    ------
-    InputError
-        If a key is unknown, or a value is no text, too long or holds control characters.
+    Raises:
+        InputError: If a key is unknown, or a value is no text, too long or holds control characters.
     """
     where = f"{place}: " if place else ""
     for key, value in changes.items():
@@ -84,7 +76,7 @@ def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> A
             _check_tags(where, value)
         else:
             _check_text(f"{where}{key}", value, _LONGEST[key], lines=key == "note")
-    plain = {
+    plain: dict[str, Any] = {
         key: tuple(dict.fromkeys(tag.strip() for tag in value)) if key == "tags" else value.strip()
         for key, value in changes.items()
     }
@@ -115,12 +107,9 @@ def _check_text(where: str, value: object, longest: int, lines: bool) -> None:
 def write_annotation(directory: Path, annotation: Annotation) -> None:
     """Write what people say about the results of a directory; without anything to say, the file is removed.
 
-    Raises
-    ------
-    InputError
-        If this is no directory.
-    StorageError
-        If it cannot be written.
+    Raises:
+        InputError: If this is no directory.
+        StorageError: If it cannot be written.
     """
     if not directory.is_dir():
         raise InputError(f"{directory}: no such result directory")
