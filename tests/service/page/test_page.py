@@ -442,14 +442,14 @@ def test_the_price_of_a_point_is_told_before_it_is_simulated_and_its_contributio
     assert panel.get_by_label("Poisson's ratio").get_attribute("data-parameter") == "poissons_ratio"
     panel.get_by_label("Another parameter").select_option("model")
     panel.locator("[data-parameter=model]").fill("needles")
-    told = panel.locator(".told")
-    told.filter(has_text=re.compile(r"^About [\d.]+ (s|min) of CPU time")).wait_for()
+    status = panel.locator(".status")
+    status.filter(has_text=re.compile(r"^About [\d.]+ (s|min) of CPU time")).wait_for()
     clearance = panel.locator("[data-parameter=bearing_radial_clearance_mm]")
     clearance.fill("-0.03")
-    told.filter(has_text="This point will fail: jammed").wait_for()
+    status.filter(has_text="This point will fail: jammed").wait_for()
     clearance.fill("0.02")
     panel.locator("[data-parameter=model]").fill("needels")
-    told.filter(has_text="'needles'").wait_for()  # a wrong value is told before, too
+    status.filter(has_text="'needles'").wait_for()  # a wrong value is told before, too
     panel.get_by_text("Which friction makes the force here?").click()
     page.locator("#price dt", has_text="Points").wait_for()
     text = page.locator("#text").input_value()
