@@ -26,6 +26,7 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
     sentences = []
     for _, what, unit, part in tolerance_parts(result):
         sentences += [*_quantiles(what, part, unit, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
+        sentences += _keeping(what, part, unit)
     sentences += left_points(result)
     if region := str(result.attrs.get("failing_region", "")):
         sentences.append(f"Points fail {region}; the distribution leaves them out.")
@@ -58,7 +59,9 @@ def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
         part["exceedance_if_halved"].values,
         strict=True,
     )
-    known = sorted((row for row in rows if row[1] - row[2] > 0), key=lambda row: -row[1])
+    exceeds = np.isfinite(part["exceedance"]) and float(part["exceedance"]) > 0
+    resolved = [row for row in rows if row[1] - row[2] > 0]
+    known = sorted(resolved, key=lambda row: (row[3], -row[1]) if exceeds else (-row[1], 0))
     if not known:
         return [f"These points resolve no gain for {what} by halving the scatter of a single factor."]
     first = known[0]
@@ -75,6 +78,27 @@ def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
     )
     others = listed([f"{spoken(row[0])} {_percent(row)}" for row in known[1:_MOST_NAMED]])
     return [f"{head}{f'; next {others}' if others else ''}."]
+
+
+def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
+    """How far one scatter, or two, must shrink so that the limit is kept; nothing where it is kept."""
+    keep = float(part.attrs.get("keep", np.nan))
+    if not np.isfinite(part["exceedance"]) or "scale_to_keep" not in part or not float(part["exceedance"]) > 1 - keep:
+        return []
+    names, scale = [str(name) for name in part["factor"].values], part["scale_to_keep"].values
+    aim = f"To keep {what} within {with_unit(number(float(part['limit'])), unit)} with {100 * keep:g} %"
+    alone = sorted((-scale[k, k], names[k]) for k in range(len(names)) if np.isfinite(scale[k, k]))
+    if alone:
+        ways = [f"{spoken(name)} scatters {number(-size, 2)} times as far" for size, name in alone[:_MOST_NAMED]]
+        return [f"{aim}, it is enough that {' or that '.join(ways)} (by the same points)."]
+    pairs = sorted(
+        (-scale[k, m], names[m], names[k]) for k in range(len(names)) for m in range(k) if np.isfinite(scale[k, m])
+    )
+    if pairs:
+        size, first, second = pairs[0]
+        both = f"{spoken(first)} and {spoken(second)} both scatter {number(-size, 2)} times as far"
+        return [f"{aim}, no single scatter suffices; it is enough that {both} (by the same points)."]
+    return [f"{aim}, these points resolve no smaller scatter of one factor or two that is enough: shift a mean value."]
 
 
 def _percent(row: tuple[str, float, float, float]) -> str:

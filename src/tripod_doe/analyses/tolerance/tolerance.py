@@ -21,6 +21,7 @@ from tripod_doe.analyses.outputs import OutputTable, is_course, output_attribute
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
+from tripod_doe.analyses.tolerance.keeping import scale_to_keep
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
@@ -36,6 +37,7 @@ class ToleranceSettings(SensitivitySettings):
     limits: dict[str, float] = Field(
         {}, description="largest values allowed: OUTPUT_ORDER = value, as thrust_amplitude_3, or OUTPUT = value"
     )
+    keep: float = Field(0.99, gt=0.5, lt=1, description="share of the joints that must keep the limits")
 
 
 def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:
@@ -136,11 +138,13 @@ def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) 
     single |= {"mean": table.placed(values.mean(axis=0)), "std": values.std(axis=0, ddof=1), "limit": limit}
     gains = _gains(_halved_weights(sample), values, bound, settings)
     gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
+    scale = scale_to_keep(sample, values, bound, settings.keep)
     return xr.Dataset(
         {"distribution": table.labelled(quantiles.pop("distribution"), ("share",))}
         | {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
         | {key: table.labelled(answer, ()) for key, answer in single.items()}
         | {key: table.labelled(answer, ("factor",)) for key, answer in gains.items()}
+        | {"scale_to_keep": table.labelled(scale, ("factor", "factor_2"))}
     )
 
 
@@ -155,6 +159,7 @@ _MEANINGS = {
     "exceedance_if_halved": "probability to exceed the limit if the factor scattered half as far",
     "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
     "gain_of_halving_conf": "half width of the interval of the gain",
+    "scale_to_keep": "largest scale of the scatter of two factors, or of one, by which the limit is kept",
     "mean": "mean",
     "std": "standard deviation",
     "limit": "largest value allowed",
@@ -172,9 +177,9 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
 
     Returns:
         quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its
-        interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), mean, std, limit; with the
-        dimensions of the output, and with several outputs also along ``output``. The gain of a factor with listed
-        values is NaN.
+        interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), scale_to_keep (factor,
+        factor_2, ...), mean, std, limit; with the dimensions of the output, and with several outputs also along
+        ``output``. The gain of a factor with listed values is NaN.
 
     Raises:
         InputError: If the cube is of another design, a limit is of no output, or too few points are left.
@@ -189,7 +194,8 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     parts = [_of_output(sample, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))
-    pure = ("exceedance", "gain")
+    result = result.assign_coords(factor_2=list(sample.tables))
+    pure = ("exceedance", "gain", "scale")
     for name in result.data_vars:
         unit = {"units": "1"} if str(name).startswith(pure) else {}
         result[name].attrs = {"long_name": _MEANINGS[str(name)]} | unit
@@ -201,5 +207,6 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         points_used=sample.rows.size,
         points_dropped=sample.dropped,
         confidence_level=settings.confidence,
+        keep=settings.keep,
         **region,
     )

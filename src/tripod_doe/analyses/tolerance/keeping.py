@@ -1,0 +1,58 @@
+"""How far one scatter, or two together, must shrink so that a limit is kept, from the points that are there.
+
+Each point counts by how much more often it would occur if the scatter were s times as wide about its centre,
+w = f(c + (x - c) / s) / (s f(x)) with the density f of the factor; of two factors by the product.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.sample import Sample
+from tripod_doe.array_types import FloatArray
+from tripod_doe.study.definition.distributions import scatter_density
+from tripod_doe.study.definition.study_file import FactorTable
+
+_SCALES = np.arange(0.95, 0.075, -0.05)  # tried from the widest
+_FEWEST = 100  # effective points below which a share of 1 % is not resolved
+
+
+def scale_to_keep(sample: Sample, values: FloatArray, limit: FloatArray, keep: float) -> FloatArray:
+    """The largest scale of the scatter of two factors by which a limit is kept, shape (factor, factor, component).
+
+    On the diagonal that of one factor alone. NaN without a limit, where it is kept already, where no scale that the
+    points resolve keeps it, and for factors of listed values.
+
+    Args:
+        values: Shape (point, component).
+        keep: Share of the joints that must keep the limit.
+    """
+    columns = [np.asarray(sample.columns[name]) for name in sample.tables]
+    weights = [_weights(table, column) for table, column in zip(sample.tables.values(), columns, strict=True)]
+    count, above = len(weights), (values > limit).astype(float)
+    answers = np.full((count, count, limit.size), np.nan)
+    wanted = np.isfinite(limit) & (above.mean(axis=0) > 1 - keep)
+    if not wanted.any():
+        return answers
+    for first in range(count):
+        for second in range(first + 1):
+            both = weights[first] * (weights[second] if second != first else 1.0)
+            total = both.sum(axis=1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = (both @ above[:, wanted]) / total[:, None]
+                effective = total**2 / (both**2).sum(axis=1)
+            kept = (share <= 1 - keep) & (effective >= _FEWEST)[:, None]  # shape (scale, component)
+            best = np.where(kept.any(axis=0), _SCALES[kept.argmax(axis=0)], np.nan)
+            answers[first, second, wanted] = answers[second, first, wanted] = best
+    return answers
+
+
+def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
+    """Weights of the points for all scales, shape (scale, point); NaN where the factor has no scatter."""
+    scatter = scatter_density(table)
+    if scatter is None:
+        return np.full((_SCALES.size, column.size), np.nan)
+    x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
+    now = scatter.density(x)
+    return np.stack([scatter.density(scatter.centre + (x - scatter.centre) / s) / (s * now) for s in _SCALES.tolist()])
