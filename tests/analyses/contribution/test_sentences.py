@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tripod_doe as td
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes
-from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, share_rows
+from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows
 from tripod_doe.analyses.findings import find
 from tripod_doe.pages.study import make_page
 from tripod_doe.simulator import Outcome
@@ -81,7 +82,7 @@ def test_the_paper_s_reading_is_the_definition_with_the_smallest_largest_differe
     assert min(expected, key=expected.get) == "share_off"
     assert (
         f"closest to those by switching off: the largest difference is {expected['share_off']:.1f}"
-        in contribution_findings(third)[1]
+        in contribution_findings(third)[2]
     )
 
 
@@ -99,11 +100,9 @@ def test_closure_and_opponents_are_stated(parts):
     below = {row[0]: row[1:] for row in share_rows(third)[2]}
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
     assert float(below["closure: 100 - sum"][2]) == 0
-    said = f"the shares by switching off a single mechanism add up to {100 - third.closure[0]:.1f} %"
-    assert said in contribution_findings(third)[0]
     assert second.shares["share_shapley"][0, second.mechanisms.index("groove_rolling")] < 0
     assert (
-        "needle rolling with -0.1 % and groove rolling with -0.1 % oppose the sum" in contribution_findings(second)[0]
+        "needle rolling with -0.1 % and groove rolling with -0.1 % oppose the sum" in contribution_findings(second)[1]
     )
 
 
@@ -138,7 +137,9 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     assert len(chart.data) == 4
     assert " to " in share_rows(third)[1][2][1]
     assert third.like_paper.tolist() == [False, True]
-    assert ", at 10 deg, closest to those by switching off" in contribution_findings(third)[1]
+    assert ", at 10 deg, closest to those by switching off" in contribution_findings(third)[2]
+    off = contribution_findings(third)[1]
+    assert off.endswith(f"; they add up to {percent(100 - third.closure)} (analysis c).")
     assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2
 
 
@@ -226,8 +227,11 @@ def many(make_cube):
 
 
 def test_many_operating_points_are_told_by_median_and_quartiles(many):
-    first, furthest = contribution_findings(many)
-    assert "by Shapley value, median (and quartiles) over 12 operating points: x 70.8 % (62.5 to 76.2), z" in first
+    _, first, furthest = contribution_findings(many)
+    assert (
+        "by Shapley value (its fair part where mechanisms need each other), "
+        "median (and quartiles) over 12 operating points: x 70.8 % (62.5 to 76.2), z" in first
+    )
     assert furthest.startswith("The share furthest from its median in y is that of x: 400000.0 % at a 4, b 3, with a")
     assert share_rows(many)[1][0][1] == "70.8 (62.5 to 76.2)"
 
@@ -238,13 +242,16 @@ def test_operating_points_without_an_amplitude_do_not_take_the_shapley_values_of
     still = cube["a"] == 4
     cube["y"] = cube["y"].where(~still, 0.0)
     (part,) = contributions({"s": contribution_shares(cube, ContributionSettings(output="y"))})
-    first, second, *_ = contribution_findings(part)
-    assert "by Shapley value, median (and quartiles) over 9 operating points: x " in first
+    _, first, second, *_ = contribution_findings(part)
+    assert (
+        "by Shapley value (its fair part where mechanisms need each other), "
+        "median (and quartiles) over 9 operating points: x " in first
+    )
     assert second == "At 3 of 12 operating points y is zero within its numerical error, and has no shares."
     assert "at 9 operating points" in contribution_charts(part)[0].caption
     cube["outcome"] = cube["outcome"].where(~(still & (cube["b"] == 3)), Outcome.DIVERGED)
     (part,) = contributions({"s": contribution_shares(cube, ContributionSettings(output="y"))})
-    assert contribution_findings(part)[1:3] == [
+    assert contribution_findings(part)[2:4] == [
         "At 2 of 12 operating points y is zero within its numerical error, and has no shares.",
         "At 1 of 12 operating points y has no shares, since points that they need did not finish.",
     ]
@@ -323,3 +330,56 @@ def test_results_that_record_no_error_of_the_amplitude_have_no_doubtful_shares(u
     (part,) = contributions({"shares": old})
     assert not part.uncertain.any()
     assert contribution_findings(part)
+
+
+SIDES = """
+[factors.torque_n_m]
+values = [-120, 120]
+[design]
+kind = "product"
+of = ["t", "switches"]
+[design.t]
+factors = ["torque_n_m"]
+[design.switches]
+kind = "ablation"
+combinations = "single"
+halved = true
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_halved_frictions_are_those_of_half_the_coefficient_on_drive_and_coast(make_cube, seed):
+    """Exact: the change in percent is that of two simulated points, one with half of the coefficient.
+
+    Regression: the headline was "the shares by switching off leave a closure of -17.5 %".
+    """
+    random = np.random.default_rng(seed)
+    base = {"model": "equilibrium", "joint_angle_deg": random.uniform(6, 14), "initial_skew_1_deg": 0.5}
+    base |= {
+        "groove_sliding_friction": random.uniform(0.03, 0.08),
+        "needle_sliding_friction": random.uniform(0.01, 0.04),
+    }
+    table = "".join(f"{name} = {value!r}\n" for name, value in base.items()).replace("'", '"')
+    cube = make_cube(f'[study]\nname = "h"\n[base]\n{table}{SIDES}')
+    result = contribution_shares(cube)
+    for torque in (-120, 120):
+        whole = td.simulate(torque_n_m=torque, **base)["thrust_amplitude"]
+        for name in ("groove_sliding", "needle_sliding"):
+            half = base | {f"{name}_friction": base[f"{name}_friction"] / 2}
+            if name == "groove_sliding":
+                half["groove_spin_friction"] = base["groove_sliding_friction"]
+            changed = td.simulate(torque_n_m=torque, **half)["thrust_amplitude"]
+            expected = 100 * (changed / whole - 1).sel(order=[2, 3])
+            told = result["change_halved"].sel(mechanism=name, torque_n_m=torque, order=[2, 3])
+            assert told.values == pytest.approx(expected.values, abs=1e-3)
+    third = contributions({"c": result})[0]
+    sentence = contribution_findings(third)[0]
+    assert sentence.startswith("With half of one friction alone, the third order (")
+    drive, coast = (
+        float(result["change_halved"].sel(mechanism="groove_sliding", torque_n_m=t, order=3)) for t in (120, -120)
+    )
+    assert f"groove sliding {drive:.1f} % (drive) and {coast:.1f} % (coast)" in sentence
+    assert sentence.index("groove sliding") < sentence.index("needle sliding")
+    assert "closure" not in "".join(contribution_findings(third))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
 from tripod_doe.study.definition.study_file import parse_file
+from tripod_doe.study.designs.ablation import HALF
 
 _ROUNDING = 1e-6  # part of the largest amplitude of an operating point below which an amplitude is only error
 
@@ -43,11 +45,13 @@ class Projections:
         weak: Where the magnitude is not above its error, same shape.
     """
 
-    def __init__(self, switched: IntArray, operating: OperatingPoints, values: ComplexArray, error: FloatArray):
+    def __init__(self, switched: FloatArray, operating: OperatingPoints, values: ComplexArray, error: FloatArray):
         self.count = switched.shape[1]
         self._values = np.concatenate([values, np.full_like(values[:1], np.nan)])  # row -1: no such point
         self._row: dict[tuple[int, int], int] = {}
-        codes = switched @ (1 << np.arange(self.count))
+        codes = switched.astype(np.int64) @ (1 << np.arange(self.count))
+        half = (switched == HALF) @ (1 << np.arange(self.count))
+        codes = np.where(half > 0, -half, codes)
         for row, at in enumerate(zip(operating.of_point.tolist(), codes.tolist(), strict=True)):
             self._row.setdefault(at, row)
         self._points = operating.count
@@ -77,6 +81,22 @@ class Projections:
         square = np.where(self.weak, np.nan, self.total) ** 2
         projected: FloatArray = 100 * (self._amplitudes(combination) * self._reference.conj()).real / square + 0.0
         return projected  # the 0 added makes -0 a 0
+
+    def changes(self, combinations: Sequence[int]) -> FloatArray:
+        """Change of the amplitude in percent with other combinations, shape (operating point, combination, ...).
+
+        Parameters
+        ----------
+        combinations
+            As for a call; the bit of a mechanism whose friction is halved, with a minus.
+        """
+        whole = np.where(self.weak, np.nan, self.total)
+        return np.stack([100 * (np.abs(self._amplitudes(each)) / whole - 1) for each in combinations], axis=1) + 0.0
+
+    @property
+    def is_halved(self) -> bool:
+        """Whether there are points with a friction halved."""
+        return any(code < 0 for _, code in self._row)
 
     def of_whole(self, parts: ComplexArray) -> FloatArray:
         """Parts of A_all in percent, (point, part, own dimensions) -> (operating point, part, own dimensions)."""

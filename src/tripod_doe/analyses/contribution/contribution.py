@@ -76,6 +76,8 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     of the whole that S produces, in percent; a mechanism that opposes the others has negative shares.
 
     - share_off(m) = 100 - P(all but m): what is lost when it is switched off.
+    - change_off(m) = 100 (\|A_all but m\| / \|A_all\| - 1): change of the amplitude without it; change_halved(m): with
+      half of its friction, of designs with `halved`.
     - share_on(m) = P({m}): what it contributes alone.
     - share_shapley(m) = sum over S without m of \|S\|! (n - \|S\| - 1)! / n! (P(S with m) - P(S)): the mean of what it
       adds, over all orders of switching on. These add up to 100 - P(none).
@@ -96,8 +98,9 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
             interactions need all 2^n combinations of n mechanisms; they take n^2 2^n sums per operating point.
 
     Returns:
-        share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the output), closure,
-        direct_remainder, share_none = P(none), amplitude = \|A_all\| and its error amplitude_error, interaction (pair,
+        change_off, change_halved, share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the
+        output), closure, direct_remainder, share_none = P(none), amplitude = \|A_all\| and its error
+        amplitude_error, interaction (pair,
         ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points stand in front:
         one per factor where they fill a grid, else ``operating_point``. Every variable X has a flag variable X_flag:
         NaN is either zero_amplitude (\|A_all\| not above its error: the cube's scatter of it, at least 1e-6 of the
@@ -114,7 +117,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     settings = settings or ContributionSettings()
     mechanisms, operating = switches_and_points(cube)
     amplitude, error = _amplitudes(cube, settings)
-    switched = np.stack([cube[name].values for name in mechanisms], axis=1).astype(np.int64)
+    switched = np.stack([cube[name].values for name in mechanisms], axis=1).astype(float)
     part = Projections(switched, operating, amplitude.values, error)
     own = tuple(str(dim) for dim in amplitude.dims[1:])
     variables = _shares(part, own, cube[settings.output].attrs)
@@ -169,7 +172,17 @@ def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) 
     off = np.stack([100 - part(part.all_on - bit) for bit in bits], axis=1)
     on = np.stack([part(bit) for bit in bits], axis=1)
     by_mechanism = ("mechanism", *own)
+    halved = {
+        "change_halved": (
+            by_mechanism,
+            part.changes([-bit for bit in bits]),
+            _percent("change of the amplitude with half of its friction"),
+        )
+    }
+    changed = part.changes([part.all_on - bit for bit in bits])
     return {
+        "change_off": (by_mechanism, changed, _percent("change of the amplitude without it")),
+        **(halved if part.is_halved else {}),
         "share_off": (by_mechanism, off, _percent("share by switching off: 100 - P(all but the mechanism)")),
         "share_on": (by_mechanism, on, _percent("share on alone: P(the mechanism)")),
         "closure": (own, 100 - off.sum(axis=1), _percent("closure: 100 - sum of the shares by switching off")),

@@ -6,7 +6,16 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
-from tripod_doe.analyses.contribution.shares import DEFINITIONS, Contribution, contributions, percent, spread
+from tripod_doe.analyses.contribution.shares import (
+    ANSWERS,
+    CHANGES,
+    DEFINITIONS,
+    Contribution,
+    contributions,
+    percent,
+    signed,
+    spread,
+)
 from tripod_doe.array_types import FloatArray
 from tripod_doe.report.responses import listed, spoken
 
@@ -27,7 +36,14 @@ def contribution_findings(part: Contribution) -> list[str]:
     """State the shares, who opposes the sum, the most unusual operating point, and what is closest to the paper."""
     if part.missing:
         return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
-    return [_who_makes_it(part), *_without(part), *_uncertain(part), *_furthest(part), *_nearest_to_paper(part)]
+    return [
+        *_changes(part),
+        _who_makes_it(part),
+        *_without(part),
+        *_uncertain(part),
+        *_furthest(part),
+        *_nearest_to_paper(part),
+    ]
 
 
 def contribution_notes(part: Contribution) -> list[str]:
@@ -62,8 +78,27 @@ def _start(text: str) -> str:
     return text[0].upper() + text[1:] if text.startswith("the ") else text
 
 
+def _changes(part: Contribution) -> list[str]:
+    """What happens to the amplitude with less of one friction, drive beside coast: the question of a designer."""
+    key = next((key for key in CHANGES if key in part.changes), "")
+    if not key or not np.isfinite(part.changes[key]).any():
+        return []
+    sides = part.sides
+    known = {side: part.changes[key][rows] for side, rows in sides.items()}
+    size = np.array([np.nanmax(np.abs(column), initial=0.0) for column in part.changes[key].T])
+    text = []
+    for at in np.argsort(-size, kind="stable"):
+        values = [f"{signed(values[:, at])}{f' ({side})' if side else ''}" for side, values in known.items()]
+        text.append(f"{spoken(part.mechanisms[at])} {' and '.join(values)}")
+    what = {"change_halved": "half of one friction alone", "change_off": "one friction alone switched off"}[key]
+    many = f"; {part.summarised.replace('operating points', 'points')}" if len(part.labels) > len(sides) else ""
+    whole = f" ({part.amplitude})" if part.amplitude else ""
+    return [f"With {what}, {part.what}{whole} changes by: {', '.join(text)}{many} (analysis {part.analysis})."]
+
+
 def _who_makes_it(part: Contribution) -> str:
-    values = part.shares[part.fairest]
+    leading = "share_direct" if part.knows("share_direct") else part.fairest
+    values = part.shares[leading]
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
     ranked = [int(at) for at in np.argsort(-np.nan_to_num(median), kind="stable")]
@@ -72,14 +107,13 @@ def _who_makes_it(part: Contribution) -> str:
         f"{spoken(part.mechanisms[at])} with {percent(values[:, at])}" for at in ranked if median[at] < -_PRINTED
     ]
     opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
-    closure = (
-        f"; the shares by switching off a single mechanism add up to {percent(100 - part.closure)}"
-        if spread(part.closure)
-        else ""
-    )
+    closure = ""
+    if leading == "share_off" and spread(part.closure):
+        closure = f"; they add up to {percent(100 - part.closure)}"
     over = f", {part.summarised}" if len(part.labels) > 1 else ""
+    size = f" ({part.amplitude})" if part.amplitude else ""
     return (
-        f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}{over}: "
+        f"Of {part.what}{size}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "
         f"{', '.join(text)}{opposed}{closure} (analysis {part.analysis})."
     )
 

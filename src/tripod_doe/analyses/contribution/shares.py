@@ -25,6 +25,17 @@ DEFINITIONS = {
 }
 """Definitions of a share by the variables that hold them."""
 
+CHANGES = {"change_halved": "half of its friction", "change_off": "without it"}
+"""Changes of one mechanism by the variables that hold them."""
+
+ANSWERS = {
+    "share_off": "what is lost without it",
+    "share_on": "what it makes alone",
+    "share_shapley": "its fair part where mechanisms need each other",
+    "share_direct": "whose force it is while all are on",
+}
+"""What each definition answers."""
+
 _PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
 _UNSURE = 0.05  # error of an amplitude, as a part of it, above which its shares are flagged
 _ZERO = 1  # flag of a share: no amplitude beyond its error
@@ -46,6 +57,7 @@ class Contribution:
     labels: list[str]  # the operating points in words
     # percent by definition, each of shape (operating point, mechanism); NaN where not known
     shares: dict[str, FloatArray]
+    changes: dict[str, FloatArray]  # percent of the amplitude by the variables that hold them, shapes as of shares
     # closure, none, interaction: percent: 100 less the sum of the shares by switching off, P(none) and the strongest
     # interaction
     closure: FloatArray
@@ -85,10 +97,20 @@ class Contribution:
         return int(self.shared.sum()) >= _MANY
 
     @property
+    def sides(self) -> dict[str, NDArray[np.bool_]]:
+        """The operating points of drive and of coast, where there are both; else all of them without a name."""
+        torque = self.points["torque_n_m"].to_numpy(float) if "torque_n_m" in self.points else np.ones(len(self.labels))
+        sides = {"drive": torque > 0, "coast": torque < 0}
+        return sides if all(rows.any() for rows in sides.values()) else {"": np.ones(len(self.labels), bool)}
+
+    def knows(self, definition: str) -> bool:
+        """Whether all shares by a definition are known where any share is."""
+        return definition in self.shares and bool(np.isfinite(self.shares[definition][self.shared]).all())
+
+    @property
     def fairest(self) -> str:
-        """The definition that sentences and charts of many operating points show."""
-        known = [name for name, values in self.shares.items() if np.isfinite(values[self.shared]).all()]
-        return next((name for name in ("share_shapley", "share_off", "share_on") if name in known), "share_off")
+        """The definition that charts of many operating points show, and sentences without a direct decomposition."""
+        return next((name for name in ("share_shapley", "share_off", "share_on") if self.knows(name)), "share_off")
 
     def differences(self) -> dict[str, float]:
         """Largest difference from the four printed shares at the paper's operating point, in percentage points."""
@@ -143,6 +165,7 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         units={factor: factor_unit(points, factor) for factor in factors},
         labels=_labels(points, factors),
         shares={key: points[key].transpose("at", "mechanism").values for key in DEFINITIONS if key in points},
+        changes={key: points[key].transpose("at", "mechanism").values for key in CHANGES if key in points},
         closure=points["closure"].values,
         none=points["share_none"].values,
         interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
@@ -201,6 +224,12 @@ def percent(values: FloatArray) -> str:
     """Percent of one or of many operating points as text; ``not known`` where there is none."""
     text = spread(values)
     return text.replace(" (", " % (") if " (" in text else f"{text} %" if text else "not known"
+
+
+def signed(values: FloatArray) -> str:
+    """A change in percent as text, with its sign; ``not known`` where there is none."""
+    text = percent(values)
+    return text if text.startswith(("-", "0.0", "not")) else f"+{text}"
 
 
 def spread(values: FloatArray) -> str:

@@ -157,6 +157,7 @@ class DesignTable(_Table):
     combinations: Literal["all", "single"] = Field(
         "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
     )
+    halved: bool = Field(False, description="ablation: also one point per switch with its friction halved")
     of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
     factors: list[str] | None = Field(
         None, description="the factors that a sub-design varies; ablation: its switches, all of the scene if omitted"

@@ -1,4 +1,7 @@
-"""The ablation: switches of mechanisms off and on, in all combinations or one at a time."""
+"""The ablation: switches of mechanisms off and on, in all combinations or one at a time.
+
+A switch multiplies the coefficient of its mechanism, so that one at a half halves its friction.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,17 @@ import itertools
 from tripod_doe.errors import InputError
 from tripod_doe.study.designs.request import Family, Made, Request, column_of
 
+HALF = 0.5
+"""The switch of a friction that is halved."""
+
 _MOST_SWITCHES = 16  # whose combinations are all made
 
 
 def _ablation(request: Request) -> Made:
-    """All on first; then every combination, or with none on, with each off alone and with each on alone."""
+    """All on first; then every combination, or with none on, with each off alone and with each on alone.
+
+    Those with one friction halved come last.
+    """
     design, switches = request.table, request.factors
     for name, factor in switches.items():
         if factor.table.model_fields_set and set(factor.values or ()) != {0, 1}:
@@ -23,17 +32,19 @@ def _ablation(request: Request) -> Made:
                 f"all combinations of {count} switches are {2**count:,} points, more than {_MOST_SWITCHES} make; "
                 'set combinations = "single" or name fewer factors'
             )
-        rows = list(itertools.product((1, 0), repeat=count))
+        rows: list[tuple[float, ...]] = list(itertools.product((1, 0), repeat=count))
     else:
         alone = [tuple(int(each == on) for each in range(count)) for on in range(count)]
         without = [tuple(1 - state for state in row) for row in alone]
         rows = list(dict.fromkeys([(1,) * count, (0,) * count, *without, *alone]))  # two switches: some are the same
+    if design.halved:
+        rows += [tuple(HALF if each == halved else 1 for each in range(count)) for halved in range(count)]
     return Made({name: column_of(f, (row[at] for row in rows)) for at, (name, f) in enumerate(switches.items())})
 
 
 def _count(request: Request) -> int:
     switches = len(request.factors)
-    return 2**switches if request.table.combinations == "all" else 2 * switches + 2
+    return (2**switches if request.table.combinations == "all" else 2 * switches + 2) + switches * request.table.halved
 
 
 ABLATION = {"ablation": Family(_ablation, _count)}
