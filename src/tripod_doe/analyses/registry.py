@@ -199,6 +199,7 @@ ANALYSES: dict[str, Analysis] = {
             table="speed_accuracy.sentences:price_table",
             figures={
                 "speed-accuracy": "speed_accuracy.charts:speed_accuracy_charts",
+                "models-and-methods": "speed_accuracy.charts:ladder_charts",
                 "model-error": "speed_accuracy.charts:model_error_charts",
             },
         ),

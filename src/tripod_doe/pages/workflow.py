@@ -20,7 +20,7 @@ from tripod_doe.analyses.registry import findings_of, table_of
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.names import path_within
 from tripod_doe.pages.workflow_chart import StepView, chain_chart, step_time
-from tripod_doe.report.answer import answer_first, picture_first
+from tripod_doe.report.answer import answer_first, beyond, picture_first
 from tripod_doe.report.charts.chart import WIDE, Chart
 from tripod_doe.report.templates import render
 
@@ -172,6 +172,7 @@ def _page(
             part,
             title=part.title if titles[part.title] == 1 else f"{part.title}: {_words(part.name)}",
             charts=[chart for chart in part.charts if chart is not picture],
+            findings=beyond(part.findings, sentences),
         )
         for part in parts
     ]

@@ -32,6 +32,12 @@ def answer_first(findings: Sequence[str]) -> tuple[list[str], list[str]]:
     return answer, []
 
 
+def beyond(findings: Sequence[str], answer: Sequence[str]) -> list[str]:
+    """What findings say beyond the sentences of an answer, so that a page says nothing twice."""
+    left = ([sentence for sentence in _NEXT_SENTENCE.split(finding) if sentence not in answer] for finding in findings)
+    return [" ".join(sentences) for sentences in left if sentences]
+
+
 def picture_first(groups: Sequence[Sequence[Picture]]) -> Picture | None:
     """The first picture of the first group that has any; None if there is none."""
     return next((group[0] for group in groups if group), None)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -262,7 +262,7 @@ class _Chain:
         name = step.analysis
         with self._cubes(self._inputs(step)) as cubes:
             result = ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
-            result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs).load()
+            result = result.assign_attrs({"title": _title(name, cubes)} | result.attrs).load()
         write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
         for path in self._exported(step):
             export = ANALYSES[name].export
@@ -332,3 +332,9 @@ class _Chain:
             page = step_page(title, question, shown, cubes, figures, _notice(self.workflow))
         replace_text(self.folder(step.name) / "index.html", page)
         return title
+
+
+def _title(kind: str, inputs: Iterable[str]) -> str:
+    """The title of an analysis without one of its own, in words."""
+    words = f"{kind} of {', '.join(inputs)}".replace("_", " ").replace("-", " ")
+    return words[:1].upper() + words[1:]

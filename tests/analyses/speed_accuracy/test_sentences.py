@@ -105,3 +105,44 @@ def test_a_study_of_many_methods_lists_them_and_passes_over_open_fields():
     assert told["method"] == ", ".join(sorted(methods))
     assert told["step_s"] == "0.0001"
     assert told["relative_tolerance"] == "1e-9 to 0.01 (8 values)"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_to_use_is_the_cheapest_run_within_each_error(seed):
+    """Exact by its meaning, at random prices and errors: no run within the error is cheaper than the one that is named.
+
+    The picture holds the finished runs of all models on its axes; failed ones do not stretch them.
+    """
+    random = np.random.default_rng(seed)
+    rows = []
+    for model, off in (
+        ("equilibrium", random.uniform(0.02, 0.3)),
+        ("rollers", 10 ** random.uniform(-4, -1.5)),
+        ("needles", 0),
+    ):
+        price, slope = 10 ** random.uniform(-3, 1), 10 ** random.uniform(0, 2)
+        for method in ("implicit-euler", "bdf2"):
+            factor = random.uniform(0.3, 3)
+            rows += fixed(method, FINE, lambda h: off + slope * h, lambda h: factor * price / h**0.5, model)  # noqa: B023
+    rows += fixed("rk4", [1e-7], lambda h: 0, lambda h: 1e9, "needles", Outcome.EVALUATION_LIMIT)
+    result = speed_accuracy({"joint": cube_of(rows, JOINT, "thrust_amplitude")}, SpeedAccuracySettings())
+    third = result.sel(quantity="third_order")
+    told = findings_of("accuracy", result)[0]
+    assert told.startswith("What to use in joint for the third order")
+    error, price = third["model_error"].values, third["cpu_per_second"].values
+    known = float(third["reference_error"].values[-1])
+    for target in (0.1, 0.01, 0.001):
+        said = next(part for part in told.split("within ")[1:] if part.startswith(f"{100 * target:g} %"))
+        within = np.isfinite(error) & (np.maximum(error, known) <= target)
+        if not within.any():
+            assert said.startswith(f"{100 * target:g} % none")
+            continue
+        best = third.isel(run=int(np.flatnonzero(within)[np.argmin(price[within])]))
+        assert f"{best['model'].item()} ({best['run_method'].item()}, " in said
+    (chart,) = draw("models-and-methods", {"accuracy": result})
+    done = np.isfinite(error) & (error > 0)
+    for panel in chart.figure.axes:
+        left, right = panel.get_xlim()
+        assert left < price[done].min()
+        assert price[done].max() < right < 3 * price[done].max()
+    assert "1 evaluation limit" in chart.caption

@@ -90,3 +90,24 @@ def test_how_models_end():
     (chart,) = outcome_charts(cube)
     texts = [text.get_text() for text in chart.figure.axes[0].texts]
     assert texts == ["14", "14", "out\nof\nrange", "14"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_defaults_are_measured_against_their_limits(borders, seed):
+    """Exact by its meaning: any default lies below, above or between, and a missing one is not named."""
+    random = np.random.default_rng(seed)
+    defaults = np.where(random.random(2) < 0.2, np.nan, random.choice([3e-9, 1.5e-8, 3e-8, 9e-8], 2))
+    told = findings_of("joint_borders", borders.assign(default_setting=("method", defaults)))
+    base = borders.isel(case=0)
+    for at, default in enumerate(defaults):
+        row, method = base.isel(method=at), str(base["method"].values[at])
+        low, high = float(row["border_low"]), float(row["border_high"])
+        said = next((part for part in told[0].split("; ") if f"{method} " in part), "")
+        assert bool(said) == np.isfinite(default)
+        if said and default <= low:
+            assert f"{low / default:.2g} times below it" in said
+            assert ("at least" in said) == np.isinf(high)
+        elif said:
+            assert ("times above it" in said) == (default >= high)
+    assert all(sentence.startswith("Joint: ") for sentence in told[:3] if "measured" in sentence)
+    assert len(set(told)) == len(told)

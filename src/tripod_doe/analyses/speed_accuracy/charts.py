@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.report.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing
+from tripod_doe.report.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, panels
 from tripod_doe.simulator import Outcome
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -18,6 +18,92 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
 _CROSSES = {Outcome.DIVERGED: "x", Outcome.INACCURATE: "X", Outcome.STEP_LIMIT: "+", Outcome.EVALUATION_LIMIT: "1"}
 _OTHER = "*"
 _X_LABEL = "CPU seconds per simulated second (-)"
+
+
+def ladder_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
+    """One picture per scene with several models: all models and methods side by side in the first two quantities.
+
+    Error is the difference to the finest model, so that models and methods compare on one scale. Front, defaults and
+    failed runs are in it.
+
+    Parameters
+    ----------
+    data
+        An analysis of kind speed-accuracy.
+    """
+    charts = []
+    for scene in dict.fromkeys(data["scene"].values.tolist()):
+        runs = data.isel(run=np.flatnonzero(data["scene"].values == scene))
+        known = np.isfinite(runs["model_error"].values)
+        several = [
+            str(quantity)
+            for at, quantity in enumerate(runs["quantity"].values)
+            if np.unique(runs["model"].values[known[:, at]]).size > 1
+        ]
+        if several:
+            charts.append(_ladder_chart(runs, str(scene), sorted(several, key=lambda each: each != "third_order")[:2]))
+    return charts
+
+
+def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
+    price, models = runs["cpu_per_second"].values, list(dict.fromkeys(runs["model"].values.tolist()))
+    finest = str(runs["case_model"].values[runs["case_scene"].values == scene][-1])
+    tables = []
+    with panels(len(quantities), len(quantities), 4.1, 4.3) as (figure, axes):
+        for panel, quantity in zip(axes, quantities, strict=True):
+            of = runs.sel(quantity=quantity)
+            error = 100 * of["model_error"].values
+            done = np.isfinite(error) & (error > 0)
+            _frame(panel, "", "")
+            panel.set_title(str(of["quantity_meaning"].item()))
+            for at, model in enumerate(models):
+                mine = (runs["model"].values == model) & done
+                panel.plot(price[mine], error[mine], MARKERS[at], color=COLOURS[at], alpha=0.75, ls="none", label=model)
+            _mark(panel, (of["model_front"].values == 1) & done, price, error, "front")
+            default = (runs["is_default"].values == 1) & done
+            panel.plot(
+                price[default], error[default], "o", ms=12, mfc="none", mec=INK, mew=1.4, ls="none", label="default"
+            )
+            _failed_at_top(panel, runs, done, models)
+            tables.append(of)
+        axes[0].set_ylabel(f"difference to {finest} (%)")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False, fontsize=8)
+    columns = ["model", "run_method", "setting_kind", "setting", "cpu_per_second", "outcome", "outcome_detail"]
+    table = runs[columns].to_dataframe()[columns]
+    table["outcome"] = [Outcome(int(kind)).label for kind in runs["outcome"].values]
+    for of in tables:
+        table[f"{of['quantity'].item()}_error_percent"] = 100 * of["model_error"].values
+    caption = (
+        f"Difference to the finest model, {finest}, over price: runs of all models and methods. On the broad line no "
+        "run is cheaper and more exact; rings are the defaults. Crosses at the top: failed runs, at their price until "
+        f"the failure: {_why_failed(runs) or 'none'}."
+    )
+    return Chart(f"{scene}-ladder", "All models and methods: error over price", caption, figure, table)
+
+
+def _failed_at_top(panel: Axes, runs: xr.Dataset, done: np.ndarray, models: list[str]) -> None:
+    """Axes that hold the finished runs; failed ones are crosses at the upper edge, at its ends if they lie beyond."""
+    price = runs["cpu_per_second"].values
+    if not done.any():
+        return
+    left, right = price[done].min() / 2, price[done].max() * 2
+    panel.set_xlim(left, right)
+    bottom, top = panel.get_ylim()
+    panel.set_ylim(bottom, 3 * top)
+    failed = (runs["outcome"].values != Outcome.FINISHED) & np.isfinite(price)
+    for at, model in enumerate(models):
+        mine = failed & (runs["model"].values == model)
+        shown = np.clip(price[mine], left * 1.1, right / 1.1)
+        panel.plot(shown, np.full(mine.sum(), 2 * top), "x", color=COLOURS[at], ms=6, mew=1.3)
+    panel.plot([], [], "x", color=MUTED, ms=6, mew=1.3, ls="none", label="failed")
+
+
+def _why_failed(runs: xr.Dataset) -> str:
+    """How many runs failed, by their outcome."""
+    kinds = [Outcome(int(kind)) for kind in runs["outcome"].values if kind != Outcome.FINISHED]
+    counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+    return ", ".join(f"{count} {kind.label.replace('_', ' ')}" for kind, count in counts.items())
 
 
 def speed_accuracy_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
@@ -37,7 +123,8 @@ def _error_chart(data: xr.Dataset) -> Chart:
     floor, case = 100 * max(float(data["reference_error"]), 1e-14), str(data["case"].item())
     error, price = np.maximum(100 * data["numerical_error"].values, floor), data["cpu_per_second"].values
     finished, name = np.isfinite(error), str(data["quantity"].item())
-    top = 10 * max(float(error[finished].max()), 3.0)
+    top = 10 * float(error[finished].max())
+    left, right = price[finished].min() / 2, price[finished].max() * 2
     with drawing(5.6, 5.4) as (figure, axes):
         _frame(axes, f"{case.replace('_', ' ')}: {data['quantity_meaning'].item()}", "numerical error (%)")
         for method in dict.fromkeys(data["run_method"].values):
@@ -45,18 +132,21 @@ def _error_chart(data: xr.Dataset) -> Chart:
             _line(axes, str(method), price[mine & finished], error[mine & finished])
         for kind in dict.fromkeys(data["outcome"].values[~finished]):
             failed = ~finished & (data["outcome"].values == kind) & np.isfinite(price)
-            _crosses(axes, Outcome(int(kind)), data["run_method"].values[failed], price[failed], top)
+            shown = np.clip(price[failed], 1.1 * left, right / 1.1)
+            _crosses(axes, Outcome(int(kind)), data["run_method"].values[failed], shown, top)
         _mark(axes, data["front"].values == 1, price, error, "Pareto front")
         at = (data["is_default"].values == 1) & finished
         axes.plot(price[at], error[at], "o", ms=13, mfc="none", mec=INK, mew=1.4, label="default")
         axes.axhline(100 * float(data.attrs["target"]), color=MUTED, lw=0.8, ls=":")
         axes.axhspan(floor / 30, floor, color=MUTED, alpha=0.12, lw=0, label="below the reference's error")
-        axes.set_ylim(floor / 3, 3 * top)
+        axes.set_xlim(left, right)
+        axes.set_ylim(max(floor / 3, float(error[finished].min()) / 10), 3 * top)
         _legend(axes)
     caption = (
         f"Numerical error of the {data['quantity_meaning'].item()} over price, one line per method, coarse settings on "
         f"the left. Reference: {data['reference'].item()}; its own error is {floor:.2g} %. Crosses at the top: failed "
-        "runs, with their price per second simulated until the failure. Dotted: error at which prices are compared."
+        "runs, with their price per second simulated until the failure, or at the end beyond which it lies. "
+        "Dotted: error at which prices are compared."
     )
     table = pd.DataFrame(
         {
@@ -79,7 +169,8 @@ def _frame(axes: Axes, title: str, label: str) -> None:
     axes.set_yscale("log")
     axes.set_xlabel(_X_LABEL)
     axes.set_ylabel(label)
-    axes.figure.suptitle(title, x=0.02, ha="left", fontsize=9, fontweight="bold", color=INK)
+    if title:
+        axes.figure.suptitle(title, x=0.02, ha="left", fontsize=9, fontweight="bold", color=INK)
 
 
 def _legend(axes: Axes) -> None:

@@ -19,12 +19,14 @@ _HOW = {
     Known.LIMITED: "at the coarsest setting that does not fail",
 }
 
+_TARGETS = (0.1, 0.01, 0.001)  # errors for which a sentence says what to use
 _MISS = 0.05
 """Error above which a finished run is one that its checks missed."""
 
 
 def find_in_speed_accuracy(data: xr.Dataset, name: str = "") -> list[str]:
     """State the price of each default relative to the best method, the error of its model, and failures."""
+    advice = [_what_to_use(data, str(scene)) for scene in dict.fromkeys(data["scene"].values.tolist())]
     spread = _spread(data)
     repeated = f", median of the repetitions, which differ by at most a factor of {spread:.2f} in nine of ten runs"
     sentences = [
@@ -44,7 +46,34 @@ def find_in_speed_accuracy(data: xr.Dataset, name: str = "") -> list[str]:
             sentences.append(
                 f"Finished in {_spoken(str(case))} with an undetected error above {level(100 * _MISS)} %: {missed}."
             )
-    return sentences + _model_sentences(data)
+    return [each for each in advice if each] + sentences + _model_sentences(data)
+
+
+def _what_to_use(data: xr.Dataset, scene: str) -> str:
+    """The cheapest run of any model within each of three errors of the first quantity; empty with one model."""
+    of_scene = data.isel(run=np.flatnonzero(data["scene"].values == scene))
+    lead = "third_order" if "third_order" in data["quantity"].values else str(data["quantity"].values[0])
+    runs = of_scene.sel(quantity=lead)
+    cases = data.isel(case=np.flatnonzero(data["case_scene"].values == scene)).sel(quantity=lead)
+    error, price = runs["model_error"].values, runs["cpu_per_second"].values
+    if np.unique(runs["model"].values[np.isfinite(error)]).size < 2:
+        return ""
+    known, parts = float(cases["reference_error"].values[-1]), []
+    for target in _TARGETS:
+        within = np.flatnonzero((np.maximum(error, known) <= target) & np.isfinite(price))
+        if within.size == 0:
+            parts.append(f"{level(100 * target)} % is reached by none")
+            continue
+        best = runs.isel(run=int(within[np.argmin(price[within])]))
+        setting = f"{best['setting_kind'].item()} = {level(float(best['setting']))}".replace("_", " ")
+        default = "its default" if int(best["is_default"]) == 1 else setting
+        parts.append(
+            f"{level(100 * target)} % {best['model'].item()} ({best['run_method'].item()}, {default}; "
+            f"{number(float(best['cpu_per_second']))} s per simulated second)"
+        )
+    finest = str(cases["case_model"].values[-1])
+    what = f"the {runs['quantity_meaning'].item()}, by the difference to {finest} there"
+    return f"What to use in {_spoken(scene)} for {what}: within {'; within '.join(parts)}."
 
 
 def _spoken(case: str) -> str:

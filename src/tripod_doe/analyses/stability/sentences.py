@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
-from tripod_doe.quantities import duration, level, number, with_unit
+from tripod_doe.quantities import count_of, duration, level, number, with_unit
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome
 
@@ -52,27 +52,62 @@ def find_in_stability(borders: xr.Dataset, name: str = "") -> list[str]:
         if ratio.size
         else ""
     )
+    where = f"{_scene(name)}: " if _scene(name) else ""
+    agreeing = f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured stability limits"
     sentences = [
-        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured stability limits agree with the "
-        f"predicted ones within a factor of {level(borders.attrs['factor'])}{spread}. A run counts as right if it is "
-        f"within {level(100 * borders.attrs['limit'])} % of the reference."
+        *_defaults(borders, where),
+        f"{where}{agreeing} agree with the predicted ones within a factor of {level(borders.attrs['factor'])}{spread}; "
+        f"a run counts as right within {level(100 * borders.attrs['limit'])} % of the reference.",
     ]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
     error = borders["error"].values[kind == RunKind.WRONG]
     worst = f", at worst {number(100 * error.max())} % off" if wrong else ""
+    of = f"of {refused + wrong} runs that are not right"
     sentences.append(
-        f"Of {refused + wrong} runs that are not right, {refused} did not finish and {wrong} finished with a wrong "
+        f"{where}{of if where else of.capitalize()}, {refused} did not finish and {wrong} finished with a wrong "
         f"result{worst}."
         if refused + wrong
-        else "No run failed or finished with a wrong result."
+        else f"{where}{'no' if where else 'No'} run failed or finished with a wrong result."
     )
     unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
     if unknown:
-        sentences.append(f"{unknown} operating points have no reference: no two runs agree closely enough.")
+        points = count_of(unknown, "operating point")
+        sentences.append(f"{where}{points} without a reference: no two runs agree closely enough.")
     return sentences + [
         _disagreements(borders, m, np.flatnonzero(row)) for m, row in enumerate(agrees == Agreement.NO) if row.any()
     ]
+
+
+def _scene(name: str) -> str:
+    """What is in the study of a step, by the step's name."""
+    return spoken(name.removesuffix("_borders")).capitalize() if name.endswith("_borders") else ""
+
+
+def _defaults(borders: xr.Dataset, where: str) -> list[str]:
+    """How far the default step or tolerance of each method is from the measured limit of the base case."""
+    if "default_setting" not in borders:
+        return []
+    base = borders.isel(case=int(np.flatnonzero(borders["varied"].values == "base")[0]))
+    parts = []
+    for m, method in enumerate(borders["method"].values.tolist()):
+        row = base.isel(method=m)
+        default, low, high = (float(row[key]) for key in ("default_setting", "border_low", "border_high"))
+        if not math.isfinite(default):
+            continue
+        said = f"{method} {border_text(borders, default)}"
+        if math.isfinite(low) and default <= low:
+            more = "at least " * math.isinf(high)
+            parts.append(f"{said} is {more}{number(low / default, 2)} times below it")
+        elif not math.isnan(high) and default >= high:
+            parts.append(f"{said} is {number(default / high, 2)} times above it, where runs fail or are wrong")
+        elif math.isfinite(low):
+            parts.append(f"{said} lies between the last right run and the first that is not")
+    if not parts:
+        return []
+    what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
+    start = f"{where}the" if where else "The"
+    return [f"{start} default {what} of each method against its limit, measured at the base case: {'; '.join(parts)}."]
 
 
 def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:

@@ -32,6 +32,8 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import parse_file
 
 _NUMERICS = ("step_s", "relative_tolerance")
 _RATES = ("friction_rate_per_s", "contact_rate_per_s", "secant_lag_rate_per_s")
@@ -133,8 +135,8 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
         Per method and case: ``border_low`` and ``border_high``, the last step up to which all runs are good and the
         next one (NaN and inf where there is none), ``border_predicted`` (inf for none) with ``limited_by``, ``ratio``,
         ``agrees``, ``first_failure`` (an outcome; finished means a wrong number that passed) and its detail, and
-        ``wrong_runs``. Per run: ``run_kind``, ``run_outcome`` and ``error``. Per case the reference and how well it is
-        known.
+        ``wrong_runs``. Per method ``default_setting``. Per run: ``run_kind``, ``run_outcome`` and ``error``. Per case
+        the reference and how well it is known.
 
     Raises:
         InputError: If the factors or the output are missing.
@@ -320,6 +322,8 @@ def _labelled(
     for name, (flags, meaning) in _FLAGS.items():
         data = np.array([[border[name] for border in row] for row in borders], np.int8)
         columns[name] = (per_border, data, _flag_attributes(flags, meaning))
+    own = {"long_name": "default step or tolerance of the method; missing where it has none"} | unit
+    columns["default_setting"] = ("method", _default_settings(cube, runs), own)
     columns["run_kind"] = (per_run, kind, _flag_attributes(RunKind, "result of the run compared with the reference"))
     columns["run_outcome"] = (per_run, runs.outcome, _flag_attributes(Outcome, "how the run ended"))
     columns["error"] = (per_run, error, {"long_name": "relative error of a run that finished", "units": "1"})
@@ -338,6 +342,18 @@ def _labelled(
         coordinates[name] = ("case", values, {k: v for k, v in cube[name].attrs.items() if k in ("units", "long_name")})
     attrs = {"numerics": runs.numerics, "output": settings.output, "limit": settings.limit, "factor": settings.factor}
     return xr.Dataset(columns, coordinates, attrs | {"select": str(settings.select)})
+
+
+def _default_settings(cube: xr.Dataset, runs: _Runs) -> FloatArray:
+    """The step or tolerance that each method takes where none is given, shape (method,); NaN if not known."""
+    try:
+        file = parse_file(str(cube.attrs["study"]), "the study in the cube")
+        simulator = load_simulator(file.study.scene)
+    except (KeyError, InputError):  # a cube of another version, or of a user's function
+        return np.full(len(runs.methods), np.nan)
+    model = file.base.get("model", simulator.parameters["model"].default) if "model" in simulator.parameters else ""
+    known = simulator.methods({"model": str(model)})
+    return np.array([known.get(name, {}).get(runs.numerics) or np.nan for name in runs.methods], float)
 
 
 def _flag_attributes(flags: type[IntEnum], meaning: str) -> dict[str, Any]:
