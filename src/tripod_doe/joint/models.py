@@ -19,6 +19,7 @@ from tripod_doe.joint.outputs import (
     JOINT_OUTPUTS,
     PART_OUTPUTS,
     VIBRATION_OUTPUTS,
+    VIBRATION_VERDICT,
     part_outputs,
     skew_outputs,
     thrust_outputs,
@@ -52,6 +53,8 @@ _SPIN_OPEN = (
 )
 _NEEDLES_KEPT = "the balance did not converge with moving needles: solved with needles that keep their skew"
 _UPRIGHT = "the balance did not converge with rollers that yaw on their needles: solved without roller yaw"
+_DAMPS = "adaptive-euler"
+"""Method of the motion that is tested for vibrations."""
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
@@ -150,6 +153,8 @@ def _balance_chunk(
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
     for failed, kind, text in reasons:
         block.end(np.flatnonzero(failed), kind, text)
+    if not set(VIBRATION_VERDICT).isdisjoint(keep):
+        outputs |= _verdicts(points, block)
     needle_pressure = contacts.get("largest_needle_pressure_mpa", np.zeros(block.count))
     extremes = Extremes(solution.largest_normal_force, outputs["largest_penetration_um"], needle_pressure)
     add_contact_notes(block, points, extremes)
@@ -163,9 +168,19 @@ def _balance_chunk(
     return block
 
 
+def _verdicts(points: JointValues[FloatArray], block: BlockResult) -> dict[str, FloatArray]:
+    """Outputs of whether the joints of a block vibrate by themselves."""
+    from tripod_doe.joint.vibration.balance_verdict import judge_vibrations, rows_to_judge
+
+    rows = rows_to_judge(points, block)
+    if rows.size:
+        _prepare_multibody(points.take(rows[:1]), _DAMPS)
+    return judge_vibrations(points, rows, block)
+
+
 def _balance(name: str, solve: _Solve, tolerance: float, energy_limit: float, moves_needles: bool) -> Model:
     """Make a model that balances forces at every rotation angle instead of following a motion."""
-    missing = {"thrust_amplitude_error", *_RATES, *VIBRATION_OUTPUTS}
+    missing = {"thrust_amplitude_error", *_RATES, *(set(VIBRATION_OUTPUTS) - set(VIBRATION_VERDICT))}
     if not moves_needles:
         missing |= {*_SKEWS, *NEEDLE_NAMES, "roller_tilt_deg"}
     simulate = partial(_simulate_balance, solve, energy_limit)

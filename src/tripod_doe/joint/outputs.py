@@ -17,7 +17,10 @@ from tripod_doe.simulator import Dimension, Output, by_name
 PARTS = (*MECHANISMS, "remainder")
 """Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
 
-VIBRATION_OUTPUTS = ("vibration_growth", "vibration_growth_rate_per_s", "vibration_frequency_hz", "vibration_rms")
+VIBRATION_VERDICT = ("vibration_growth", "vibration_growth_rate_per_s", "vibration_frequency_hz")
+"""Outputs that say whether a joint vibrates, in any model."""
+
+VIBRATION_OUTPUTS = (*VIBRATION_VERDICT, "vibration_rms")
 """Outputs of a self-excited vibration."""
 
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")

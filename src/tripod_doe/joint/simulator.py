@@ -18,7 +18,7 @@ from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, errors_at, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
-from tripod_doe.joint.outputs import JOINT_OUTPUTS
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes
@@ -84,10 +84,13 @@ class JointSimulator(Simulator):
         given = [name for name in NUMERICS if is_set(base.get(name))]
         if given and (is_set(base.get("accuracy")) or "accuracy" in factors):
             warnings.append(f"accuracy has no effect where {given[0]} is given")
+        # whether a balance vibrates depends on what its thrust does not
+        asks = not set(VIBRATION_VERDICT).isdisjoint(keep)
+        kept = models.MODELS["rollers"].ignores if asks else frozenset(JOINT_PARAMETERS)
         return warnings + [
             f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same answer"
             for name in factors
-            if all(name in model.ignores for model in in_play)
+            if all(name in model.ignores & kept for model in in_play)
         ]
 
     def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors:
