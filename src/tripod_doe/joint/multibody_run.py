@@ -82,21 +82,14 @@ def run_joint(
 ) -> JointRun:
     """Simulate one operating point.
 
-    Parameters
-    ----------
-    values
-        The operating point.
-    needles
-        Model ``needles`` (True) or ``rollers``.
-    method
-        How it is integrated, with the step or the tolerance among the values where they are given.
-    wanted
-        Results to read off it.
-    accuracy
-        To which a run without a given tolerance or step is refined; unless given, the accuracy of the third
-        order among the values.
-    usual
-        Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
+    Args:
+        values: The operating point.
+        needles: Model ``needles`` (True) or ``rollers``.
+        method: How it is integrated, with the step or the tolerance among the values where they are given.
+        wanted: Results to read off it.
+        accuracy: To which a run without a given tolerance or step is refined; unless given, the accuracy of the third
+            order among the values.
+        usual: Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
@@ -195,10 +188,8 @@ def follow(
 ) -> tuple[Run, Run | None]:
     """Follow all revolutions, and then the last one, and a little before it, again with half the tolerance or step.
 
-    Returns
-    -------
-    result, again
-        `again` is None where the run stopped before its end.
+    Returns:
+        result, again: `again` is None where the run stopped before its end.
     """
     cycles, revolution = int(values.cycles), 2 * math.pi / values.speed
     result = run(

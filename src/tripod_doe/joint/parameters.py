@@ -68,11 +68,9 @@ _SWITCHED = {
 def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
     """Convert points to internal units, and settle the values that follow from others.
 
-    Parameters
-    ----------
-    columns
-        Every joint parameter by name, each of shape (point,), in the units of the names; NaN where unset. Choices may
-        be left out.
+    Args:
+        columns: Every joint parameter by name, each of shape (point,), in the units of the names; NaN where unset.
+            Choices may be left out.
     """
     inside = {}
     for name, parameter in JOINT_PARAMETERS.items():

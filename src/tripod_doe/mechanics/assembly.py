@@ -335,10 +335,9 @@ def _core(scene: parts.Scene, names: dict[str, int]) -> set[int]:
 def assemble(scene: parts.Scene) -> Assembly:
     """Check a scene and turn it into tables.
 
-    Raises
-    ------
-    InputError
-        If a body is missing, named twice, without mass or locked across its principal axes, or an element cannot be.
+    Raises:
+        InputError: If a body is missing, named twice, without mass or locked across its principal axes, or an element
+            cannot be.
     """
     names = (parts.GROUND, *(body.name for body in scene.bodies))
     index = {name: i for i, name in enumerate(names)}

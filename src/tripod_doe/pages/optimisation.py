@@ -30,10 +30,8 @@ def write_optimisation_page(
 ) -> list[str]:
     """Write the page of an optimisation, ``directory/report/index.html``; returns its sentences.
 
-    Raises
-    ------
-    StorageError
-        If it cannot be written; an older one stays.
+    Raises:
+        StorageError: If it cannot be written; an older one stays.
     """
     lines = find_in_optimisation(problem, solved)
     sentences, more = answer_first(lines)

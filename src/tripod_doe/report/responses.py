@@ -279,18 +279,12 @@ def _own_unit(cube: xr.Dataset, name: str) -> str:
 def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: FloatArray) -> float | None:
     """The response between two levels of a factor of opposite signs, at its zero, which was not computed.
 
-    Parameters
-    ----------
-    cube
-        The cube, whose outputs name the factors that make them zero.
-    response
-        The response.
-    factor, levels
-        The factor and its levels, ascending.
+    Args:
+        cube: The cube, whose outputs name the factors that make them zero.
+        response: The response.
+        factor, levels: The factor and its levels, ascending.
 
-    Returns
-    -------
-    float or None
+    Returns:
         0 where the response is known to vanish; NaN where some output does, so that no line may be drawn across; None
         where nothing happens at the zero, or it is one of the levels, or not between them.
     """

@@ -245,28 +245,18 @@ def optimise(
 ) -> OptimisationSummary:
     """Search for the parameters that make objectives as small or as large as possible within limits.
 
-    Parameters
-    ----------
-    file
-        The optimisation file.
-    out
-        Result directory: front.nc, candidates.nc, base.toml, report/index.html, and all points in steps/points. A
-        search that was stopped goes on where it was, and ends with the same front.
-    workers, scheduler, oversubscribe
-        Where points run, see `run`.
-    retry_failed
-        Compute points that failed again.
-    progress
-        Whether the progress is printed to standard error.
-    untrusted
-        For a file from a stranger: refuse functions, and files outside of its folder.
+    Args:
+        file: The optimisation file.
+        out: Result directory: front.nc, candidates.nc, base.toml, report/index.html, and all points in steps/points. A
+            search that was stopped goes on where it was, and ends with the same front.
+        workers, scheduler, oversubscribe: Where points run, see `run`.
+        retry_failed: Compute points that failed again.
+        progress: Whether the progress is printed to standard error.
+        untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
 
-    Raises
-    ------
-    InputError
-        If the file or the directory cannot be used; nothing is started.
-    StorageError
-        If writing fails; finished points are kept.
+    Raises:
+        InputError: If the file or the directory cannot be used; nothing is started.
+        StorageError: If writing fails; finished points are kept.
     """
     request = load_optimisation(file, untrusted)
     problem = make_problem(request)

@@ -40,19 +40,13 @@ class PlannedPart:
 def plan_optimisation(file: str | Path, timing: bool = True, untrusted: bool = False) -> list[PlannedPart]:
     """Count the points of an optimisation and time a few of them; nothing is written.
 
-    Parameters
-    ----------
-    file
-        The optimisation file.
-    timing
-        Whether to time points, in a process of its own.
-    untrusted
-        For a file from a stranger: refuse functions, and files outside of its folder.
+    Args:
+        file: The optimisation file.
+        timing: Whether to time points, in a process of its own.
+        untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be used.
+    Raises:
+        InputError: If the file cannot be used.
     """
     problem = make_problem(load_optimisation(file, untrusted))
     table = problem.request.file.search

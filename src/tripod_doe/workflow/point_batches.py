@@ -58,23 +58,15 @@ class Batch:
 class PointBatches:
     """The points of a search: asked for in batches, computed once, and kept.
 
-    Parameters
-    ----------
-    study
-        A study whose design is the table `TABLE`, which need not be there yet.
-    directory
-        Where they are kept, held by this process.
-    execution
-        Where they run.
-    retry_failed
-        Whether points that failed in an earlier run are computed again.
-    progress
-        Whether bars are shown.
+    Args:
+        study: A study whose design is the table `TABLE`, which need not be there yet.
+        directory: Where they are kept, held by this process.
+        execution: Where they run.
+        retry_failed: Whether points that failed in an earlier run are computed again.
+        progress: Whether bars are shown.
 
-    Attributes
-    ----------
-    computed
-        Number of points that were computed by this process.
+    Attributes:
+        computed: Number of points that were computed by this process.
     """
 
     def __init__(
@@ -113,10 +105,9 @@ class PointBatches:
     def __call__(self, columns: Mapping[str, NDArray[Any]]) -> Batch:
         """Answers to some points.
 
-        Parameters
-        ----------
-        columns
-            Values of all that differs between points, by name, shape (point,) each; the same names in every call.
+        Args:
+            columns: Values of all that differs between points, by name, shape (point,) each; the same names in every
+                call.
         """
         count = len(next(iter(columns.values())))
         points = Points(dict(columns), (count,), ("point",), np.ones(count, bool))
@@ -178,10 +169,8 @@ class PointBatches:
     def write(self, action: str) -> None:
         """Write all points that were asked for as the cube of a study.
 
-        Raises
-        ------
-        StorageError
-            If it cannot be written.
+        Raises:
+            StorageError: If it cannot be written.
         """
         study = self._store()
         self._directory.write_cube(StudyPoints(study, make_points(study)), action).close()

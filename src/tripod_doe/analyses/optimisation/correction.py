@@ -17,18 +17,12 @@ _FEWEST = 4  # candidates from which on the difference is a process, and not its
 def corrected(archive: Archive, rows: IntArray, fine: Judged) -> Judged:
     """All candidates of a search as the better model would judge them.
 
-    Parameters
-    ----------
-    archive
-        Candidates as the model of the search judged them.
-    rows
-        Those that the better model judged, too.
-    fine
-        Its judgement, in the order of `rows`.
+    Args:
+        archive: Candidates as the model of the search judged them.
+        rows: Those that the better model judged, too.
+        fine: Its judgement, in the order of `rows`.
 
-    Returns
-    -------
-    Judged
+    Returns:
         Of candidates that were judged its own judgement, of the others that of the search with the predicted
         difference; reasons follow from the corrected violations.
     """

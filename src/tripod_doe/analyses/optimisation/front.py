@@ -30,12 +30,9 @@ class Archive:
 def front_rows(aims: FloatArray, feasible: NDArray[np.bool_]) -> IntArray:
     """The feasible candidates that no other one dominates, ascending in the first aim; of equal ones the first.
 
-    Parameters
-    ----------
-    aims
-        Objectives to minimise, shape (candidate, objective).
-    feasible
-        Shape (candidate,).
+    Args:
+        aims: Objectives to minimise, shape (candidate, objective).
+        feasible: Shape (candidate,).
     """
     rows = np.flatnonzero(feasible & np.isfinite(aims).all(axis=1))
     if not rows.size:

@@ -105,18 +105,13 @@ def judged(
 ) -> Judged:
     """Judge candidates.
 
-    Parameters
-    ----------
-    objectives, constraints
-        Their tables.
-    values
-        Every quantity that they name, by output and order.
-    ends
-        How the points ended.
-    weights
-        Of the operating points; they add up to one.
-    quantile
-        Share of the joints of a sample for which a value must hold; points that failed count as the worst of them.
+    Args:
+        objectives, constraints: Their tables.
+        values: Every quantity that they name, by output and order.
+        ends: How the points ended.
+        weights: Of the operating points; they add up to one.
+        quantile: Share of the joints of a sample for which a value must hold; points that failed count as the worst of
+            them.
     """
     aims = [_of_objective(values[table.output, table.order], table, weights, quantile) for table in objectives.values()]
     limits = [
@@ -171,14 +166,10 @@ def _over(values: FloatArray, over: str, weights: FloatArray) -> FloatArray:
 def _quantile(values: FloatArray, share: float, high: bool) -> FloatArray:
     """The value that the share of the joints keeps, shape (candidate,); NaN where too many failed.
 
-    Parameters
-    ----------
-    values
-        Shape (candidate, joint).
-    share
-        Share of the joints.
-    high
-        Whether large values are bad.
+    Args:
+        values: Shape (candidate, joint).
+        share: Share of the joints.
+        high: Whether large values are bad.
     """
     if values.shape[1] == 1:
         return np.asarray(values[:, 0])

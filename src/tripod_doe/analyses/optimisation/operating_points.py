@@ -42,10 +42,8 @@ class OperatingPoints:
 def operating_points(request: OptimisationRequest, parameters: Mapping[str, Parameter]) -> OperatingPoints:
     """The operating points of a file.
 
-    Raises
-    ------
-    InputError
-        If a parameter, a value, a weight or the table is wrong.
+    Raises:
+        InputError: If a parameter, a value, a weight or the table is wrong.
     """
     at = request.file.at
     weights: Any = at.get("weights")

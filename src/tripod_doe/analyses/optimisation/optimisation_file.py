@@ -115,10 +115,8 @@ class OptimisationRequest:
 def load_optimisation(path: str | Path, untrusted: bool = False) -> OptimisationRequest:
     """Read and check the form of an optimisation file.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, or a table, key or value in it is wrong.
+    Raises:
+        InputError: If it cannot be read, or a table, key or value in it is wrong.
     """
     path = Path(path)
     text, origin = read_text(path, "optimisation file"), str(path)

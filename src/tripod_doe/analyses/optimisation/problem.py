@@ -78,14 +78,10 @@ class Problem:
     def columns(self, units: FloatArray, sample: Sample, model: str) -> dict[str, NDArray[Any]]:
         """Points of candidates: for each candidate all joints of the sample, for each joint all operating points.
 
-        Parameters
-        ----------
-        units
-            Candidates on the unit cube, shape (candidate, variable).
-        sample
-            Of the scatter.
-        model
-            Their model; empty where there is one only.
+        Args:
+            units: Candidates on the unit cube, shape (candidate, variable).
+            sample: Of the scatter.
+            model: Their model; empty where there is one only.
         """
         candidates, joints, places = len(units), self.joints(sample), self.operating.count
         columns = {name: np.repeat(column, joints * places) for name, column in self.variables.columns(units).items()}
@@ -102,16 +98,11 @@ class Problem:
     def study(self, origin: str, folder: Path, table: str, keep: tuple[str, ...] = ()) -> Study:
         """The study of all points; its design is a table.
 
-        Parameters
-        ----------
-        origin
-            For messages.
-        folder
-            Where its table stands.
-        table
-            Name of the table.
-        keep
-            Outputs that it keeps besides those that are judged.
+        Args:
+            origin: For messages.
+            folder: Where its table stands.
+            table: Name of the table.
+            keep: Outputs that it keeps besides those that are judged.
         """
         head, names, rules = self.request.file.optimisation, self._varied, self.request.folder
         factors: dict[str, Any] = {name: {} for name in names if name != _MODEL}
@@ -158,14 +149,10 @@ class Problem:
     ) -> Judged:
         """Objectives and constraints of candidates from the answers of their points, in the order of `columns`.
 
-        Parameters
-        ----------
-        study, points, ends
-            The study, the points of the candidates, and how they ended.
-        outputs, labels
-            Outputs by name with their dimensions, and labels along these.
-        sample
-            Of the scatter.
+        Args:
+            study, points, ends: The study, the points of the candidates, and how they ended.
+            outputs, labels: Outputs by name with their dimensions, and labels along these.
+            sample: Of the scatter.
         """
         finished = ~ends.failed.ravel()
         own = {each.response.name: each for each in response_values(study, points, outputs, labels, finished)}
@@ -254,10 +241,8 @@ def _not_one_number(order: int | None, dims: tuple[str, ...]) -> str:
 def make_problem(request: OptimisationRequest) -> Problem:
     """Check an optimisation file against its simulator, before anything runs.
 
-    Raises
-    ------
-    InputError
-        If a name, value or combination in it is wrong.
+    Raises:
+        InputError: If a name, value or combination in it is wrong.
     """
     file = request.file
     head = file.optimisation

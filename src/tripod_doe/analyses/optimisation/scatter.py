@@ -62,10 +62,8 @@ def make_scatter(
 
     Without a mean, a normal distribution is about the value of the candidate, or about the base value.
 
-    Raises
-    ------
-    InputError
-        If a parameter is unknown, or a distribution wrong.
+    Raises:
+        InputError: If a parameter is unknown, or a distribution wrong.
     """
     factors: dict[str, Factor] = {}
     relative = frozenset(request.file.scatter) & frozenset(request.file.variables)

@@ -32,18 +32,12 @@ def population_of(evaluations: int, given: int | None) -> int:
 class Search:
     """A search with one objective or several.
 
-    Parameters
-    ----------
-    variables
-        What may be chosen.
-    signs
-        1 for an objective to minimise, -1 for one to maximise.
-    constraints
-        Number of constraints.
-    population, seed
-        Of the algorithm.
-    start
-        A candidate of the first generation, on the unit cube; None without one.
+    Args:
+        variables: What may be chosen.
+        signs: 1 for an objective to minimise, -1 for one to maximise.
+        constraints: Number of constraints.
+        population, seed: Of the algorithm.
+        start: A candidate of the first generation, on the unit cube; None without one.
     """
 
     def __init__(
@@ -139,17 +133,12 @@ def _algorithm(objectives: int, population: int, first: FloatArray, variables: V
 class Polish:
     """Steps in one variable at a time from the best candidate, halved where none is better: for a single objective.
 
-    Parameters
-    ----------
-    variables
-        What may be chosen.
-    best
-        Where it starts, on the unit cube.
+    Args:
+        variables: What may be chosen.
+        best: Where it starts, on the unit cube.
 
-    Attributes
-    ----------
-    step
-        Width of the steps, as part of a range.
+    Attributes:
+        step: Width of the steps, as part of a range.
     """
 
     def __init__(self, variables: Variables, best: FloatArray) -> None:

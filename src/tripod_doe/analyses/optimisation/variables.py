@@ -95,10 +95,8 @@ class Variables:
     def columns(self, units: FloatArray) -> dict[str, NDArray[Any]]:
         """Values of all parameters that candidates set, shape (candidate,) each.
 
-        Raises
-        ------
-        InputError
-            If a value that follows is none that its parameter allows.
+        Raises:
+            InputError: If a value that follows is none that its parameter allows.
         """
         columns = {each.name: each.values(units[:, at]) for at, each in enumerate(self.chosen)}
         arrays = {
@@ -120,10 +118,8 @@ def _is_number(value: Value) -> bool:
 def make_variables(request: OptimisationRequest, simulator: Simulator, base: Mapping[str, Value]) -> Variables:
     """The variables of a file.
 
-    Raises
-    ------
-    InputError
-        If a parameter is unknown, or a bound, value or formula wrong.
+    Raises:
+        InputError: If a parameter is unknown, or a bound, value or formula wrong.
     """
     chosen: list[Variable] = []
     followers: list[Follower] = []

@@ -54,16 +54,11 @@ class Foreknown:
 
         The mirror is left out where they predict better without it.
 
-        Parameters
-        ----------
-        columns
-            Values of the factors, shape (point,) each.
-        values
-            Components, shape (point, component).
-        marks
-            Which of them vanish, and their parity.
-        seed
-            Of the division into folds.
+        Args:
+            columns: Values of the factors, shape (point,) each.
+            values: Components, shape (point, component).
+            marks: Which of them vanish, and their parity.
+            seed: Of the division into folds.
         """
         places, best = self.places(columns), self
         error = polynomial_error(places, values, seed, best.of(columns, *marks))
@@ -87,13 +82,10 @@ def grown(part: FloatArray, soft: float) -> FloatArray:
 def foreknown(columns: Mapping[str, Column], cube: xr.Dataset) -> Foreknown:
     """What is known of the outputs of a cube over these factors.
 
-    Parameters
-    ----------
-    columns
-        Values of the factors at the points, shape (point,) each.
-    cube
-        Their cube. Its outputs name the factors that make them zero or mirror them; a mirror counts only where every
-        factor of it varies or is fixed at zero.
+    Args:
+        columns: Values of the factors at the points, shape (point,) each.
+        cube: Their cube. Its outputs name the factors that make them zero or mirror them; a mirror counts only where
+            every factor of it varies or is fixed at zero.
     """
     attrs = [variable.attrs for variable in cube.data_vars.values()]
     numbers = {name: column.astype(float) for name, column in columns.items() if is_numeric(column)}

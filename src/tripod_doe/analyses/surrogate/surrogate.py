@@ -62,23 +62,16 @@ _MEANINGS = {
 def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr.Dataset:
     """How well a surrogate of each output predicts points that it has not seen.
 
-    Parameters
-    ----------
-    cube
-        Cube of a sampled, factorial or listed design.
-    settings
-        Which outputs, and the number of folds.
+    Args:
+        cube: Cube of a sampled, factorial or listed design.
+        settings: Which outputs, and the number of folds.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         error_rms, error_largest, predicted_part and the flag chosen, with the dimensions of the output, and with
         several outputs also along ``output``. Phases are learned relative to their circular mean.
 
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few points are left.
+    Raises:
+        InputError: If the cube is of another design, or too few points are left.
     """
     settings = settings or SurrogateSettings()
     cube = flat_points(cube)

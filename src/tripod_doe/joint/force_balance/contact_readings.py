@@ -97,16 +97,11 @@ def _compile() -> None:
 class ContactReader:
     """Contacts of a block of points, read one point after the other.
 
-    Parameters
-    ----------
-    points
-        The points.
-    names
-        Outputs that are wanted, from `contact_outputs`.
-    samples
-        Samples of a revolution.
-    outputs
-        Receives the outputs by name, the first axis of each the point.
+    Args:
+        points: The points.
+        names: Outputs that are wanted, from `contact_outputs`.
+        samples: Samples of a revolution.
+        outputs: Receives the outputs by name, the first axis of each the point.
     """
 
     def __init__(

@@ -12,12 +12,10 @@ from tripod_doe.joint.values import JointValues, Number
 def ellipse_axes(values: JointValues[Number], normal_force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Semi-axes of the ellipse between roller and groove in mm, the major one across the groove.
 
-    Parameters
-    ----------
-    values
-        One point, or points of the shape of all axes of `normal_force` but the last ones, as far as shapes broadcast.
-    normal_force
-        In N.
+    Args:
+        values: One point, or points of the shape of all axes of `normal_force` but the last ones, as far as shapes
+            broadcast.
+        normal_force: In N.
     """
     _, cos_tau = groove_curvature(np.asarray(values.roller_radius), np.asarray(values.groove_radius_ratio))
     mu, nu, _ = hertz_coefficients(np.atleast_1d(cos_tau))

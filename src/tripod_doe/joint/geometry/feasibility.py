@@ -40,10 +40,8 @@ _EXPONENT = 10 / 9
 def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]]:
     """Points that no model can run, with outcome and reason.
 
-    Parameters
-    ----------
-    points
-        The points.
+    Args:
+        points: The points.
     """
     both = np.flatnonzero((points.contact_damping_time > 0) & (points.contact_damping > 0))
     reasons: dict[int, tuple[Outcome, str]] = {int(row): (Outcome.OUT_OF_RANGE, BOTH) for row in both}
@@ -69,10 +67,8 @@ def _too_slow(enough: float) -> str:
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     """Points whose parts cannot be put together or cannot move, with the reason.
 
-    Parameters
-    ----------
-    points
-        The points.
+    Args:
+        points: The points.
     """
     conflicts = [*_rings(points), *overlaps(points), *_preloads(points), *_skewed(points)]
     return [(i, each.reason(i)) for each in conflicts for i in map(int, np.flatnonzero(each.bad))]

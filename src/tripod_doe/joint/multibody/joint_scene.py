@@ -110,16 +110,11 @@ def _roller(derived: DerivedConstants, k: int) -> tuple[Body, SphereRow]:
 def build_joint(values: JointValues[float], needles: bool) -> Scene:
     """Scene of the joint at one operating point.
 
-    Parameters
-    ----------
-    values
-        The operating point.
-    needles
-        Whether every needle is a body (model ``needles``), or each bearing one element (model ``rollers``).
+    Args:
+        values: The operating point.
+        needles: Whether every needle is a body (model ``needles``), or each bearing one element (model ``rollers``).
 
-    Returns
-    -------
-    Scene
+    Returns:
         Contacts of the rollers with grooves 1, 2, 3 are the last three.
     """
     derived = derive_constants(values)
@@ -143,14 +138,10 @@ def build_trunnion(values: JointValues[float]) -> Scene:
     would roll, and stays on its trunnion. So the spider moves as in the joint, and trunnion 1 carries its third of the
     torque, |T| / (3 R_p).
 
-    Parameters
-    ----------
-    values
-        The operating point.
+    Args:
+        values: The operating point.
 
-    Returns
-    -------
-    Scene
+    Returns:
         The contact of the roller with its groove is the last one.
     """
     derived = derive_constants(values)

@@ -148,16 +148,12 @@ def thrust_parts(
 ) -> FloatArray:
     """Split the thrust at each groove by mechanism; the definition is in the module's documentation.
 
-    Parameters
-    ----------
-    times, positions, velocities
-        States of a run at equal distances, shapes (sample,), (sample, body, 7) and (sample, body, 6).
-    values
-        The operating point.
+    Args:
+        times, positions, velocities: States of a run at equal distances, shapes (sample,), (sample, body, 7) and
+            (sample, body, 6).
+        values: The operating point.
 
-    Returns
-    -------
-    ndarray
+    Returns:
         Axial force on the housing in N, shape (part, groove, sample), parts in the order of `outputs.PARTS`; their sum
         is the thrust at the groove (`readings.groove_readings`). A roller that does not touch its groove has zeros.
     """

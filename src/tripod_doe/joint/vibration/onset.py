@@ -115,12 +115,9 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
     Needles rattle, so that a joint with needle bodies has no smooth motion whose departures could be followed: joints
     are tested with lumped bearings.
 
-    Parameters
-    ----------
-    values
-        The operating point.
-    assembly
-        Its joint with lumped bearings, where that is there already.
+    Args:
+        values: The operating point.
+        assembly: Its joint with lumped bearings, where that is there already.
     """
     assembly = assembly or assemble(build_joint(values, needles=False))
     asked = _smooth(assembly, values, _ASKS)
@@ -139,16 +136,11 @@ def damping_against(values: JointValues[float], states: Sequence[State]) -> str:
     A smooth motion is the same with any contact damping: its contacts are pressed in slowly. So departures from one
     motion are asked for all, and their matrices are linear in contact damping, as the forces are.
 
-    Parameters
-    ----------
-    values
-        The operating point.
-    states
-        Of its smooth motion (`Vibration.states`).
+    Args:
+        values: The operating point.
+        states: Of its smooth motion (`Vibration.states`).
 
-    Returns
-    -------
-    str
+    Returns:
         Parameter and value; empty where the joint vibrates with all that are tried.
     """
     dry = values.contact_damping > 0
@@ -205,9 +197,7 @@ def _smooth(
 ) -> _Smooth | None:
     """Follow a smooth motion: two revolutions from the start, or the last one of another, and a little before it.
 
-    Returns
-    -------
-    _Smooth or None
+    Returns:
         None where the run stopped on its way.
     """
     before = look.samples // LEAD if other else look.samples

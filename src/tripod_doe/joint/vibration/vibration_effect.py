@@ -37,18 +37,12 @@ _BUILT_UP = 1.5
 class VibratingJoint:
     """A joint in which departures from the smooth motion grow.
 
-    Parameters
-    ----------
-    values
-        Its operating point.
-    vibration
-        What grows.
-    wanted
-        Results to read off it.
-    limits
-        What a revolution may show.
-    allowed
-        Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
+    Args:
+        values: Its operating point.
+        vibration: What grows.
+        wanted: Results to read off it.
+        limits: What a revolution may show.
+        allowed: Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
     """
 
     def __init__(
@@ -65,11 +59,9 @@ class VibratingJoint:
     def answer(self, needles: bool, anyhow: bool = False) -> JointRun | None:
         """Follow the joint with its vibration; `anyhow` if there is no other answer.
 
-        Returns
-        -------
-        JointRun or None
-            None where the vibration comes to nothing, if there may be another answer, or with needles changes the
-            third order by no more than the error that is allowed.
+        Returns:
+            None where the vibration comes to nothing, if there may be another answer, or with needles changes the third
+            order by no more than the error that is allowed.
         """
         try:
             lumped = self._lumped
@@ -93,12 +85,10 @@ class VibratingJoint:
     def verdict(self, third: float | None, limit: float) -> tuple[Outcome, str]:
         """Whether a run without the vibration may be used: its outcome, and a note.
 
-        Parameters
-        ----------
-        third
-            Third order of the run; None for needles, whose change by the vibration is taken from lumped bearings.
-        limit
-            Share of the third order by which a run may be off.
+        Args:
+            third: Third order of the run; None for needles, whose change by the vibration is taken from lumped
+                bearings.
+            limit: Share of the third order by which a run may be off.
         """
         try:
             followed = self._lumped

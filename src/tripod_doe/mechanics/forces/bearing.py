@@ -43,16 +43,11 @@ from tripod_doe.mechanics.laws.needles import needle_grip
 def bearing_forces(bearings, positions, velocities, force, ledger):
     """Add the forces and moments of all needle bearings, and their energies.
 
-    Parameters
-    ----------
-    bearings
-        Table of bearings.
-    positions, velocities
-        Shapes (body, 7) and (body, 6).
-    force
-        Receives forces and moments about the centres of mass, shape (body, 6).
-    ledger
-        Receives stored energy and lost powers (`tables.LEDGER`).
+    Args:
+        bearings: Table of bearings.
+        positions, velocities: Shapes (body, 7) and (body, 6).
+        force: Receives forces and moments about the centres of mass, shape (body, 6).
+        ledger: Receives stored energy and lost powers (`tables.LEDGER`).
     """
     for i in range(bearings.size):
         bearing = bearings[i]
@@ -107,14 +102,10 @@ def apply_to_body(force, positions, body, place, pull, moment, sign):
 def bearing_compression(bearings, positions, velocities):
     """Deepest compression of a contact of all bearings in some states, and the largest share of its needle's radius.
 
-    Parameters
-    ----------
-    positions, velocities
-        Shapes (state, body, 7) and (state, body, 6).
+    Args:
+        positions, velocities: Shapes (state, body, 7) and (state, body, 6).
 
-    Returns
-    -------
-    tuple
+    Returns:
         The deepest compression; the largest share, its compression, the body of its bore, and the state; zeros where
         nothing touches.
     """

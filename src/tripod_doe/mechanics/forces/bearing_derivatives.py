@@ -83,9 +83,7 @@ def _linearise(bearing, fit, secant, damping, stiffness):
 
     Taken in the bore's axis, a spinning roller does not move against its trunnion.
 
-    Returns
-    -------
-    bool
+    Returns:
         Whether anything touches.
     """
     for i in range(6):
@@ -149,19 +147,12 @@ def _falling(fit, stiffness):
 def bearing_matrices(tables, work, positions, velocities, slopes, matrix):
     """Add the derivatives of all needle bearings to the block matrix.
 
-    Parameters
-    ----------
-    tables, work
-        The scene, and the memory of its run, of which `work.drift` receives K times the velocities.
-    positions, velocities
-        Shapes (body, 7) and (body, 6).
-    slopes
-        Which derivatives are wanted (`tables.Slopes`).
-    matrix
-        Receives by_velocity D + by_position K, shape (block, 6, 8).
+    Args:
+        tables, work: The scene, and the memory of its run, of which `work.drift` receives K times the velocities.
+        positions, velocities: Shapes (body, 7) and (body, 6).
+        slopes: Which derivatives are wanted (`tables.Slopes`).
+        matrix: Receives by_velocity D + by_position K, shape (block, 6, 8).
 
-    Notes
-    -----
     The load zone's turning is in. Left out: the turning of all forces with the trunnion, the bore's lean, what damping
     adds to the stiffness and to the friction, and how the load spreads around the trunnion.
     """

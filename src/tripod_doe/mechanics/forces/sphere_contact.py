@@ -135,22 +135,15 @@ def _store_slips(spheres, motion, slips):
 def add_contacts(tables, work, first, last, positions, velocities, slopes, matrix):
     """Add the forces of contacts, their energies and, unless both factors are zero, their derivatives.
 
-    Parameters
-    ----------
-    tables, work
-        The scene, and the memory of its run: `work.force` and `work.ledger` receive forces, energies and lost powers,
-        `work.slip` the slips and `work.touching` whether any may differ from zero, `work.drift` K times the velocities.
-    first, last
-        The range of the table of contacts that is wanted.
-    positions, velocities
-        Shapes (body, 7) and (body, 6).
-    slopes
-        Which derivatives are wanted (`tables.Slopes`).
-    matrix
-        Receives by_velocity D + by_position K, shape (block, 6, 8).
+    Args:
+        tables, work: The scene, and the memory of its run: `work.force` and `work.ledger` receive forces, energies and
+            lost powers, `work.slip` the slips and `work.touching` whether any may differ from zero, `work.drift` K
+            times the velocities.
+        first, last: The range of the table of contacts that is wanted.
+        positions, velocities: Shapes (body, 7) and (body, 6).
+        slopes: Which derivatives are wanted (`tables.Slopes`).
+        matrix: Receives by_velocity D + by_position K, shape (block, 6, 8).
 
-    Notes
-    -----
     The turning of the normal with the body of the surface and the change of levers are left out of K.
     """
     contacts, touching, slips = tables.contacts, work.touching, work.slip
@@ -216,16 +209,11 @@ def _apply(force, positions, contact, place, wrench):
 def largest_penetration(contacts, sizes, positions):
     """Deepest penetration of all spheres in some states, and the one that is the largest share of its contact's size.
 
-    Parameters
-    ----------
-    sizes
-        Length that a contact's penetrations are small against, shape (contact,).
-    positions
-        Shape (state, body, 7).
+    Args:
+        sizes: Length that a contact's penetrations are small against, shape (contact,).
+        positions: Shape (state, body, 7).
 
-    Returns
-    -------
-    tuple
+    Returns:
         The deepest penetration; the largest share, its penetration, the body that carries its sphere, and the state;
         zeros where nothing touches.
     """

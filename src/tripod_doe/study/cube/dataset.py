@@ -76,19 +76,13 @@ def build_cube(
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Assemble cube and cost from finished blocks; points without a block are flagged as not_run.
 
-    Parameters
-    ----------
-    study, points
-        The study and its points.
-    keys
-        Fingerprints of the points.
-    blocks
-        Finished blocks, the newest last; other points in them are ignored.
+    Args:
+        study, points: The study and its points.
+        keys: Fingerprints of the points.
+        blocks: Finished blocks, the newest last; other points in them are ignored.
 
-    Returns
-    -------
-    cube, cost : xarray.Dataset
-        A dimension a factor for a grid, else one dimension ``point``.
+    Returns:
+        cube, cost: A dimension a factor for a grid, else one dimension ``point``.
     """
     index, models = KeyIndex(keys), ModelRecords(study)
 
@@ -108,14 +102,10 @@ def part_of_cube(
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Cube and cost of some points, without attributes.
 
-    Parameters
-    ----------
-    study, points
-        The study and these points of it.
-    results
-        Finished blocks, the newest last, each with the rows to use and their places among the points.
-    models
-        The summary to which the models of the points are added.
+    Args:
+        study, points: The study and these points of it.
+        results: Finished blocks, the newest last, each with the rows to use and their places among the points.
+        models: The summary to which the models of the points are added.
     """
     table = _Table(points.count)
     for block, rows, at in results:

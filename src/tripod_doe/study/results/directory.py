@@ -38,10 +38,8 @@ _COMPUTING = "computing"  # note in the journal
 def make_directory(path: str | Path) -> Path:
     """Make a directory for results if it is not there.
 
-    Raises
-    ------
-    InputError
-        If it cannot be made, or holds links by which results would be written elsewhere.
+    Raises:
+        InputError: If it cannot be made, or holds links by which results would be written elsewhere.
     """
     path = Path(path)
     try:
@@ -63,19 +61,13 @@ class ResultDirectory:
 
     All readable blocks of a damaged journal are kept; the loss is printed to standard error.
 
-    Parameters
-    ----------
-    path
-        The directory; made if it is not there.
-    take_over
-        Whether to take the lock of a process that is known to be dead (`DirectoryLock`).
+    Args:
+        path: The directory; made if it is not there.
+        take_over: Whether to take the lock of a process that is known to be dead (`DirectoryLock`).
 
-    Raises
-    ------
-    InputError
-        If another process holds it, or it cannot be written.
-    CubeError
-        If nothing of its journal can be read.
+    Raises:
+        InputError: If another process holds it, or it cannot be written.
+        CubeError: If nothing of its journal can be read.
     """
 
     def __init__(self, path: str | Path, take_over: bool = False) -> None:
@@ -106,10 +98,8 @@ class ResultDirectory:
     def accept(self, asked: StudyPoints) -> None:
         """Make this the study of the directory.
 
-        Raises
-        ------
-        InputError
-            If the directory holds results of another study, or the disk is too small; nothing is changed.
+        Raises:
+            InputError: If the directory holds results of another study, or the disk is too small; nothing is changed.
         """
         self.refuse_changes(asked)
         self._check_space(asked)
@@ -118,17 +108,12 @@ class ResultDirectory:
     def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
         """Refuse a study that differs from the study of the results, unless it only grew.
 
-        Parameters
-        ----------
-        asked
-            The study and its points.
-        done
-            Fingerprints of the points with results; by default of the points in the journal.
+        Args:
+            asked: The study and its points.
+            done: Fingerprints of the points with results; by default of the points in the journal.
 
-        Raises
-        ------
-        InputError
-            With every key that changed, its old and its new value.
+        Raises:
+            InputError: With every key that changed, its old and its new value.
         """
         study, stored = asked.study, self.path / STORED
         there, grew = self._done(asked) if done is None else asked.done(done)
@@ -183,12 +168,9 @@ class ResultDirectory:
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
         """Indices of the points to compute, each different one once.
 
-        Parameters
-        ----------
-        asked
-            The study and its points.
-        retry_failed
-            Whether failed points count as missing.
+        Args:
+            asked: The study and its points.
+            retry_failed: Whether failed points count as missing.
         """
         there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
         if there is not None:
@@ -202,10 +184,8 @@ class ResultDirectory:
     def commit(self, block: FinishedBlock) -> None:
         """Store a finished block; when this returns, no kill can lose it.
 
-        Raises
-        ------
-        StorageError
-            If it cannot be written, or another process took the directory over.
+        Raises:
+            StorageError: If it cannot be written, or another process took the directory over.
         """
         self._hold.check()
         self._journal.commit(block)
@@ -231,17 +211,12 @@ class ResultDirectory:
     def write_cube(self, asked: StudyPoints, action: str) -> xr.Dataset:
         """Make cube and costs from all finished blocks, write them, and open them.
 
-        Parameters
-        ----------
-        asked
-            The study and its points.
-        action
-            The action, for the history of the files.
+        Args:
+            asked: The study and its points.
+            action: The action, for the history of the files.
 
-        Raises
-        ------
-        StorageError
-            If they cannot be written; older ones stay.
+        Raises:
+            StorageError: If they cannot be written; older ones stay.
         """
         results = StoredResults(asked, self._journal.places())
         write_cube(asked, results, self.path, action, self._hold.check)

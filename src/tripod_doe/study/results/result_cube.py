@@ -32,25 +32,18 @@ _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
     """Open a result cube with its costs.
 
-    Parameters
-    ----------
-    path
-        A result directory, or a netCDF file.
-    chunks
-        Cells that are read at a time along each dimension, as in `xarray.open_dataset`, or "auto": for a cube larger
-        than the memory. None reads all of it at once.
+    Args:
+        path: A result directory, or a netCDF file.
+        chunks: Cells that are read at a time along each dimension, as in `xarray.open_dataset`, or "auto": for a cube
+            larger than the memory. None reads all of it at once.
 
-    Returns
-    -------
-    xarray.Dataset
+    Returns:
         For a directory the variables of cost.nc are joined; where the study is running or was interrupted, its finished
         points, the others flagged as not_run. In memory; with `chunks` it is read when it is used, from files that are
         open until it is closed (``with td.open_cube(path, chunks="auto") as cube``).
 
-    Raises
-    ------
-    CubeError
-        If there is no cube and no finished point, or what is there is damaged.
+    Raises:
+        CubeError: If there is no cube and no finished point, or what is there is damaged.
     """
     if not is_shown(Path(path)):
         so_far = cube_so_far(Path(path))
@@ -101,10 +94,8 @@ def cube_files(path: Path) -> list[Path]:
 
     Of the directory of a fit it is the fit.
 
-    Raises
-    ------
-    CubeError
-        If a directory holds no cube.
+    Raises:
+        CubeError: If a directory holds no cube.
     """
     if not path.is_dir():
         return [path]
@@ -124,10 +115,8 @@ def is_shown(path: Path) -> bool:
 def unshown_state(path: Path) -> str:
     """The state of the journal of a result directory, as a word; empty if its cube shows every block.
 
-    Raises
-    ------
-    CubeError
-        If the journal is damaged or cannot be read.
+    Raises:
+        CubeError: If the journal is damaged or cannot be read.
     """
     if not (journal_path(path)).is_file():
         return ""
@@ -148,12 +137,9 @@ def cube_so_far(path: Path) -> xr.Dataset:
 
     Close it as `opened_cube`: a large one is in temporary files until then.
 
-    Raises
-    ------
-    CubeError
-        If the journal is damaged.
-    InputError
-        If the study in it can no longer be read, for instance as its table is gone.
+    Raises:
+        CubeError: If the journal is damaged.
+        InputError: If the study in it can no longer be read, for instance as its table is gone.
     """
     from tripod_doe.study.cube.dataset import build_cube
 
@@ -168,12 +154,9 @@ def cube_so_far(path: Path) -> xr.Dataset:
 def write_cube_so_far(path: Path, folder: Path) -> None:
     """Write cube and costs of the points that the journal of a directory holds into a folder, slab by slab.
 
-    Raises
-    ------
-    CubeError, InputError
-        As `cube_so_far`.
-    StorageError
-        If they cannot be written.
+    Raises:
+        CubeError, InputError: As `cube_so_far`.
+        StorageError: If they cannot be written.
     """
     with Journal(path, read_only=True) as journal:
         journal.check()
@@ -183,10 +166,8 @@ def write_cube_so_far(path: Path, folder: Path) -> None:
 def refuse_changed_study(directory: Path, journal: Journal) -> None:
     """Refuse the study file of a result directory if it is not the stored one.
 
-    Raises
-    ------
-    CubeError
-        If it was damaged or edited.
+    Raises:
+        CubeError: If it was damaged or edited.
     """
     path = directory / "study.toml"
     refuse_irregular(path, CubeError)
