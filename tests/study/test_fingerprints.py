@@ -58,26 +58,31 @@ model = {distribution = "discrete", values = ["rollers", "equilibrium"], weights
 [design]
 """
 RECORDED = {
-    'kind = "sobol"\nseed = 5\nsamples = 10_000': "cdd360c1124698ee",
-    'kind = "halton"\nseed = 5\nsamples = 10_000': "554577a02ca04098",
-    'kind = "saltelli"\nseed = 5\nsamples = 1024': "4eb94afc299047d3",
-    'kind = "saltelli"\nseed = 5\nsamples = 1024\nsecond_order = false': "6ab4d703b6f49c13",
-    'kind = "fast"\nseed = 5\nsamples = 100': "2f45bf7f1abe95ed",
-    'kind = "finite-differences"\nsamples = 50': "3ce304b0cb224f16",
-    'kind = "latin-hypercube"\nseed = 5\nsamples = 1000': "3ff25d421ed78925",
-    'kind = "morris"\nseed = 5\nsamples = 50': "760dbd833a7b9c6d",
-    'kind = "rbd-fast"\nseed = 5\nsamples = 500': "815ff07e599de628",
+    'kind = "sobol"\nseed = 5\nsamples = 10_000': "dd55256e52fd83ef",
+    'kind = "halton"\nseed = 5\nsamples = 10_000': "535d2f5d79ef8159",
+    'kind = "saltelli"\nseed = 5\nsamples = 1024': "b87afb5e4ef7f4a5",
+    'kind = "saltelli"\nseed = 5\nsamples = 1024\nsecond_order = false': "29f6318e4a226bc6",
+    'kind = "fast"\nseed = 5\nsamples = 100': "a5dc0747a8f92334",
+    'kind = "finite-differences"\nsamples = 50': "3f8d410047d83c52",
+    'kind = "latin-hypercube"\nseed = 5\nsamples = 1000': "5611f09ca530b9f1",
+    'kind = "morris"\nseed = 5\nsamples = 50': "c1b85846b279849b",
+    'kind = "rbd-fast"\nseed = 5\nsamples = 500': "505a436b3d71f102",
     'kind = "product"\nof = ["torque", "rest"]\n'
     '[design.torque]\nkind = "sobol"\nsamples = 30\nfactors = ["torque_n_m"]\n'
-    '[design.rest]\nkind = "halton"\nsamples = 20\nfactors = ["model", "needle_count"]': "74adc247f8d5450b",
+    '[design.rest]\nkind = "halton"\nsamples = 20\nfactors = ["model", "needle_count"]': "7baccea51573159c",
 }
+
+
+def columns_digest(points):
+    """Values of all factors; fingerprints would change with every new parameter of the joint."""
+    columns = [column.astype(str) if column.dtype.kind in "OU" else column for column in points.columns.values()]
+    return hashlib.sha256(b"".join(np.ascontiguousarray(column).tobytes() for column in columns)).hexdigest()[:16]
 
 
 @pytest.mark.parametrize(("design", "recorded"), RECORDED.items())
 def test_a_seed_gives_the_points_that_it_always_gave(design, recorded):
-    """Regression: results in directories of earlier versions (here of 28b5378 and c4add24) belong to these fingerprints."""
-    study = parse_study(SEEDED + design)
-    assert hashlib.sha256(point_keys(study, make_points(study)).tobytes()).hexdigest()[:16] == recorded
+    """Regression: a design that is made again has the points whose results are stored (recorded at 100d85e)."""
+    assert columns_digest(make_points(parse_study(SEEDED + design))) == recorded
 
 
 def keys_of(*numbers):
