@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tripod_doe.analyses.sensitivity.morris import morris_effects
     from tripod_doe.analyses.sensitivity.sobol import sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
+    from tripod_doe.motion.page import view
     from tripod_doe.pages.study import write_report
     from tripod_doe.simulator import Outcome, Output, Parameter
     from tripod_doe.study.definition.schema import study_schema
@@ -70,6 +71,7 @@ _HOME = {
     "simulate": "study.simulate",
     "sobol_indices": "analyses.sensitivity.sobol",
     "study_schema": "study.definition.schema",
+    "view": "motion.page",
     "WorkflowSummary": "workflow.chain",
     "workflow_schema": "workflow.workflow_file",
     "write_report": "pages.study",
@@ -108,6 +110,7 @@ __all__ = [
     "simulate",
     "sobol_indices",
     "study_schema",
+    "view",
     "workflow_schema",
     "write_report",
 ]

@@ -32,6 +32,7 @@ from tripod_doe.cli import (
     schema,
     serve,
     simulate,
+    view,
     workflow,
 )
 from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
@@ -47,6 +48,7 @@ COMMANDS = {
     "optimise": optimise.COMMAND,
     "query": query.COMMAND,
     "simulate": simulate.COMMAND,
+    "view": view.COMMAND,
     "compare": compare.COMMAND,
     "diff": diff.COMMAND,
     "fit": fit.COMMAND,

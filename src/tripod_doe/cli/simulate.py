@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format
@@ -14,6 +15,7 @@ from tripod_doe.quantities import duration
 
 if TYPE_CHECKING:
     from tripod_doe.simulator import Parameter, Simulator
+    from tripod_doe.study.simulate import SimulatedPoint
 
 _LONG = 1.0  # CPU seconds of a point above which its price is printed first
 
@@ -23,6 +25,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     scene = parser.add_argument("--scene", default="joint", metavar="S")
     scene.help = "what to simulate (default joint)"
     add_format(parser)
+    parser.add_argument("--view", metavar="FILE.html", type=Path, help="also write a page that moves the joint")
     if "simulate" in arguments[:1]:
         from tripod_doe.study.definition.scenes import SCENES, load_simulator
 
@@ -78,9 +81,22 @@ def _run(options: argparse.Namespace) -> int:
     if price is not None and price >= _LONG:
         usual = f"about {duration(price, 2)} of CPU time for a usual point, up to twenty times as much for others"
         print(f"simulating: {usual}", file=sys.stderr)
-    point = simulate_point(options.scene, **given)
+    point = _viewed(options, given) if options.view else simulate_point(options.scene, **given)
     print(json.dumps(point.record(), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
+
+
+def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoint:
+    """Simulate the point, and write its page if it finishes."""
+    from tripod_doe.motion.page import motion_page, viewed_point, write_page
+    from tripod_doe.simulator import Outcome
+
+    if options.scene != "joint":
+        raise InputError(f"--view {options.view}: only the scene joint can be viewed, not {options.scene}")
+    point = viewed_point(**given)
+    if point.outcome is Outcome.FINISHED:
+        write_page(motion_page(point), options.view, "--view")
+    return point.usual()
 
 
 COMMAND = Command("simulate one point", _add_arguments, _run)

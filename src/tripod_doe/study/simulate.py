@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +45,14 @@ class SimulatedPoint:
     # model that the point leaves; none where it did not finish
     model_notes: tuple[str, ...] = ()
 
+    def usual(self) -> SimulatedPoint:
+        """The point without outputs on request."""
+        known = self.simulator.outputs
+        outputs = {name: values for name, values in self.outputs.items() if not known[name].on_request}
+        along = {dim for values in outputs.values() for dim in values.dims}
+        coordinates = {name: labels for name, labels in self.coordinates.items() if name in along}
+        return replace(self, outputs=outputs, coordinates=coordinates)
+
     def record(self) -> dict[str, Any]:
         """The point for programs, as JSON takes it; outputs are None where the point did not get that far."""
         usual = [name for name, output in self.simulator.outputs.items() if not output.on_request]
@@ -83,10 +91,10 @@ def _checked(simulator: Simulator, parameters: Mapping[str, Any], keep: Collecti
     return values
 
 
-def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
-    """Simulate one point, as plain arrays; see `simulate`."""
+def simulate_point(scene: str = "joint", also: Collection[str] = (), **parameters: Any) -> SimulatedPoint:
+    """Simulate one point, as plain arrays, with outputs on request that are named in `also`; see `simulate`."""
     simulator = load_simulator(scene)
-    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
+    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request or name in also)
     values = _checked(simulator, parameters, keep)
     result, cpu, wall = run_task(Task(scene, None, None, simulator.source_hash, values, {}, 1, keep))
     outcome = Outcome(int(result.outcome[0]))

@@ -1,0 +1,155 @@
+"""The page that moves a joint: one file with its data, its script and its style; nothing is fetched."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError
+from tripod_doe.joint.contact_outputs import CONTACT_NAMES
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.outputs import PARTS
+from tripod_doe.joint.parameters import point_values
+from tripod_doe.motion.drawing import joint_drawing
+from tripod_doe.motion.poses import Poses, poses_of
+from tripod_doe.simulator import Outcome, Value
+from tripod_doe.study.simulate import SimulatedPoint, simulate_point
+
+_MOST_BYTES = 1_000_000
+"""Of the poses of a revolution, as text."""
+_SIZES = (
+    "joint_angle",
+    "pitch_radius",
+    "roller_radius",
+    "roller_width",
+    "groove_radius",
+    "needle_radius",
+    "needle_length",
+    "bearing_radius",
+    "trunnion_radius",
+    "bore_radius",
+    "ring_distance",
+    "needle_axial_clearance",
+    "torque",
+)
+
+
+@dataclass(frozen=True)
+class JointInMotion:
+    """A simulated joint that shows itself: in a notebook, or as a file for a browser."""
+
+    page: str  # HTML, complete in itself
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{html.escape(self.page)}" style="width:100%;height:860px;border:0"></iframe>'
+
+
+def view(**parameters: Any) -> JointInMotion:
+    """Simulate a point of the joint and move it.
+
+    Args:
+        **parameters: As for `simulate`.
+
+    Raises:
+        InputError: If a parameter cannot be used, or the point does not finish.
+    """
+    return JointInMotion(motion_page(viewed_point(**parameters)))
+
+
+def viewed_point(**parameters: Any) -> SimulatedPoint:
+    """Simulate a point of the joint with all that a view of it needs."""
+    return simulate_point("joint", also=CONTACT_NAMES, **parameters)
+
+
+def motion_page(point: SimulatedPoint) -> str:
+    """The page of a point with the outputs of its contacts.
+
+    Raises:
+        InputError: If the point did not finish: there is no motion to show.
+    """
+    if point.outcome is not Outcome.FINISHED:
+        raise InputError(f"there is no motion to show: the point is {point.outcome.label}: {point.detail}")
+    outputs = {name: values.data for name, values in point.outputs.items()}
+    data = motion_data(point.parameters, outputs)
+    given = {name: value for name, value in point.parameters.items() if _differs(point, name, value)}
+    source = files("tripod_doe.motion")
+    replaced = {
+        "@title@": html.escape(_title(point.parameters)),
+        "@drawing@": joint_drawing(point.parameters),
+        "@given@": html.escape(
+            ", ".join(f"{name} = {value}" for name, value in given.items()) or "all at their defaults"
+        ),
+        "@data@": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+        "@style@": source.joinpath("motion.css").read_text(encoding="utf-8"),
+        "@script@": source.joinpath("motion.js").read_text(encoding="utf-8"),
+    }
+    page = source.joinpath("motion.html").read_text(encoding="utf-8")
+    for mark, text in replaced.items():
+        page = page.replace(mark, text)
+    return page
+
+
+def _title(parameters: Mapping[str, Value]) -> str:
+    angle, torque, speed = (float(parameters[n] or 0) for n in ("joint_angle_deg", "torque_n_m", "speed_rpm"))
+    return f"Tripod joint, {angle:g} deg, {torque:g} N m, {speed:g} rpm ({parameters['model']})"
+
+
+def _differs(point: SimulatedPoint, name: str, value: Value) -> bool:
+    parameter = point.simulator.parameters[name]
+    return parameter.default is not None and value != parameter.default and name != "model"
+
+
+def motion_data(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> dict[str, Any]:
+    """What the script reads: sizes in mm, and arrays of a revolution as base64 of little-endian 32-bit floats.
+
+    Samples are left out evenly until the text of all arrays is at most a megabyte.
+    """
+    values = point_values(parameters).point(0)
+    poses = poses_of(parameters, outputs)
+    arrays = _arrays(poses, outputs)
+    floats = sum(array[0].size for array in arrays.values())
+    every = max(1, int(np.ceil(poses.phi.size * floats * 4 * 4 / 3 / _MOST_BYTES)))
+    return {
+        "sizes": {name: float(getattr(values, name)) for name in _SIZES},
+        "needles": int(values.needle_count),
+        "orders": [round(float(a), 4) for a in np.asarray(outputs["thrust_amplitude"])],
+        "parts": list(PARTS),
+        "count": len(poses.phi[::every]),
+        "arrays": {name: _text(array[::every]) for name, array in arrays.items()},
+    }
+
+
+def _arrays(poses: Poses, outputs: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """All arrays by name, the sample first."""
+    named = {
+        name: getattr(poses, name)
+        for name in ("phi", "spider", "trunnions", "rollers", "axes", "contacts", "normal", "friction", "pressure")
+    }
+    amplitude, phase = (np.asarray(outputs[f"thrust_part_{what}"]) for what in ("amplitude", "phase_deg"))
+    waves = np.cos(ORDERS * poses.phi[:, None, None] + np.radians(phase)) * amplitude
+    return named | {"needle": poses.needles, "thrust": poses.thrust, "part": waves.sum(axis=-1)}
+
+
+def _text(array: FloatArray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, "<f4").tobytes()).decode()
+
+
+def write_page(page: str, file: Path, flag: str) -> None:
+    """Write a page to the file that an option names.
+
+    Raises:
+        InputError: If it cannot be written.
+    """
+    try:
+        file.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{flag} {file}: cannot write: {error.strerror}") from error

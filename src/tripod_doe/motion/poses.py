@@ -1,0 +1,145 @@
+"""Poses of all parts over one revolution, from the outputs of a simulated point and the ideal kinematics.
+
+Axes stand still in space: z is the input axis towards the intermediate shaft, whose axis is (sin theta, 0, cos theta).
+Groove k is at the angle phi + (k - 1) 120 deg about z. The spider moves as in `kinematics`; rollers and needles are
+where the model has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.values import JointValues
+from tripod_doe.simulator import Value
+
+_Z = np.array([0.0, 0.0, 1.0])
+_TURNED = 2 * np.pi / 3 * np.arange(3)
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses and loads over one revolution, in mm, N and rad."""
+
+    phi: FloatArray  # rotation angle of the housing, shape (sample,)
+    spider: FloatArray  # centre of the spider, shape (sample, 3)
+    trunnions: FloatArray  # directions of the trunnions, outward, shape (sample, 3, 3)
+    rollers: FloatArray  # centres of the rollers, shape (sample, 3, 3)
+    axes: FloatArray  # axes of the rollers, outward, shape (sample, 3, 3)
+    contacts: FloatArray  # directions from a roller's centre to its contact with the groove, shape (sample, 3, 3)
+    normal: FloatArray  # normal forces of the grooves, shape (sample, 3)
+    friction: FloatArray  # sliding friction on the rollers along the input axis, shape (sample, 3)
+    pressure: FloatArray  # largest pressure in the grooves in MPa, shape (sample, 3)
+    # angle from the loaded side, place along the trunnion, skew and load of each needle, force of its stop: shape
+    # (sample, 3, needle, 5); loads are NaN where a model does not know them
+    needles: FloatArray
+    thrust: FloatArray  # shape (sample,)
+
+
+def ideal_spider(values: JointValues[float], phi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centre of the spider and directions of the trunnions, shapes (sample, 3) and (sample, 3, 3)."""
+    theta, e = values.joint_angle, values.eccentricity
+    first, second = np.array([np.cos(theta), 0.0, -np.sin(theta)]), np.array([0.0, 1.0, 0.0])
+    centre = -e * (np.cos(3 * phi)[:, None] * first + np.sin(3 * phi)[:, None] * second)
+    turned = phi[:, None] + _TURNED
+    return centre, np.cos(turned)[..., None] * first + np.sin(turned)[..., None] * second
+
+
+def poses_of(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> Poses:
+    """Poses of a point that finished.
+
+    Args:
+        parameters: All its parameters.
+        outputs: Its outputs, those of contacts among them, as far as its model has them.
+    """
+    values = point_values(parameters).point(0)
+    place = _first_turn(outputs["groove_contact_place_mm"], parameters)
+    count = len(place)
+    phi = 2 * np.pi * np.arange(count) / count
+    spider, trunnions = ideal_spider(values, phi)
+    turned = phi[:, None] + _TURNED
+    outward = np.stack([np.cos(turned), np.sin(turned), 0 * turned], axis=-1)
+    around, side = np.cross(_Z, outward), -1.0 if values.torque < 0 else 1.0
+    angle = np.radians(_first_turn(outputs["groove_contact_angle_deg"], parameters))[..., None]
+    contacts = -side * np.cos(angle) * around + np.sin(angle) * outward
+    normal = _first_turn(outputs["groove_normal_force"], parameters)
+    off = values.groove_play + np.cbrt(np.maximum(normal, 0) / values.groove_stiffness) ** 2
+    rollers = values.pitch_radius * outward + place[..., None] * _Z + off[..., None] * contacts
+    tilt = (
+        np.radians(_first_turn(outputs["roller_tilt_deg"], parameters)) if "roller_tilt_deg" in outputs else 0 * normal
+    )
+    axes = trunnions + tilt[..., None] * np.cross(_Z, trunnions)
+    return Poses(
+        phi,
+        spider,
+        trunnions,
+        rollers,
+        axes / np.linalg.norm(axes, axis=-1, keepdims=True),
+        contacts,
+        normal,
+        -_first_turn(outputs["groove_thrust"], parameters),
+        _first_turn(outputs["groove_pressure_mpa"], parameters),
+        _needles(values, phi, trunnions, outputs, parameters),
+        _first_turn(outputs["thrust"], parameters),
+    )
+
+
+def _first_turn(data: FloatArray, parameters: Mapping[str, Value]) -> FloatArray:
+    """The first of the two revolutions of an output, its samples first: (sample, ...)."""
+    count = int(float(parameters["samples_per_revolution"] or 0))
+    return np.moveaxis(np.asarray(data)[..., :count], -1, 0)
+
+
+def _needles(
+    values: JointValues[float],
+    phi: FloatArray,
+    trunnions: FloatArray,
+    outputs: Mapping[str, Any],
+    parameters: Mapping[str, Value],
+) -> FloatArray:
+    """Every needle: as the model has it, or as it would roll without slip, in the middle and at its initial skew."""
+    names = ("needle_angle_deg", "needle_place_mm", "needle_yaw_deg", "needle_load", "needle_stop_force")
+    count = int(values.needle_count)
+    if all(name in outputs and np.isfinite(outputs[name]).all() for name in names):
+        data = np.stack([_first_turn(outputs[name], parameters) for name in names], axis=-1)
+        data[..., (0, 2)] = np.radians(data[..., (0, 2)])
+        return data
+    needles = np.full((phi.size, 3, count, 5), np.nan)
+    needles[..., 0] = _rolled(values, phi)[..., None] + 2 * np.pi * np.arange(count) / count
+    needles[..., 1], needles[..., 2] = 0.0, np.array(values.initial_skews)[:, None]
+    return needles
+
+
+def _rolled(values: JointValues[float], phi: FloatArray) -> FloatArray:
+    """How far the needles of a roller that rolls in its groove have moved around, from phi = 0: (sample, trunnion)."""
+    turned, side = phi[:, None] + _TURNED, -1.0 if values.torque < 0 else 1.0
+    cosine, sine = np.cos(turned), np.sin(turned)
+    sin_theta, versine = np.sin(values.joint_angle), 1 - np.cos(values.joint_angle)
+    t_r, t_t, t_z = 1 - versine * cosine**2, versine * sine * cosine, -sin_theta * cosine
+    w_r, w_t, w_z = sin_theta * cosine, -sin_theta * sine, -versine  # over the speed
+    along = values.pitch_radius * np.tan(values.joint_angle) * sine
+    spin = -(side * along / values.roller_radius + w_r) / t_r
+    pace = 0.5 * values.bore_radius / values.bearing_radius * spin + w_r * t_r + w_t * t_t + w_z * t_z
+    moved = np.cumsum(pace, axis=0) * (phi[1] - phi[0])
+    rolled: FloatArray = moved - moved[:1]
+    return rolled
+
+
+def needle_poses(values: JointValues[float], poses: Poses, sample: int) -> tuple[FloatArray, FloatArray]:
+    """Centres and axes of all needles at a sample, shapes (3, needle, 3): how the page places them, too."""
+    side = -1.0 if values.torque < 0 else 1.0
+    turned = poses.phi[sample] + _TURNED
+    flank = -side * np.stack([-np.sin(turned), np.cos(turned), 0 * turned], axis=-1)
+    trunnion = poses.trunnions[sample]
+    load = flank - (flank * trunnion).sum(-1, keepdims=True) * trunnion
+    load /= np.linalg.norm(load, axis=-1, keepdims=True)
+    across = np.cross(trunnion, load)
+    angle, place, skew = (poses.needles[sample, ..., i, None] for i in range(3))
+    normal = np.cos(angle) * load[:, None] + np.sin(angle) * across[:, None]
+    centre = poses.spider[sample] + (values.ring_distance + place) * trunnion[:, None] + values.bearing_radius * normal
+    return centre, np.cos(skew) * trunnion[:, None] + np.sin(skew) * np.cross(normal, trunnion[:, None])

@@ -1,0 +1,44 @@
+"""One point of a study's results: all values that it was simulated with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, option
+from tripod_doe.study.query.arrays import opened_arrays
+from tripod_doe.study.query.query import records
+from tripod_doe.study.results.stored_study import stored_study
+
+
+def point_in(directory: Path, select: Sequence[str] = (), nearest: bool = False) -> dict[str, Any]:
+    """Values of the one point of a result directory that a selection leaves, as `simulate` takes them.
+
+    Args:
+        directory: Result directory of a study of the joint.
+        select: ``name=value`` for factors.
+        nearest: Take the nearest value where none matches.
+
+    Raises:
+        InputError: If the study is of another scene, or the selection leaves none or several points.
+    """
+    study = stored_study(directory)
+    if study.simulator.name != "joint":
+        raise InputError(f"{directory}: only the scene joint can be viewed, not {study.simulator.name}")
+    with opened_arrays(directory) as cube:
+        columns = records(cube, "outcome", select, nearest)
+        of_point = {name: column for name, column in columns.items() if name in study.simulator.parameters}
+        if study.accuracy:
+            of_point |= {
+                name: records(cube, name, select, nearest)[name]
+                for name in study.accuracy.parameters
+                if name in {**cube.variables, **cube.coordinates}
+            }
+    count = columns["outcome"].size
+    if count != 1:
+        several = [f"{name}={next(iter(column.tolist()), '')}" for name, column in of_point.items()]
+        advice = " ".join(option("select", text) for text in several)
+        raise InputError(f"{directory}: the selection leaves {count} points; choose one, for instance {advice}")
+    own = {name: column.tolist()[0] for name, column in of_point.items()}
+    return {name: value for name, value in {**study.base, **own}.items() if value is not None and value == value}

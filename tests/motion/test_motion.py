@@ -1,0 +1,126 @@
+"""The joint in motion: poses against an independent reconstruction, the page's data, and the page in a browser."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from reference import spider
+
+import tripod_doe as td
+from tripod_doe.cli.main import main
+from tripod_doe.joint.parameters import point_values
+from tripod_doe.motion.drawing import joint_drawing
+from tripod_doe.motion.page import motion_data, motion_page, viewed_point
+from tripod_doe.motion.poses import needle_poses, poses_of
+from tripod_doe.motion.stored_point import point_in
+
+FRICTIONLESS = {
+    "groove_sliding": 0,
+    "groove_spinning": 0,
+    "groove_rolling": 0,
+    "needle_sliding": 0,
+    "needle_rolling": 0,
+}
+
+
+def outputs_of(point):
+    return {name: values.data for name, values in point.outputs.items()}
+
+
+def test_poses_are_those_of_three_trunnions_through_three_grooves():
+    """Exact physics: a frictionless joint against a search for the spider's place; rollers lie aside by their play."""
+    point = viewed_point(model="equilibrium", joint_angle_deg=14, samples_per_revolution=36, **FRICTIONLESS)
+    poses, values = poses_of(point.parameters, outputs_of(point)), point_values(point.parameters).point(0)
+    for i in range(0, 36, 5):
+        centre, _, directions, distance, _ = spider(poses.phi[i], values.joint_angle, values.pitch_radius)
+        assert poses.spider[i] == pytest.approx(centre, abs=1e-6)
+        for k in range(3):
+            assert poses.trunnions[i, k] == pytest.approx(directions[k], abs=1e-7)
+            aside = poses.rollers[i, k] - (centre + distance[k] * directions[k])
+            off = values.groove_play + (poses.normal[i, k] / values.groove_stiffness) ** (2 / 3)
+            assert aside == pytest.approx(off * poses.contacts[i, k], abs=1e-3)
+
+
+def test_needles_stand_on_their_trunnion_and_carry_on_the_loaded_side():
+    point = viewed_point(joint_angle_deg=8, torque_n_m=-90, samples_per_revolution=60, initial_skew_2_deg=0.6)
+    poses, values = poses_of(point.parameters, outputs_of(point)), point_values(point.parameters).point(0)
+    centres, axes = needle_poses(values, poses, 7)
+    for k in range(3):
+        arm = centres[k] - poses.spider[7]
+        along = arm @ poses.trunnions[7, k]
+        radial = arm - along[:, None] * poses.trunnions[7, k]
+        assert np.linalg.norm(radial, axis=1) == pytest.approx(np.full(27, values.bearing_radius))
+        assert np.linalg.norm(axes[k], axis=1) == pytest.approx(np.ones(27))
+        most = int(poses.needles[7, k, :, 3].argmax())
+        assert radial[most] @ poses.contacts[7, k] > 0.9 * values.bearing_radius
+
+
+def test_forces_of_the_page_are_those_of_the_point():
+    point = viewed_point(samples_per_revolution=72)
+    outputs = outputs_of(point)
+    data = motion_data(point.parameters, outputs)
+    read = {name: np.frombuffer(base64.b64decode(text), "<f4") for name, text in data["arrays"].items()}
+    assert read["normal"].reshape(-1, 3) == pytest.approx(outputs["groove_normal_force"][:, :72].T, rel=1e-6)
+    assert read["friction"].reshape(-1, 3) == pytest.approx(-outputs["groove_thrust"][:, :72].T, rel=1e-5, abs=1e-5)
+    assert read["thrust"] == pytest.approx(outputs["thrust"][:72], rel=1e-5, abs=1e-5)
+    orders = np.fft.rfft(outputs["thrust"][:72])
+    orders[13:] = 0
+    assert read["part"].reshape(72, -1).sum(axis=1) == pytest.approx(np.fft.irfft(orders, 72), abs=1e-3)
+
+
+@pytest.mark.parametrize("given", [{}, {"needle_count": 80, "needle_diameter_mm": 0.6, "samples_per_revolution": 720}])
+def test_poses_of_a_revolution_take_a_megabyte_at_most(given):
+    point = viewed_point(**given)
+    data = motion_data(point.parameters, outputs_of(point))
+    assert 200_000 < sum(map(len, data["arrays"].values())) <= 1_000_000
+    assert data["count"] >= 120
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"roller_radius_mm": 24, "pitch_radius_mm": 40}, {"needle_count": 1, "roller_width_mm": 7}]
+)
+def test_the_drawing_is_to_scale(given):
+    """Exact: circles of the drawing have the radii of the joint; nothing else is needed to draw one."""
+    root = ET.fromstring(joint_drawing(given))
+    values = point_values(given).point(0)
+    radii = sorted({float(node.get("r")) for node in root.iter("{http://www.w3.org/2000/svg}circle")})
+    for wanted in (values.groove_radius, values.bore_radius, values.trunnion_radius, values.needle_radius):
+        assert min(abs(np.array(radii) - wanted)) < 1e-3
+
+
+def test_the_page_asks_for_nothing_and_escapes_its_data():
+    page = motion_page(viewed_point(model="equilibrium", samples_per_revolution=36))
+    assert not re.findall(r"(?:src|href)=|@import|url\(", page)
+    assert page.count("</script>") == 2
+    assert "@" not in re.sub(r"@media", "", page.split("<body>")[1].split("<script")[0])
+
+
+def test_a_point_without_motion_is_refused():
+    with pytest.raises(td.InputError, match="no motion to show: the point is jammed"):
+        td.view(needle_count=40)
+
+
+def test_commands_write_pages(tmp_path, capsys):
+    few = ["--samples-per-revolution", "36", "--model", "equilibrium"]
+    assert main(["simulate", *few, "--view", str(tmp_path / "a.html"), "--format", "json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert "groove_normal_force" not in answer
+    assert "motion-data" in (tmp_path / "a.html").read_text()
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "s"\n[base]\nsamples_per_revolution = 36\nmodel = "equilibrium"\n'
+        "[factors]\ntorque_n_m = { values = [20, 40] }\n"
+    )
+    td.run(tmp_path / "s.toml", out=tmp_path / "out", progress=False, workers=0)
+    assert point_in(tmp_path / "out", ["torque_n_m=40"])["torque_n_m"] == 40
+    page = str(tmp_path / "b.html")
+    assert main(["view", str(tmp_path / "out"), "--select", "torque_n_m=40", "--output", page]) == 0
+    assert "40 N m" in (tmp_path / "b.html").read_text()
+    assert main(["view", str(tmp_path / "out"), "--output", page]) == 2
+    assert "the selection leaves 2 points" in capsys.readouterr().err
+    assert main(["simulate", *few, "--view", str(tmp_path / "no" / "a.html")]) == 2
+    assert "cannot write" in capsys.readouterr().err
