@@ -29,10 +29,10 @@ def point_in(directory: Path, select: Sequence[str] = (), nearest: bool = False)
     with opened_arrays(directory) as cube:
         columns = records(cube, "outcome", select, nearest)
         of_point = {name: column for name, column in columns.items() if name in study.simulator.parameters}
-        if study.accuracy:
+        if study.auto_model:
             of_point |= {
                 name: records(cube, name, select, nearest)[name]
-                for name in study.accuracy.parameters
+                for name in study.auto_model.parameters
                 if name in {**cube.variables, **cube.coordinates}
             }
     count = columns["outcome"].size
