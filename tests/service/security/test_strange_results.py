@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 
@@ -13,8 +14,10 @@ import tripod_doe as td
 from tripod_doe.errors import TooLargeError
 from tripod_doe.service.app import create_app
 from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.questions import query
+from tripod_doe.service.workers.questions import extend, query
+from tripod_doe.study.journal import KERNELS, Journal
 
 STUDY = """
     [study]
@@ -109,6 +112,21 @@ def test_an_answer_of_too_many_bytes_is_refused(two, form):
         TooLargeError, match=r"an answer of about [\d,]+ bytes; at most .* are sent: select fewer cells"
     ):
         query(str(results / "one"), **words, limits=Limits(answer_bytes=size // 2))
+
+
+def test_who_extends_a_run_is_not_sent_to_the_command_line(two, tmp_path):
+    """A client has no --out."""
+    _, results = two
+    copy = shutil.copytree(results / "one", tmp_path / "copy")
+    with Journal(copy) as journal:
+        journal.remember({KERNELS: "other kernels"})
+    text = (copy / "study.toml").read_text().replace("samples = 4", "samples = 8")
+    with pytest.raises(RefusedError) as refused:
+        extend(json.dumps({"study": text}).encode(), str(tmp_path / "upload"), str(copy), Limits())
+    told = refused.value.problems[0].message
+    assert "another version of the kernels" in told
+    assert "submit it as a run of its own" in told
+    assert "out" not in told.split()
 
 
 def _is_at(api, run_id, directory):

@@ -166,7 +166,10 @@ def test_a_large_cube_that_is_read_in_parts_is_checked_part_by_part(cube, monkey
     flip(cube, 8 * (cube.stat().st_size // 2))
     assert main(["query", str(cube), "--variable", "y", "--select", "x=3"]) == 2
     assert "cube.nc: not a readable cube" in capsys.readouterr().err
-    with td.open_cube(cube, chunks={}) as opened, pytest.raises(RuntimeError, match="NetCDF: "):
+    with (
+        td.open_cube(cube, chunks={}) as opened,
+        pytest.raises(td.CubeError, match=r"cube\.nc: not a readable cube \(NetCDF: "),
+    ):
         opened.load()
 
 

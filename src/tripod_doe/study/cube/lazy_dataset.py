@@ -17,6 +17,7 @@ import pandas
 import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import BackendArray, NetCDF4DataStore
+from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
 from xarray.core import indexing
 from xarray.indexes import PandasIndex
 
@@ -37,6 +38,24 @@ def read_dataset(path: Path) -> xr.Dataset:
     refuse_unfit(path, whole=True)
     with lazy_dataset(path) as stored, reading(path):
         return stored.load()
+
+
+class _Array(NetCDF4ArrayWrapper):
+    """A stored variable, whose damage is told with the name of its file, also while it is used in parts."""
+
+    def _getitem(self, key: Any) -> Any:
+        with reading(Path(self.datastore._filename)):
+            return super()._getitem(key)  # type: ignore[no-untyped-call]
+
+
+class _Store(NetCDF4DataStore):
+    """A netCDF file for xarray."""
+
+    def open_store_variable(self, name: str, var: Any) -> xr.Variable:
+        """A variable, which is read when it is used."""
+        stored = super().open_store_variable(name, var)
+        data = indexing.LazilyIndexedArray(_Array(name, self))  # type: ignore[no-untyped-call]
+        return xr.Variable(stored.dims, data, stored.attrs, stored.encoding)
 
 
 def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
@@ -63,7 +82,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         with NETCDF_LOCK, warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
             stored = xr.open_dataset(
-                NetCDF4DataStore(shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
+                _Store(shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
                 decode_timedelta=False,
                 chunks=chunks,
                 cache=False,
