@@ -153,6 +153,13 @@ def test_a_record_that_does_not_fit_is_left_out_and_named(written, tmp_path):
     assert "record_3.csv" in (tmp_path / "out" / "report" / "index.html").read_text()
 
 
+def test_records_lie_beside_their_table(written, tmp_path):
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    above = file.parent.parent / "fit.toml"
+    above.write_text(file.read_text().replace("records.csv", "rig/records.csv"))
+    assert main(["plan", str(above), "--no-timing"]) == 0
+
+
 def test_an_unknown_of_each_record(written, tmp_path):
     """Each record may have its own value: that of the groove comes out the same in all, within its interval."""
     text = UNKNOWNS.partition("[unknowns.needle_sliding_friction]")[0] + 'per = "record"\n'
@@ -220,3 +227,20 @@ def test_a_plan_prices_it(written, capsys):
     assert "CPU time" in said
     assert main(["run", str(file), "--out", "nowhere"]) == 2
     assert "tripod-doe fit" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_answer_of_the_documentation(tmp_path):
+    """Regression: the table of docs/fit.md, to a tenth of each interval; the hidden values lie in all intervals."""
+    text = (MEASUREMENTS.parent / "docs" / "fit.md").read_text()
+    rows = text.partition("<!-- answer -->\n")[2].partition("\n\n")[0].splitlines()[2:]
+    fit = td.fit(MEASUREMENTS / "rig" / "frictions.toml", tmp_path, workers=0, progress=False).result
+    for row in rows:
+        name, *numbers, word = (cell.strip(" `") for cell in row.strip("|").split("|"))
+        value, low, high = map(float, numbers)
+        own = fit.sel(unknown=name)
+        assert [float(own[key]) for key in ("value", "low", "high")] == pytest.approx(
+            [value, low, high], abs=0.1 * (high - low)
+        )
+        assert str(own["verdict"].item()) == word
+        assert low < make_rig.TRUTH[name] < high

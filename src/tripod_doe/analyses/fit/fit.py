@@ -53,6 +53,7 @@ class Solution:
     bad: NDArray[np.bool_]  # records left out as they do not fit the others, shape (record,)
     others: tuple[Descent, ...]  # further minima within the interval
     corrections: int  # how often the model asked for was computed at a minimum
+    at_rest: bool  # whether the minimum came to rest by these
     failed_places: int  # starting places where a point failed
 
 
@@ -108,11 +109,12 @@ def solve(
         rows = rows if weigh is None else weigh(found[0])
         plain = Problem(layout, Misfit(rows, ~bad, layout.priors()), predict)
         found = distinct([plain.descend(replace(each, cost=plain.cost(each.prediction, each.place))) for each in found])
-    corrections = 0
+    corrections, at_rest = 0, True
     if finer is not None:
         tell("refinement")
-        plain, found, corrections = _corrected(plain, found, predict, finer)
-    return _with_profiles(plain, found, bad, corrections, failed, tell)
+        plain, found, corrections, at_rest = _corrected(plain, found, predict, finer)
+    fitted = _with_profiles(plain, found, bad, failed, tell)
+    return replace(fitted, corrections=corrections, at_rest=at_rest)
 
 
 def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np.bool_]:
@@ -128,9 +130,9 @@ def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np
 
 def _corrected(
     problem: Problem, found: list[Descent], cheap: Predict, finer: Predict
-) -> tuple[Problem, list[Descent], int]:
-    """The problem with the cheap model corrected at its minimum, and its minima."""
-    best, count = found[0], 0
+) -> tuple[Problem, list[Descent], int, bool]:
+    """The problem with the cheap model corrected at its minimum, its minimum, and whether that came to rest."""
+    best, count, rests = found[0], 0, False
     for _ in range(_CORRECTIONS):
         offset = np.nan_to_num(finer(best.place[None])[0] - cheap(best.place[None])[0])
         count += 1
@@ -142,10 +144,10 @@ def _corrected(
         jacobian = problem.misfit.jacobian(problem.compare(moved.prediction, moved.place), moved.slope)
         deviation = np.sqrt(np.diag(covariance_of(jacobian)))
         still = np.abs(moved.place - best.place) <= _STAYS * np.minimum(deviation, 1.0)
-        best = moved
-        if still.all():
+        best, rests = moved, bool(still.all())
+        if rests:
             break
-    return problem, [best], count
+    return problem, [best], count, rests
 
 
 def _shifted(predict: Predict, offset: ComplexArray) -> Predict:
@@ -156,12 +158,7 @@ def _shifted(predict: Predict, offset: ComplexArray) -> Predict:
 
 
 def _with_profiles(
-    problem: Problem,
-    found: list[Descent],
-    bad: NDArray[np.bool_],
-    corrections: int,
-    failed: int,
-    tell: Callable[[str], None],
+    problem: Problem, found: list[Descent], bad: NDArray[np.bool_], failed: int, tell: Callable[[str], None]
 ) -> Solution:
     """Intervals and verdicts at the best minimum, again from a better one where a profile comes upon it."""
     for left in range(_RESTARTS, -1, -1):
@@ -203,7 +200,8 @@ def _with_profiles(
         tuple(combinations(problem.layout, jacobian, best.place, unclear, allowed)),
         bad,
         others,
-        corrections,
+        0,
+        True,
         failed,
     )
 

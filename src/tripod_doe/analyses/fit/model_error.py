@@ -1,8 +1,8 @@
 """Errors of the model at the points of records, as standard deviations of complex amplitudes.
 
-The error on record is a median, which of a normal error is 0.67 of its deviation. Half of its square counts as an error
-that all records of a joint share, since models differ by what they leave out, and half as one of each record alone.
-Beside it stand the numerical error that a run reports, and the difference between its last two revolutions.
+The error on record is a median, which of a normal error is 0.67 of its deviation. It counts as an error that all
+records of a joint share, since models differ by what they leave out, and half of its square in each record alone.
+Beside them stand the numerical error that a run reports, and the difference between its last two revolutions.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def model_error(
     if setting != "recorded":
         whole = float(setting) * amplitude
         words = f"{100 * float(setting):g} % of each order, as given" if setting else "none, as given"
-        return ModelError(np.hypot(whole / np.sqrt(2), reported), whole / np.sqrt(2), words)
+        return ModelError(np.hypot(whole / np.sqrt(2), reported), whole, words)
     relative, known = np.empty(amplitude.shape), np.ones(len(amplitude), bool)
     third = _third(simulator, columns)
     finest = np.array([str(model) == simulator.model_names[-1] for model in columns["model"]])
@@ -72,7 +72,7 @@ def model_error(
     words = "recorded for similar points"
     if not known.all():
         words += f"; at {int((~known).sum())} of {known.size} records none is, and {100 * _ASSUMED:g} % is assumed"
-    return ModelError(np.hypot(whole / np.sqrt(2), reported), whole / np.sqrt(2), words)
+    return ModelError(np.hypot(whole / np.sqrt(2), reported), whole, words)
 
 
 def _third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:

@@ -52,18 +52,18 @@ def gains(
     """
     rows = solution.problem.misfit.rows
     noise = _usual_noise(rows, orders)
-    answers = []
+    own = solution.profiles[scalar]
+    half, answers = (own.high - own.low) / 2, []
     for candidate in candidates:
         now = _variance(solution, orders, candidate, noise, scalar, 1e-9)
         one = _variance(solution, orders, candidate, noise, scalar, 1.0)
         count = 1.0
-        while (
-            count <= _MOST_RECORDS
-            and np.sqrt(solution.allowed * _variance(solution, orders, candidate, noise, scalar, count)) > aim
-        ):
+        while count <= _MOST_RECORDS:
+            if half * np.sqrt(_variance(solution, orders, candidate, noise, scalar, count) / now) <= aim:
+                break
             count *= 1.25
         records = float(np.ceil(count)) if count <= _MOST_RECORDS else np.inf
-        if np.sqrt(solution.allowed * now) <= aim:
+        if half <= aim:
             records = 0.0
         answers.append(Gain(float(np.sqrt(one / now)), records, _band(solution, candidate)))
     return answers

@@ -104,13 +104,21 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
     for line, row in enumerate(rows, start=2):
         cells = dict(zip(header, (cell.strip() for cell in row), strict=False))
         try:
-            path = request.folder.file(cells.pop("file"), "file")
+            path = _beside(request, name, cells.pop("file"))
             own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
             known = {key: _value(parameters[key], cells[key]) for key in cells if key in parameters}
         except InputError as error:
             raise request.fail(where, f"line {line}: {error}") from error
         labels = {key: text for key, text in cells.items() if key not in parameters and key not in _OWN}
         yield _Asked(path, known, labels, own)
+
+
+def _beside(request: FitRequest, table: str, name: str) -> Path:
+    """The path of a record that a table names: beside the table, else beside the fit file."""
+    near = Path(table).parent / name
+    if (request.folder.path / near).is_file():
+        return request.folder.file(near.as_posix(), "file")
+    return request.folder.file(name, "file")
 
 
 def read_csv(request: FitRequest, name: str, where: str) -> tuple[list[str], list[list[str]]]:

@@ -272,6 +272,7 @@ def _attributes(
         "model": models[0],
         "search_model": models[1],
         "corrections": solution.corrections,
+        "at_rest": int(solution.at_rest),
         "model_error_source": error.source,
         "confidence_level": CONFIDENCE,
         "chi_squared": solution.best.cost,

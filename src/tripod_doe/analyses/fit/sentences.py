@@ -201,6 +201,8 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             f"The search ran on {attrs['search_model']}, corrected by {attrs['model']} at "
             f"{count_of(int(attrs['corrections']), 'minimum').replace('minimums', 'minima')}."
         )
+    if not attrs["at_rest"]:
+        yield "The minimum still moved at the last of these: narrow the bounds, or fit fewer unknowns."
     if attrs.get("failed_points"):
         yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed; the search went around."
 
