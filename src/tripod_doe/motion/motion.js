@@ -140,14 +140,16 @@
     turn = following ? [Math.cos(phi), Math.sin(phi)] : [1, 0];
     const see = camera(w, h), jobs = [];
     const put = (depth, paint) => jobs.push([depth, paint]);
-    const stroke = (a, b, width, style, cap = "butt") => {
+    const stroke = (a, b, width, style, alpha = 1) => {
       const p = see(a), q = see(b);
       put((p[2] + q[2]) / 2, () => {
-        g.lineCap = cap;
+        g.lineCap = "butt";
+        g.globalAlpha = alpha;
         g.strokeStyle = style;
         g.lineWidth = Math.max(width * p[3], 0.8);
         path(g, [p, q], false);
         g.stroke();
+        g.globalAlpha = 1;
       });
     };
     // housing: three grooves
@@ -168,7 +170,7 @@
       });
     }
     const spider = vector("spider", i), shaft = [Math.sin(size.joint_angle), 0, Math.cos(size.joint_angle)];
-    stroke(spider, add(spider, shaft, 2.6 * size.pitch_radius), 1.5 * size.trunnion_radius, colour.steel);
+    stroke(spider, add(spider, shaft, 2.6 * size.pitch_radius), 1.5 * size.trunnion_radius, colour.steel, 0.3 + 0.7 * solid); // it may hide a bearing
     const reach = (size.needle_length + size.needle_axial_clearance) / 2;
     for (let k = 0; k < 3; k++) {
       const frame = frameOf(i, k), roller = vector("rollers", i, k, 9), contact = vector("contacts", i, k, 9);
