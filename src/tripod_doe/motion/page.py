@@ -67,7 +67,7 @@ def view(**parameters: Any) -> JointInMotion:
 
 def viewed_point(**parameters: Any) -> SimulatedPoint:
     """Simulate a point of the joint with all that a view of it needs."""
-    return simulate_point("joint", also=CONTACT_NAMES, **parameters)
+    return simulate_point("joint", CONTACT_NAMES, **parameters)
 
 
 def motion_page(point: SimulatedPoint) -> str:

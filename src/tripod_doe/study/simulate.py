@@ -91,7 +91,7 @@ def _checked(simulator: Simulator, parameters: Mapping[str, Any], keep: Collecti
     return values
 
 
-def simulate_point(scene: str = "joint", also: Collection[str] = (), **parameters: Any) -> SimulatedPoint:
+def simulate_point(scene: str = "joint", also: Collection[str] = (), /, **parameters: Any) -> SimulatedPoint:
     """Simulate one point, as plain arrays, with outputs on request that are named in `also`; see `simulate`."""
     simulator = load_simulator(scene)
     keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request or name in also)
