@@ -212,18 +212,13 @@ JOINT_OUTPUTS = by_name(_OUTPUTS)
 def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
     """All outputs that follow from the thrust at the grooves.
 
-    Parameters
-    ----------
-    groove_thrust
-        Axial force on the housing at each groove, shape (point, revolution, groove, sample), for the last revolutions:
-        two or more, or one where all are alike. Orders are those of the mean revolution; waveforms, and the scatter,
-        are those of the last two.
-    keep
-        Names of the wanted outputs; others are not computed.
+    Args:
+        groove_thrust: Axial force on the housing at each groove, shape (point, revolution, groove, sample), for the
+            last revolutions: two or more, or one where all are alike. Orders are those of the mean revolution;
+            waveforms, and the scatter, are those of the last two.
+        keep: Names of the wanted outputs; others are not computed.
 
-    Returns
-    -------
-    dict of ndarray
+    Returns:
         Every output by name, its first axis the point.
     """
     results: dict[str, FloatArray] = {}
@@ -247,16 +242,11 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
 def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
     """Orders of the parts of the thrust; the complex amplitudes of all parts add up to that of the thrust.
 
-    Parameters
-    ----------
-    thrust_parts
-        Shape (point, revolution, part, sample), as in `thrust_outputs`.
-    keep
-        Names of the wanted outputs.
+    Args:
+        thrust_parts: Shape (point, revolution, part, sample), as in `thrust_outputs`.
+        keep: Names of the wanted outputs.
 
-    Returns
-    -------
-    dict of ndarray
+    Returns:
         Every output by name, its first axis the point.
     """
     orders = amplitude_and_phase(complex_amplitudes(thrust_parts).mean(axis=1))
@@ -266,16 +256,11 @@ def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, F
 def skew_outputs(skew: FloatArray, samples: int) -> dict[str, FloatArray]:
     """Outputs of the skew of the most loaded needles.
 
-    Parameters
-    ----------
-    skew
-        In degrees, over all revolutions, shape (point, trunnion, cycles sample).
-    samples
-        Samples per revolution.
+    Args:
+        skew: In degrees, over all revolutions, shape (point, trunnion, cycles sample).
+        samples: Samples per revolution.
 
-    Returns
-    -------
-    dict of ndarray
+    Returns:
         Every output by name, its first axis the point.
     """
     by_cycle = skew.reshape(*skew.shape[:2], -1, samples)

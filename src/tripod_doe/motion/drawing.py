@@ -16,10 +16,8 @@ _WIDTH, _HEIGHT = 720.0, 340.0
 def joint_drawing(parameters: Mapping[str, Value]) -> str:
     """The drawing as SVG, 720 by 340 units; colours follow the page (currentColor), sizes are stated below it.
 
-    Parameters
-    ----------
-    parameters
-        Of the joint; others keep their defaults.
+    Args:
+        parameters: Of the joint; others keep their defaults.
     """
     values = point_values(parameters).point(0)
     reach = values.pitch_radius + values.groove_radius

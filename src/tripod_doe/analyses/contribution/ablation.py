@@ -85,10 +85,8 @@ class Projections:
     def changes(self, combinations: Sequence[int]) -> FloatArray:
         """Change of the amplitude in percent with other combinations, shape (operating point, combination, ...).
 
-        Parameters
-        ----------
-        combinations
-            As for a call; the bit of a mechanism whose friction is halved, with a minus.
+        Args:
+            combinations: As for a call; the bit of a mechanism whose friction is halved, with a minus.
         """
         whole = np.where(self.weak, np.nan, self.total)
         return np.stack([100 * (np.abs(self._amplitudes(each)) / whole - 1) for each in combinations], axis=1) + 0.0

@@ -25,9 +25,7 @@ def rows_to_judge(points: JointValues[FloatArray], block: BlockResult) -> IntArr
 def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: BlockResult) -> dict[str, FloatArray]:
     """Whether some joints of a block vibrate by themselves; a note at each that does.
 
-    Returns
-    -------
-    dict of str to ndarray
+    Returns:
         The outputs `VIBRATION_VERDICT`, shape (point,), NaN at other rows.
     """
     verdicts = np.full((len(VIBRATION_VERDICT), block.count), np.nan)

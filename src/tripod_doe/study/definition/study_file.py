@@ -238,10 +238,8 @@ class StudyFile(_Table):
 def read_text(path: Path, what: str) -> str:
     """The text of a TOML file.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read or is not UTF-8.
+    Raises:
+        InputError: If it cannot be read or is not UTF-8.
     """
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors mark UTF-8 by three bytes in front
@@ -254,11 +252,9 @@ def read_text(path: Path, what: str) -> str:
 def parse_toml(text: str, origin: str) -> dict[str, Any]:
     """The tables of a TOML text.
 
-    Raises
-    ------
-    InputError
-        If it is not valid TOML, or names or values are nested deeply: the time that tomllib takes for a dotted name
-        grows with the square of its parts.
+    Raises:
+        InputError: If it is not valid TOML, or names or values are nested deeply: the time that tomllib takes for a
+            dotted name grows with the square of its parts.
     """
     if long := _LONG_NAME.search(text):
         raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
@@ -287,10 +283,8 @@ def _refuse_large_numbers(value: Any, place: str) -> None:
 def tables_in(path: Path) -> set[str]:
     """Names of the tables of a TOML file, by which its kind is known.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read.
+    Raises:
+        InputError: If it cannot be read.
     """
     return set(parse_toml(read_text(path, "file"), str(path)))
 
@@ -333,12 +327,9 @@ def _check_names(raw: Mapping[str, Any]) -> None:
 def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> list[str]:
     """Pydantic's complaints about a TOML file, each with table, key, value, reason and a near match.
 
-    Parameters
-    ----------
-    error
-        The error of pydantic.
-    known
-        The keys that the table at a path may hold, for near matches.
+    Args:
+        error: The error of pydantic.
+        known: The keys that the table at a path may hold, for near matches.
     """
     return first_messages(error.errors(include_url=False), lambda item: _complaint(item, known))
 
@@ -391,12 +382,9 @@ _EXPECTED = {
 def said_of(complaint: ErrorDetails, key: str) -> str:
     """The reason why pydantic refuses a value.
 
-    Parameters
-    ----------
-    complaint
-        One of `ValidationError.errors`.
-    key
-        The key as a file has it.
+    Args:
+        complaint: One of `ValidationError.errors`.
+        key: The key as a file has it.
     """
     if complaint["type"] == "list_type":
         return f"expected a list, as {key} = [{_shown(complaint['input'])}]"
