@@ -299,3 +299,31 @@ def test_a_wrong_file_is_refused_before_anything_runs(tmp_path, change, message)
         td.optimise(tmp_path / "a.toml", tmp_path / "out", progress=False)
     assert "a.toml" in str(refused.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_front_that_the_better_judgement_rejects(solve, tmp_path):
+    """Regression: a page without a figure was an internal error."""
+    limits = {"strong": {"output": "stress", "high": 0.5}}
+    aims = {"lightest": {"output": "weight"}, "soft": {"output": "stress"}}
+    summary = solve("hole", {"x": {"low": 0, "high": 1}}, aims, constraints=limits, search={"evaluations": 40})
+    assert not summary.good
+    assert "None of 40 candidates is feasible" in (tmp_path / "out" / "report" / "index.html").read_text()
+
+
+def test_one_candidate_that_is_best_in_all(solve):
+    aims = {"a": {"output": "stress"}, "b": {"output": "stress", "over": "mean"}}
+    summary = solve("hole", {"x": {"values": [0.1, 0.2, 0.3]}}, aims, search={"evaluations": 10})
+    assert summary.lines[0].startswith("One candidate is best in every objective: a 1.1")
+
+
+def test_points_so_far_can_be_queried(solve, tmp_path, monkeypatch):
+    compute = PointBatches._compute
+
+    def stopped(self, asked, missing):
+        compute(self, asked, missing)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(PointBatches, "_compute", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        solve("slope", {"x": {"low": 0, "high": 3}}, {"f": {"output": "f"}}, search={"evaluations": 40})
+    assert td.query(tmp_path / "out" / "steps" / "points", "f")["f"].size == 20

@@ -195,12 +195,12 @@ class _Run:
                 ended=tuple(self.ended),
             )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
-        chosen = self._leading(archive.judged, archive.units)
+        chosen = self._leading(archive.judged)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
         for _ in range(_ROUNDS if fine else 0):
             assert fine is not None
             better = corrected(archive, chosen, fine)
-            new = np.array([row for row in self._leading(better, archive.units) if row not in chosen], int)
+            new = np.array([row for row in self._leading(better, True) if row not in chosen], int)
             if not new.size:
                 break
             new = new[: max(self.table.confirmed // 2, 1)]
@@ -222,9 +222,16 @@ class _Run:
             ended=tuple(self.ended),
         )
 
-    def _leading(self, judged: Judged, units: FloatArray) -> IntArray:
-        """The candidates to confirm: some of the front far apart, or the best ones of a single objective."""
+    def _leading(self, judged: Judged, is_corrected: bool = False) -> IntArray:
+        """The candidates to confirm: some of the front far apart, or the best ones of a single objective.
+
+        Where none is feasible after a correction, those that are nearest to it.
+        """
         aims = judged.objectives * self.problem.signs
+        if is_corrected and not judged.feasible.any():
+            far = np.maximum(judged.violations, 0).sum(axis=1)
+            near = np.flatnonzero(np.isfinite(far) & np.isfinite(aims).all(axis=1))
+            return np.asarray(near[np.argsort(far[near], kind="stable")][: self.table.confirmed])
         if aims.shape[1] > 1:
             rows = front_rows(aims, judged.feasible)
             return rows[spread(aims[rows], self.table.confirmed)] if rows.size else rows

@@ -85,7 +85,7 @@ class PointBatches:
             self._learn(number, read(), retry_failed)
         self._asked: dict[bytes, tuple[Value, ...]] = {}
         self._names: tuple[str, ...] = ()
-        self._written = time.monotonic()
+        self._written = -_EVERY
         self.computed = 0
 
     def _learn(self, number: int, block: FinishedBlock, finished_only: bool = False) -> None:

@@ -114,6 +114,10 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
     front = solved.front
     aims = front.judged.objectives * problem.signs
     names = list(problem.objectives)
+    if len(aims) == 1:
+        values = [f"{name} {_aim(problem, k, float(front.judged.objectives[0, k]))}" for k, name in enumerate(names)]
+        only = f"One candidate is best in every objective: {listed(values)}, at {joint_text(problem, front.units[0])}."
+        return [only, *(line for at in range(len(names)) for line in _against_start(problem, solved, at))]
     ends = []
     for at, name in enumerate(names):
         row = int(aims[:, at].argmin())
@@ -152,7 +156,9 @@ def _confirmation(problem: Problem, solved: Solved) -> list[str]:
         if np.isfinite(apart[:, at]).any()
     ]
     moved = f"; on the front it differs from the search in {listed(texts)}" if texts else ""
-    return [f"{count_of(solved.confirmed, 'candidate')} were judged once more {how}{moved}."]
+    return [
+        f"{count_of(solved.confirmed, 'candidate')} {'was' if solved.confirmed == 1 else 'were'} judged once more {how}{moved}."
+    ]
 
 
 def _scatter(problem: Problem) -> list[str]:
