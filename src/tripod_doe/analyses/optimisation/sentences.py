@@ -156,9 +156,8 @@ def _confirmation(problem: Problem, solved: Solved) -> list[str]:
         if np.isfinite(apart[:, at]).any()
     ]
     moved = f"; on the front it differs from the search in {listed(texts)}" if texts else ""
-    return [
-        f"{count_of(solved.confirmed, 'candidate')} {'was' if solved.confirmed == 1 else 'were'} judged once more {how}{moved}."
-    ]
+    were = "was" if solved.confirmed == 1 else "were"
+    return [f"{count_of(solved.confirmed, 'candidate')} {were} judged once more {how}{moved}."]
 
 
 def _scatter(problem: Problem) -> list[str]:
