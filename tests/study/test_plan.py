@@ -273,3 +273,19 @@ def test_a_plan_warns_of_points_outside_the_range_of_their_model():
     low, high = (2 * 0.05 * 0.0086 * 16 / each for each in slip)  # docs/models.md
     assert f" up to 0.05, there {low:.2g} to {high:.2g}; beyond, rollers swing" in message
     assert "model        equilibrium: typical error of the third order" in plan.describe()
+
+
+def test_a_plan_of_very_many_points_judges_a_sample(monkeypatch):
+    """Exact counts of points and bytes; failures by a sample, within 10 % of their number. 90 million took 38 min."""
+    text = (
+        '[study]\nname = "m"\n[base]\nmodel = "equilibrium"\n[factors]\nroller_radius_mm = {values = [16, 28]}\n'
+        "torque_n_m = {low = 20, high = 100, count = 4000}\n[keep]\noutputs = ['thrust_rms']\n"
+    )
+    whole = td.plan(parse_study(text), timing=False)
+    monkeypatch.setattr(plan_module, "_MOST_CHECKED", 1000)
+    sampled = td.plan(parse_study(text), timing=False)
+    assert (sampled.points, sampled.unique, sampled.cube_bytes) == (whole.points, whole.unique, whole.cube_bytes)
+    assert whole.foreseen[0].count == 4000
+    assert sampled.foreseen[0].count == pytest.approx(4000, rel=0.1)
+    assert any("drawn at random" in note for note in sampled.design)
+    assert not any("drawn at random" in note for note in whole.design)

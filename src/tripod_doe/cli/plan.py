@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, Command, Parser, add_untrusted
 from tripod_doe.errors import InputError, option
-from tripod_doe.quantities import duration
-
-_SILENT_POINTS = 200_000
-"""Points up to which a plan needs no word while it is made."""
-_CHECK_SECONDS = 25e-6
-"""Time that a plan takes per point of the joint (Intel Xeon, idle)."""
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -44,7 +37,6 @@ def _run(options: argparse.Namespace) -> int:
 def _plan_study(options: argparse.Namespace) -> int:
     from tripod_doe.study.definition.study import load_study
     from tripod_doe.study.definition.study_folder import StudyFolder
-    from tripod_doe.study.designs import point_count
     from tripod_doe.study.plan import plan
 
     if options.quick:
@@ -54,8 +46,6 @@ def _plan_study(options: argparse.Namespace) -> int:
         from tripod_doe.workflow.analyses import check_analyses
 
         check_analyses(study)
-    if (count := point_count(study)) > _SILENT_POINTS:
-        print(f"checking {count:,} points: about {duration(count * _CHECK_SECONDS)}", file=sys.stderr)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
     if study.auto_model:
         from tripod_doe.analyses.model_choice.study_choice import describe_choice

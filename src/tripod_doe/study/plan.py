@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ _BLOCK_SECONDS = 1.0
 _PRICED = 100  # points whose recorded prices are averaged
 _CHUNK = 10_000  # points that are checked together
 _WORD, _COSTS = 4, 6  # bytes of a whole number, a text or the number of a point; numbers of a point in cost.nc
+_MOST_CHECKED = 200_000  # points that are checked one by one; of more, a sample
+_OF_MANY = "models and failures are judged by {:,} points drawn at random; repeated points are not looked for"
 _NOTABLE_BYTES = 100_000_000  # of memory, from which a plan states it
 
 
@@ -103,16 +105,24 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
-    able = StudyPoints(study, points).to_compute
-    unique = int(able.sum())
-    foreseen = common_failures(_foreseen(study, points, able))
-    count = int(able.sum())
+    checked, able = points, points.allowed.copy()
+    if many := points.count > _MOST_CHECKED:
+        checked = points.chosen_rows(np.unique(np.random.default_rng(0).integers(0, points.count, _MOST_CHECKED)))
+        unique, able = int(points.allowed.sum()), checked.allowed.copy()
+    else:
+        able = StudyPoints(study, points).to_compute
+        unique = int(able.sum())
+    looked_at = int(able.sum())
+    foreseen = common_failures(_foreseen(study, checked, able))
+    share = unique / max(looked_at, 1)
+    foreseen = [replace(each, count=round(each.count * share)) for each in foreseen] if many else foreseen
+    count = unique - sum(each.count for each in foreseen)
     timed, prices = 0, np.array([])
     if count and study.auto_model is None and (timing or recorded):
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
-        timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
+        timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, checked, able)
     hours, blocks = None, None
-    models = model_records(study, points, able)
+    models = model_records(study, checked, able)
     if prices.size:
         total = count / 3600
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
@@ -131,7 +141,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         warnings=(*study.warnings, *models.warnings),
         foreseen=tuple(foreseen),
         models=(*models.verdict, *models.error_sentences),
-        design=points.notes,
+        design=(*points.notes, *([_OF_MANY.format(looked_at)] if many else [])),
         memory_bytes=points.count * point_bytes(study),
         written_bytes=_written_bytes(study, points),
         most_points=most_points(study),

@@ -145,4 +145,6 @@ def test_what_to_use_is_the_cheapest_run_within_each_error(seed):
         left, right = panel.get_xlim()
         assert left < price[done].min()
         assert price[done].max() < right < 3 * price[done].max()
+        marks = [np.max(line.get_ydata()) for line in panel.lines if line.get_marker() == "x" and len(line.get_ydata())]
+        assert 100 * error[done].max() < max(marks) < panel.get_ylim()[1]
     assert "1 evaluation limit" in chart.caption

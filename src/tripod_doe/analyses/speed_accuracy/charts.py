@@ -48,7 +48,9 @@ def ladder_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
 def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
     price, models = runs["cpu_per_second"].values, list(dict.fromkeys(runs["model"].values.tolist()))
     finest = str(runs["case_model"].values[runs["case_scene"].values == scene][-1])
-    tables = []
+    tables, errors = [], 100 * runs.sel(quantity=quantities)["model_error"].values
+    shown = errors[np.isfinite(errors) & (errors > 0)]
+    low, high = float(shown.min()) / 2, 2 * float(shown.max())
     with panels(len(quantities), len(quantities), 4.1, 4.3) as (figure, axes):
         for panel, quantity in zip(axes, quantities, strict=True):
             of = runs.sel(quantity=quantity)
@@ -64,7 +66,8 @@ def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
             panel.plot(
                 price[default], error[default], "o", ms=12, mfc="none", mec=INK, mew=1.4, ls="none", label="default"
             )
-            _failed_at_top(panel, runs, done, models)
+            panel.set_ylim(low, 4 * high)
+            _failed_at_top(panel, runs, done, models, 2 * high)
             tables.append(of)
         axes[0].set_ylabel(f"difference to {finest} (%)")
         handles, labels = axes[0].get_legend_handles_labels()
@@ -82,20 +85,18 @@ def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
     return Chart(f"{scene}-ladder", "All models and methods: error over price", caption, figure, table)
 
 
-def _failed_at_top(panel: Axes, runs: xr.Dataset, done: np.ndarray, models: list[str]) -> None:
-    """Axes that hold the finished runs; failed ones are crosses at the upper edge, at its ends if they lie beyond."""
+def _failed_at_top(panel: Axes, runs: xr.Dataset, done: np.ndarray, models: list[str], top: float) -> None:
+    """An axis that holds the finished runs; failed ones are crosses at the top, at its ends if they lie beyond."""
     price = runs["cpu_per_second"].values
     if not done.any():
         return
     left, right = price[done].min() / 2, price[done].max() * 2
     panel.set_xlim(left, right)
-    bottom, top = panel.get_ylim()
-    panel.set_ylim(bottom, 3 * top)
     failed = (runs["outcome"].values != Outcome.FINISHED) & np.isfinite(price)
     for at, model in enumerate(models):
         mine = failed & (runs["model"].values == model)
         shown = np.clip(price[mine], left * 1.1, right / 1.1)
-        panel.plot(shown, np.full(mine.sum(), 2 * top), "x", color=COLOURS[at], ms=6, mew=1.3)
+        panel.plot(shown, np.full(mine.sum(), top), "x", color=COLOURS[at], ms=6, mew=1.3)
     panel.plot([], [], "x", color=MUTED, ms=6, mew=1.3, ls="none", label="failed")
 
 

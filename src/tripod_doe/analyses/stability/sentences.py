@@ -97,8 +97,9 @@ def _defaults(borders: xr.Dataset, where: str) -> list[str]:
             continue
         said = f"{method} {border_text(borders, default)}"
         if math.isfinite(low) and default <= low:
-            more = "at least " * math.isinf(high)
-            parts.append(f"{said} is {more}{number(low / default, 2)} times below it")
+            times = number(low / default, 2)
+            none = f"has no limit up to {border_text(borders, low)}, {times} times as large"
+            parts.append(f"{said} {none}" if math.isinf(high) else f"{said} is {times} times below it")
         elif not math.isnan(high) and default >= high:
             parts.append(f"{said} is {number(default / high, 2)} times above it, where runs fail or are wrong")
         elif math.isfinite(low):

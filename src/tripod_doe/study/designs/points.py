@@ -73,13 +73,17 @@ class Points:
 
     def part(self, start: int, stop: int) -> Points:
         """Some consecutive points, as a list."""
-        rows = slice(start, stop)
+        return self.chosen_rows(slice(start, stop))
+
+    def chosen_rows(self, rows: Rows) -> Points:
+        """Some points, as a list."""
+        allowed = self.allowed[rows]
         return replace(
             self,
             columns={name: column[rows] for name, column in self.columns.items()},
-            shape=(stop - start,),
+            shape=(allowed.size,),
             dims=("point",),
-            allowed=self.allowed[rows],
+            allowed=allowed,
             levels={},
             labels={name: column[rows] for name, column in self.labels.items()},
             chosen={name: column[rows] for name, column in self.chosen.items()},
