@@ -197,15 +197,17 @@ class EffectWording:
         best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
         spot = " to ".join(dict.fromkeys(self.at(effect, end.item()) for end in (inside[0], inside[-1])))
         within = curve[(levels >= inside[0]) & (levels <= inside[-1])]
-        value = " to ".join(dict.fromkeys((self.value(float(within.min())), self.value(float(within.max())))))
+        edge = float(within.min() if effect.shape is Shape.PEAK else within.max())
+        digits = min(max(digits_apart(*sorted((edge, float(curve[at])))) for at in (0, -1)), _MOST_DIGITS)
+        value = " to ".join(dict.fromkeys(self.value(float(end), digits) for end in (within.min(), within.max())))
         label = factor_label(self.cube, effect.factor)
         head = f"Over {label}, {self.name} is {best}, {value}, at {spot} and {verb} to both sides"
         middle = mirror_level(levels, curve, effect.error)
         if middle is not None:
-            far = f"{self.value(float(curve[[0, -1]].mean()))} at {self.at(effect, levels[0].item())} and "
+            far = f"{self.value(float(curve[[0, -1]].mean()), digits)} at {self.at(effect, levels[0].item())} and "
             far += self.at(effect, levels[-1].item())
             return f"{head}, symmetrically: {far}{self.where(effect)}"
-        ends = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in (0, -1)]
+        ends = [f"{self.value(float(curve[at]), digits)} at {self.at(effect, levels[at].item())}" for at in (0, -1)]
         return f"{head}: {ends[0]}, {ends[1]}{self.where(effect)}"
 
     def _from_zero(self, effect: FactorEffect) -> str:
