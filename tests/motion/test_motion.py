@@ -103,6 +103,8 @@ def test_the_page_asks_for_nothing_and_escapes_its_data():
 def test_a_point_without_motion_is_refused():
     with pytest.raises(td.InputError, match="no motion to show: the point is jammed"):
         td.view(needle_count=40)
+    with pytest.raises(td.InputError, match="no forces of the grooves are known"):
+        td.view(model="equilibrium", torque_n_m=0)
     for name in ("also", "keep"):  # arguments of our own functions are no parameters
         with pytest.raises(td.InputError, match=f"{name} = 5: unknown parameter"):
             td.simulate(**{name: 5})

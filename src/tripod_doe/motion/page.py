@@ -79,6 +79,8 @@ def motion_page(point: SimulatedPoint) -> str:
     if point.outcome is not Outcome.FINISHED:
         raise InputError(f"there is no motion to show: the point is {point.outcome.label}: {point.detail}")
     outputs = {name: values.data for name, values in point.outputs.items()}
+    if not np.isfinite(outputs.get("groove_normal_force", np.nan)).all():
+        raise InputError("there is no motion to show: no forces of the grooves are known, as without torque_n_m")
     data = motion_data(point.parameters, outputs)
     given = {name: value for name, value in point.parameters.items() if _differs(point, name, value)}
     source = files("tripod_doe.motion")
