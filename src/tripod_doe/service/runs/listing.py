@@ -96,6 +96,6 @@ def folders_of(runs: Sequence[Run]) -> list[str]:
 
 
 def short_ids(runs: Sequence[Run]) -> dict[str, str]:
-    """Beginnings of the ids of runs whose names are equal, by which they are told apart."""
+    """Beginnings of the ids of runs whose names are equal, which tell them apart."""
     names = Counter(run.shown_name for run in runs)
     return {run.id: run.id[:6] for run in runs if names[run.shown_name] > 1}

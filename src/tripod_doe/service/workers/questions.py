@@ -75,10 +75,10 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
                 f"the study differs from the study of the results in {path}; choose another {option('out')}, or undo"
             )
             here = "the study may only grow; submit it as a run of its own, or undo"
-            told = str(error).replace(changed, here)
+            message = str(error).replace(changed, here)
             for elsewhere in (f"choose another {option('out')}", "run the study with it into another directory"):
-                told = told.replace(elsewhere, "submit it as a run of its own")
-            raise InputError(told.replace(path, "this run")) from error
+                message = message.replace(elsewhere, "submit it as a run of its own")
+            raise InputError(message.replace(path, "this run")) from error
     return counted
 
 
