@@ -282,7 +282,7 @@ def test_schema_holds_every_parameter(capsys):
         (["plan", "{bad}"], "did you mean 'torque_n_m'"),
         (["query", "{out}", "--variable", "y"], "there is no such file"),
         (["query", "{empty}", "--variable", "y"], "no cube.nc"),
-        (["query", "{truncated}", "--variable", "y"], "not a readable cube"),
+        (["query", "{truncated}", "--variable", "y"], "cut.nc: damaged: its content does not fit its checksum"),
         (["query", "{results}", "--variable", "thrust_amplitud"], "did you mean 'thrust_amplitude'"),
         (
             ["query", "{results}", "--variable", "outcome", "--select", "joint_angle=5"],
