@@ -1,4 +1,4 @@
-"""Compare a measurement with one point of a cube, or with the points over speed."""
+"""Compare a measurement with one point of a cube, or with the points over speed; or many records with a cube."""
 
 from __future__ import annotations
 
@@ -7,16 +7,25 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser, add_cube, add_format, add_selection
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_cube, add_format, add_selection
+from tripod_doe.errors import InputError
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     add_cube(parser)
     parser.add_argument(
-        "measurement",
+        "measurements",
         metavar="MEASUREMENT.csv",
         type=Path,
-        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho",
+        nargs="*",
+        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho; several give an overview",
+    )
+    parser.add_argument(
+        "--table",
+        metavar="RECORDS.csv",
+        type=Path,
+        help="table of records: a column file, and one for each parameter that differs; points that the cube lacks are "
+        "simulated",
     )
     add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
     parser.add_argument(
@@ -48,9 +57,14 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         type=Path,
         help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc",
     )
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="write an overview: DIR/overview.csv, DIR/index.html, a page per record"
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.table or options.out or len(options.measurements) != 1:
+        return _run_many(options)
     from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
     from tripod_doe.analyses.comparison.measurement import read_measurement
     from tripod_doe.analyses.comparison.model_point import model_point
@@ -62,7 +76,7 @@ def _run(options: argparse.Namespace) -> int:
     with opened_cube(options.cube) as cube:
         point = model_point(cube, options.select, options.nearest).load()
     columns = dict(map(parse_column, options.column))
-    measurement = read_measurement(options.measurement, options.pulses_per_revolution, columns)
+    measurement = read_measurement(options.measurements[0], options.pulses_per_revolution, columns)
     comparison = compare(measurement, point, options.reference_angle, parse_speeds(options.speeds))
     print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
     if options.output is not None:
@@ -70,4 +84,34 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("compare a measurement with one point, or with the points over speed", _add_arguments, _run)
+def _run_many(options: argparse.Namespace) -> int:
+    from tripod_doe.analyses.comparison.comparison import parse_speeds
+    from tripod_doe.analyses.comparison.overview import RecordRow, compare_records, overview_rows, read_table
+    from tripod_doe.analyses.comparison.overview_page import overview_json, overview_text, write_overview
+    from tripod_doe.analyses.comparison.record_file import parse_column
+    from tripod_doe.study.results.result_cube import opened_cube
+
+    if options.output:
+        raise InputError(f"--output {options.output}: for one measurement; an overview goes to --out DIR")
+    rows = [RecordRow(path) for path in options.measurements]
+    rows += read_table(options.table) if options.table else []
+    if not rows:
+        raise InputError("no record to compare: name files, or a --table of them")
+    with opened_cube(options.cube) as cube:
+        records = compare_records(
+            cube,
+            rows,
+            options.select,
+            dict(map(parse_column, options.column)),
+            options.pulses_per_revolution,
+            options.reference_angle,
+            parse_speeds(options.speeds),
+        )
+        study = str(cube.attrs.get("title", options.cube))
+    print(overview_json(overview_rows(records)) if options.format == "json" else overview_text(records))
+    if options.out is not None:
+        print(f"report  {write_overview(records, study, options.out)}", file=sys.stderr)
+    return SOME_FAILED if any(record.problem for record in records) else DONE
+
+
+COMMAND = Command("compare measurements with points of a cube", _add_arguments, _run)

@@ -1,0 +1,223 @@
+"""Many records compared with one cube: an order of a record is a row, with both uncertainties and a verdict.
+
+The operating point of a record stands in a table of records. A point that the cube lacks is simulated.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.comparison.comparison import compare
+from tripod_doe.analyses.comparison.measurement import read_measurement
+from tripod_doe.analyses.comparison.model_point import model_point, model_scatter
+from tripod_doe.analyses.diff.definitions import fixed_parameters
+from tripod_doe.analyses.diff.shared_points import factors_of
+from tripod_doe.analyses.fit.model_error import model_error
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import CubeError, InputError, closest
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.simulate import simulate
+
+AGREES, DIFFERS, NOT_COMPARED = "agrees", "differs", "not compared"
+"""Verdicts: within the uncertainty of measurement and model together, beyond it, or without one of both."""
+
+_NORMAL = 1.96  # half width of an interval of 95 % over its standard deviation
+
+
+@dataclass(frozen=True)
+class RecordRow:
+    """A record to compare: its file, and what the table says of it."""
+
+    path: Path
+    values: Mapping[str, float | str] = field(default_factory=dict)  # of parameters, by name
+
+
+@dataclass(frozen=True)
+class ComparedRecord:
+    """A record beside the model; a record that cannot be compared has the reason alone."""
+
+    row: RecordRow
+    comparison: xr.Dataset | None = None  # see `compare`
+    computed_error: FloatArray = field(default_factory=lambda: np.full(ORDERS.size, np.nan))  # 95 %, N, (order,)
+    simulated: bool = False  # whether the cube lacks its point
+    problem: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of its file."""
+        return self.row.path.name
+
+
+@dataclass(frozen=True)
+class OverviewRow:
+    """One order of one record, amplitudes and their 95 % uncertainties in N."""
+
+    file: str
+    order: int
+    measured: float
+    measured_error: float
+    computed: float
+    computed_error: float
+    verdict: str
+
+
+def read_table(path: Path) -> list[RecordRow]:
+    """Read a table of records: a column `file`, relative to the table, and a column for each parameter that differs.
+
+    Raises:
+        InputError: If it cannot be read, has no column `file`, or a cell is no value of its parameter.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            lines = [row for row in csv.reader(stream, strict=True) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot read this table of records: {error}") from error
+    header = [cell.strip() for cell in lines[0]] if lines else []
+    if "file" not in header:
+        raise InputError(f"{path}: no column 'file'{closest('file', header)}; it names the record of each row")
+    rows = []
+    for number, line in enumerate(lines[1:], start=2):
+        if len(line) != len(header):
+            raise InputError(f"{path}: line {number} has {len(line)} fields, the header {len(header)}")
+        cells = dict(zip(header, (cell.strip() for cell in line), strict=True))
+        file = path.parent / cells.pop("file")
+        try:
+            values = {name: _value(name, text) for name, text in cells.items() if name in JOINT_PARAMETERS and text}
+        except InputError as error:
+            raise InputError(f"{path}: line {number}: {error}") from error
+        rows.append(RecordRow(file, values))
+    if not rows:
+        raise InputError(f"{path}: no rows below the header")
+    return rows
+
+
+def _value(name: str, text: str) -> float | str:
+    parameter = JOINT_PARAMETERS[name]
+    if parameter.kind == "choice":
+        return str(parameter.check(text))
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"{name} = {text!r}: expected a number ({parameter.range_text})") from error
+
+
+def compare_records(
+    cube: xr.Dataset,
+    rows: Sequence[RecordRow],
+    select: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    pulses_per_revolution: int = 1,
+    reference_angle_deg: float | None = None,
+    speeds_rpm: tuple[float, float] | None = None,
+) -> list[ComparedRecord]:
+    """Compare records with the points of a cube.
+
+    Args:
+        cube: The cube.
+        rows: The records.
+        select: ``name=value`` of factors that all records share.
+        columns, pulses_per_revolution: As `read_measurement` takes them.
+        reference_angle_deg, speeds_rpm: As `compare` takes them.
+
+    Returns:
+        One for each record; a record that cannot be read or compared is among them, with the reason.
+    """
+    compared = []
+    for row in rows:
+        try:
+            point, simulated = _point(cube, row, select)
+            measurement = read_measurement(row.path, pulses_per_revolution, columns or {})
+            comparison = compare(measurement, point, reference_angle_deg, speeds_rpm)
+            error = _computed_error(cube, row, comparison, point)
+        except CubeError:
+            raise
+        except InputError as problem:
+            compared.append(ComparedRecord(row, problem=str(problem)))
+            continue
+        compared.append(ComparedRecord(row, comparison, error, simulated))
+    return compared
+
+
+def _point(cube: xr.Dataset, row: RecordRow, select: Sequence[str]) -> tuple[xr.Dataset, bool]:
+    """The model at the operating point of a record, and whether it was simulated for that."""
+    factors, fixed = factors_of(cube), fixed_parameters(cube)
+    moved = [name for name, value in row.values.items() if name not in factors and not _equal(fixed.get(name), value)]
+    own = [f"{name}={value}" for name, value in row.values.items() if name in factors]
+    given = {text.partition("=")[0] for text in own}
+    try:
+        if moved:
+            raise InputError(f"the cube has another {moved[0]}")
+        return model_point(
+            cube, [*own, *(text for text in select if text.partition("=")[0] not in given)]
+        ).load(), False
+    except InputError:
+        if not str(cube.attrs.get("source", "")).endswith("simulator joint"):
+            raise
+        known = _parameters(cube, row, select)
+        if set(factors) - known.keys() - {"replicate"}:
+            raise
+        return model_point(simulate(**known)), True
+
+
+def _parameters(cube: xr.Dataset, row: RecordRow, select: Sequence[str]) -> dict[str, Any]:
+    """Parameters of the joint of a record: what its study shares, what was selected, and what the table says."""
+    base = dict(tomllib.loads(str(cube.attrs.get("study", ""))).get("base", {}))
+    if base.get("model") == "auto":
+        del base["model"]
+    chosen: dict[str, Any] = {}
+    for text in select:
+        name, _, value = text.partition("=")
+        if name in JOINT_PARAMETERS:
+            chosen[name] = _value(name, value)
+    return base | chosen | dict(row.values)
+
+
+def _equal(known: Any, value: float | str) -> bool:
+    if isinstance(known, int | float) and isinstance(value, int | float):
+        return math.isclose(known, value, rel_tol=1e-9)
+    return bool(known == value)
+
+
+def _computed_error(cube: xr.Dataset, row: RecordRow, comparison: xr.Dataset, point: xr.Dataset) -> FloatArray:
+    """Uncertainty of the computed amplitudes, 95 %: error on record, and what still changes between revolutions."""
+    amplitude, scatter = comparison["model_amplitude"].values, model_scatter(point)
+    if not str(cube.attrs.get("source", "")).endswith("simulator joint"):
+        return np.full(ORDERS.size, np.nan)
+    simulator = load_simulator("joint")
+    at = {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
+    known = fixed_parameters(cube) | {name: at[name] for name in at if name in JOINT_PARAMETERS} | dict(row.values)
+    if "speed_rpm" not in known:  # over speed: the error hardly depends on it
+        known["speed_rpm"] = float(point["speed_rpm"].mean()) if "speed_rpm" in point.coords else 600.0
+    values = simulator.effective({name: value for name, value in known.items() if name in JOINT_PARAMETERS})
+    parameters = {name: np.array([math.nan if value is None else value]) for name, value in values.items()}
+    error = model_error(simulator, parameters, ORDERS.tolist(), amplitude[None], scatter[None], "recorded")
+    return np.asarray(_NORMAL * np.hypot(error.own, error.shared)[0], float)
+
+
+def overview_rows(records: Sequence[ComparedRecord]) -> list[OverviewRow]:
+    """A row for each order of each record."""
+    return [_row(record, int(order)) for record in records for order in ORDERS.tolist()]
+
+
+def _row(record: ComparedRecord, order: int) -> OverviewRow:
+    if record.comparison is None:
+        return OverviewRow(record.name, order, math.nan, math.nan, math.nan, math.nan, NOT_COMPARED)
+    own = record.comparison.sel(order=order)
+    measured, unsure, computed = (
+        float(own[name]) for name in ("measured_amplitude", "measured_amplitude_uncertainty", "model_amplitude")
+    )
+    error = float(record.computed_error[order])
+    allowed = math.hypot(unsure, error if math.isfinite(error) else 0.0)
+    verdict = AGREES if abs(measured - computed) <= allowed else DIFFERS
+    return OverviewRow(record.name, order, measured, unsure, computed, error, verdict)

@@ -1,0 +1,215 @@
+"""The overview of many records as text, CSV, JSON and as a page with a page for each record."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tripod_doe.analyses.comparison.overview import AGREES, NOT_COMPARED, ComparedRecord, OverviewRow, overview_rows
+from tripod_doe.analyses.comparison.page import write_comparison
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
+from tripod_doe.report.charts.chart import COLOURS, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.report.responses import ORDINALS, listed, spoken, unit_text
+from tripod_doe.report.templates import render
+
+_SHOWN = (2, 3)
+"""Orders in texts and on the page; the CSV file has all."""
+_OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
+_FOLDER = "records"
+
+
+def overview_csv(rows: Sequence[OverviewRow]) -> str:
+    """The overview as a table: file, order, measured, measured_error, computed, computed_error, verdict."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow([one.name for one in fields(OverviewRow)])
+    for row in rows:
+        cells = ["" if isinstance(value, float) and math.isnan(value) else value for value in asdict(row).values()]
+        writer.writerow(map(csv_cell, cells))
+    return buffer.getvalue()
+
+
+def overview_json(rows: Sequence[OverviewRow]) -> str:
+    """The overview as a list of objects; NaN is null."""
+    return json.dumps(
+        [
+            {
+                key: None if isinstance(value, float) and math.isnan(value) else value
+                for key, value in asdict(row).items()
+            }
+            for row in rows
+        ]
+    )
+
+
+def overview_text(records: Sequence[ComparedRecord]) -> str:
+    """Findings, and a line for the second and the third order of each record."""
+    lines = overview_sentences(records)
+    for row in overview_rows(records):
+        if row.order in _SHOWN and row.verdict != NOT_COMPARED:
+            measured, computed = (
+                interval(row.measured, row.measured_error),
+                interval(row.computed, row.computed_error),
+            )
+            lines.append(
+                f"  {row.file}, order {row.order}: measured {measured} N, computed {computed} N, {row.verdict}"
+            )
+    return "\n".join(lines)
+
+
+def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
+    """How many records agree in each order that is shown, and which were not compared."""
+    rows, sentences = overview_rows(records), []
+    for order in reversed(_SHOWN):
+        own = [row for row in rows if row.order == order and row.verdict != NOT_COMPARED]
+        if not own:
+            continue
+        agreeing = sum(row.verdict == AGREES for row in own)
+        worst = max(own, key=lambda row: abs(row.measured - row.computed))
+        sentences.append(
+            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing} of {count_of(len(own), 'record')}; "
+            f"it differs most in {worst.file}: measured {interval(worst.measured, worst.measured_error)} N, computed "
+            f"{interval(worst.computed, worst.computed_error)} N."
+        )
+    simulated = [record.name for record in records if record.simulated]
+    if simulated:
+        sentences.append(f"The cube lacks the points of {listed(simulated)}, which were simulated.")
+    if any(np.isnan(record.computed_error).all() for record in records if record.comparison is not None):
+        sentences.append("The error of the model is not known here: the verdicts count the measurement's alone.")
+    sentences += [f"{record.name} was not compared: {record.problem}" for record in records if record.problem]
+    return sentences
+
+
+def write_overview(records: Sequence[ComparedRecord], study: str, output: Path) -> Path:
+    """Write the overview into a directory: overview.csv, index.html, and a folder with a page for each record.
+
+    Args:
+        records: The records.
+        study: Title of the study that they were compared with.
+        output: The directory.
+
+    Returns:
+        The page.
+
+    Raises:
+        StorageError: If it cannot be written.
+    """
+    rows = overview_rows(records)
+    replace_text(output / "overview.csv", overview_csv(rows))
+    links = []
+    for at, record in enumerate(records, start=1):
+        folder = f"{at:03}-{re.sub(r'[^A-Za-z0-9_-]+', '-', record.row.path.stem)[:60]}"
+        links.append(f"{_FOLDER}/{folder}/index.html")
+        if record.comparison is not None:
+            write_comparison(record.comparison, output / _FOLDER / folder)
+    differing = _differing(records)
+    by_record = [rows[at : at + len(rows) // len(records)] for at in range(0, len(rows), len(rows) // len(records))]
+    page = render(
+        "overview.html",
+        records=records,
+        study=study,
+        sentences=overview_sentences(records),
+        heads=["Record", *map(spoken, differing), *_heads()],
+        rows=[(record, _cells(record, own, differing)) for record, own in zip(records, by_record, strict=True)],
+        links=links,
+        problems=[record for record in records if record.problem],
+        charts=_charts(records, rows),
+    )
+    return replace_text(output / "index.html", page)
+
+
+def _heads() -> list[str]:
+    return [f"{ORDINALS[order]}: {word}" for order in _SHOWN for word in ("measured", "computed", "verdict")]
+
+
+def _cells(record: ComparedRecord, rows: Sequence[OverviewRow], differing: Sequence[str]) -> list[str]:
+    values = [record.row.values.get(name, "") for name in differing]
+    cells = [
+        with_unit(level(value), unit_text(JOINT_PARAMETERS[name].unit)) if isinstance(value, int | float) else value
+        for name, value in zip(differing, values, strict=True)
+    ]
+    for row in (row for row in rows if row.order in _SHOWN):
+        if row.verdict == NOT_COMPARED:
+            cells += ["", "", row.verdict]
+        else:
+            cells += [
+                interval(row.measured, row.measured_error),
+                interval(row.computed, row.computed_error),
+                row.verdict,
+            ]
+    return cells
+
+
+def _differing(records: Sequence[ComparedRecord]) -> list[str]:
+    """Parameters in which the records differ."""
+    names = dict.fromkeys(name for record in records for name in record.row.values)
+    return [name for name in names if len({record.row.values.get(name) for record in records}) > 1]
+
+
+def _charts(records: Sequence[ComparedRecord], rows: Sequence[OverviewRow]) -> list[Chart]:
+    """Computed over measured amplitudes, and differences over what varies between the records."""
+    data = pd.DataFrame([asdict(row) for row in rows if row.order in _SHOWN and row.verdict != NOT_COMPARED])
+    if data.empty:
+        return []
+    charts = [_agreement(data)]
+    values = {record.name: record.row.values for record in records}
+    for name in _OVER:
+        own = data.assign(**{name: [values[file].get(name, math.nan) for file in data["file"]]})
+        if own[name].nunique() > 1:
+            charts.append(_differences(own, name))
+    return charts
+
+
+def _agreement(data: pd.DataFrame) -> Chart:
+    with drawing(4.7, 3.4) as (figure, axes):
+        for which, (order, own) in enumerate(data.groupby("order")):
+            axes.errorbar(
+                own["measured"],
+                own["computed"],
+                xerr=own["measured_error"],
+                yerr=own["computed_error"].fillna(0),
+                fmt=MARKERS[which],
+                color=COLOURS[which],
+                elinewidth=0.8,
+                label=ORDINALS[int(str(order))],
+            )
+        axes.axline((0, 0), slope=1, color=MUTED, lw=0.8)
+        axes.set_xlabel("measured amplitude (N)")
+        axes.set_ylabel("computed amplitude (N)")
+        legend_above(axes, 2)
+    caption = "Computed over measured amplitudes with the 95 % uncertainties of both; the line is agreement."
+    return Chart("agreement", "Measured and computed", caption, figure, data)
+
+
+def _differences(data: pd.DataFrame, name: str) -> Chart:
+    shown = data.assign(difference=data["measured"] - data["computed"])
+    unsure = np.hypot(shown["measured_error"], shown["computed_error"].fillna(0))
+    shown = shown.assign(uncertainty=unsure)[["file", "order", name, "difference", "uncertainty"]]
+    with drawing(4.7, 2.9) as (figure, axes):
+        for which, (order, own) in enumerate(shown.groupby("order")):
+            axes.errorbar(
+                own[name],
+                own["difference"],
+                yerr=own["uncertainty"],
+                fmt=MARKERS[which],
+                color=COLOURS[which],
+                elinewidth=0.8,
+                label=ORDINALS[int(str(order))],
+            )
+        axes.axhline(0, color=MUTED, lw=0.8)
+        axes.set_xlabel(f"{spoken(name)} ({unit_text(JOINT_PARAMETERS[name].unit)})")
+        axes.set_ylabel("measured minus computed (N)")
+        legend_above(axes, 2)
+    caption = f"Differences over {spoken(name)}, with the 95 % uncertainty of measurement and model together."
+    return Chart(f"difference-{name}", f"Differences over {spoken(name)}", caption, figure, shown)

@@ -1,0 +1,128 @@
+"""Many records beside one cube: which agree, which points the cube lacks, which records cannot be read."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import tripod_doe as td
+from tripod_doe.analyses.comparison.overview import (
+    AGREES,
+    DIFFERS,
+    NOT_COMPARED,
+    compare_records,
+    overview_rows,
+    read_table,
+)
+from tripod_doe.cli import main
+from tripod_doe.errors import InputError
+
+STUDY = """
+[study]
+name = "rig"
+[base]
+model = "equilibrium"
+speed_rpm = 450
+groove_sliding_friction = 0.06
+[factors]
+joint_angle_deg = {values = [5, 11]}
+torque_n_m = {values = [-90, 140]}
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+"""
+REVOLUTIONS, SAMPLES = 12, 180
+
+
+def write_record(path, friction, seed, **parameters):
+    """A record of the joint with another friction, with noise; made from its orders alone."""
+    point = td.simulate(model="equilibrium", speed_rpm=450, groove_sliding_friction=friction, **parameters)
+    angle = np.arange(REVOLUTIONS * SAMPLES) * 360 / SAMPLES
+    orders = point["thrust_amplitude"].values * np.exp(1j * np.radians(point["thrust_phase_deg"].values))
+    thrust = (np.exp(1j * np.radians(angle)[:, None] * np.arange(orders.size)) @ orders).real
+    noise = np.random.default_rng(seed).normal(0, 0.02 * np.abs(orders).max(), angle.size)
+    rows = "\n".join(f"{a:.3f},{f:.6f}" for a, f in zip(angle, thrust + noise, strict=True))
+    path.write_text(f"rotation_deg,thrust_n\n{rows}\n")
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rig")
+    (folder / "study.toml").write_text(STUDY)
+    td.run(folder / "study.toml", out=folder / "out", progress=False, workers=0)
+    write_record(folder / "same.csv", 0.06, 1, joint_angle_deg=11, torque_n_m=-90)
+    write_record(folder / "more.csv", 0.09, 2, joint_angle_deg=5, torque_n_m=140)
+    write_record(folder / "between.csv", 0.06, 3, joint_angle_deg=8, torque_n_m=140)
+    (folder / "broken.csv").write_text("rotation_deg,thrust_n\n1,x\n")
+    table = ["file,joint_angle_deg,torque_n_m,place", "same.csv,11,-90,a", "more.csv,5,140,b", "between.csv,8,140,c"]
+    (folder / "records.csv").write_text("\n".join([*table, "broken.csv,5,140,d"]))
+    return folder
+
+
+def test_the_verdict_counts_both_uncertainties(rig):
+    records = compare_records(td.open_cube(rig / "out"), read_table(rig / "records.csv"), reference_angle_deg=0)
+    third = {row.file: row for row in overview_rows(records) if row.order == 3}
+    assert {name: row.verdict for name, row in third.items()} == {
+        "same.csv": AGREES,
+        "more.csv": DIFFERS,
+        "between.csv": AGREES,
+        "broken.csv": NOT_COMPARED,
+    }
+    assert [record.name for record in records if record.simulated] == ["between.csv"]
+    direct = td.simulate(
+        model="equilibrium", speed_rpm=450, groove_sliding_friction=0.06, joint_angle_deg=8, torque_n_m=140
+    )
+    assert third["between.csv"].computed == pytest.approx(float(direct["thrust_amplitude"].sel(order=3)), rel=1e-9)
+    assert 0 < third["same.csv"].computed_error < 0.3 * third["same.csv"].computed
+    gap = abs(third["more.csv"].measured - third["more.csv"].computed)
+    assert gap > np.hypot(third["more.csv"].measured_error, third["more.csv"].computed_error)
+
+
+def test_the_command_writes_an_overview_and_a_page_per_record(rig, tmp_path, capsys, monkeypatch):
+    words = ["compare", str(rig / "out"), "--table", str(rig / "records.csv"), "--reference-angle", "0"]
+    assert main([*words, "--out", str(tmp_path / "page")]) == 3  # one record was not compared
+    text = capsys.readouterr().out
+    assert "The third order agrees within the uncertainties in 2 of 3 records" in text
+    assert "The cube lacks the points of between.csv, which were simulated." in text
+    assert "broken.csv was not compared" in text
+    with (tmp_path / "page" / "overview.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0]) == ["file", "order", "measured", "measured_error", "computed", "computed_error", "verdict"]
+    assert len(rows) == 4 * 13
+    page = (tmp_path / "page" / "index.html").read_text()
+    links = [f"records/{name}/index.html" for name in ("001-same", "002-more", "003-between")]
+    assert all(link in page and (tmp_path / "page" / link).is_file() for link in links)
+    assert "004-broken" not in page
+    assert main([*words, "--format", "json"]) == 3
+    told = json.loads(capsys.readouterr().out)
+    assert [row["verdict"] for row in told if row["order"] == 3] == [AGREES, DIFFERS, AGREES, NOT_COMPARED]
+    assert told[-1]["measured"] is None
+
+
+def test_several_files_share_a_selection(rig, capsys):
+    files = [str(rig / name) for name in ("same.csv", "more.csv")]
+    words = ["compare", str(rig / "out"), *files, "--select", "joint_angle_deg=11", "--select", "torque_n_m=-90"]
+    assert main([*words, "--reference-angle", "0"]) == 0
+    assert "agrees within the uncertainties in 1 of 2 records" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("files,torque_n_m\na.csv,3\n", "no column 'file'; did you mean 'files'"),
+        ("file,torque_n_m\na.csv,much\n", "line 2: torque_n_m = 'much': expected a number"),
+        ("file,torque_n_m\na.csv\n", "line 2 has 1 fields, the header 2"),
+        ("file\n", "no rows below the header"),
+    ],
+)
+def test_a_wrong_table_names_line_and_column(tmp_path, table, message):
+    (tmp_path / "records.csv").write_text(table)
+    with pytest.raises(InputError, match=message.replace("?", r"\?")):
+        read_table(tmp_path / "records.csv")
+
+
+def test_without_a_record_there_is_nothing_to_compare(rig, capsys):
+    assert main(["compare", str(rig / "out")]) == 2
+    assert "name files, or a --table of them" in capsys.readouterr().err
