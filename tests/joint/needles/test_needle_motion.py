@@ -4,18 +4,13 @@ import numpy as np
 import pytest
 
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
-from tripod_doe.joint.needles.needle_constants import NeedleConstants, needle_constants
-from tripod_doe.joint.needles.needle_motion import (
-    MOST_NEEDLES,
-    NEEDLE,
-    NEEDLE_CONTACT,
-    NeedleForces,
-    RollerMotion,
-    _free_slip,
-    follow_roller,
-)
+from tripod_doe.joint.needles.needle_constants import NeedleConstants, needle_constants, needle_constants_of
+from tripod_doe.joint.needles.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
+from tripod_doe.joint.needles.needle_motion import NeedleForces, NeedleRing, _free_slip, follow_rollers
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
+from tripod_doe.mechanics.arithmetic.lanes import WIDTH, spread, store
+from tripod_doe.mechanics.compilation.kernels import kernel
 
 SAMPLES = 360
 PHI = np.linspace(0, 2 * np.pi, SAMPLES, endpoint=False)
@@ -25,20 +20,27 @@ LOAD = 800.0
 def moved(skew_deg=0.0, spin=18.0, plunge=41.0, offset=0.0, scale=1.0, tilt=0.0, yaw=0.0, **given):
     """What needles do along a roller's typical motion, and their skews; weightless unless their mass is given."""
     values = point_values({"cycles": 4, "needle_mass_factor": 0.0, **given})
-    needles, contacts = np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT)
-    found, skews = NeedleForces(*np.zeros((3, SAMPLES))), np.zeros(int(values.cycles[0]) * SAMPLES)
-    roller = RollerMotion(
-        scale * spin * np.sin(PHI + 0.6),
-        np.zeros(SAMPLES),
-        -scale * plunge * np.sin(2 * PHI),
-        np.full(SAMPLES, LOAD),
-        offset * np.cos(2 * PHI),
-        np.full(SAMPLES, yaw),
+    rollers, skews = RollerMotions.for_samples(SAMPLES), np.zeros((3, int(values.cycles[0]) * SAMPLES))
+    motion = (
+        (rollers.spins, scale * spin * np.sin(PHI + 0.6)),
+        (rollers.plunges, -scale * plunge * np.sin(2 * PHI)),
+        (rollers.loads, np.full(SAMPLES, LOAD)),
+        (rollers.offsets, offset * np.cos(2 * PHI)),
+        (rollers.yaws, np.full(SAMPLES, yaw)),
     )
-    mean = follow_roller(
-        needle_constants(values)[0], np.radians(skew_deg), tilt, roller, needles, contacts, found, skews
+    for whole, column in motion:
+        whole[:] = column.reshape(-1, WIDTH)
+    row, steps = needle_constants(values)[0], NeedleSteps.for_samples(SAMPLES)
+    blocks = -(-press_needles(row, rollers, steps) // WIDTH)
+    needles, ring = NeedleLoads.for_blocks(blocks, steps.steps), NeedleRing.for_blocks(blocks)
+    all_three = NeedleForces(*np.zeros((3, 3, SAMPLES)), np.zeros(3))
+    follow_rollers(row, np.full(3, np.radians(skew_deg)), tilt, steps, needles, ring, all_three, skews)
+    found = NeedleForces(
+        *(np.ascontiguousarray(of[0]) for of in (all_three.forces, all_three.moments, all_three.places)),
+        all_three.skews,
     )
-    return found, np.degrees(skews), np.degrees(mean)
+    assert (all_three.forces == all_three.forces[0]).all()  # three trunnions with the same motion
+    return found, np.degrees(skews[0]), np.degrees(all_three.skews[0])
 
 
 def followed(*given, **named):
@@ -75,12 +77,20 @@ def test_a_stopped_needle_rubs_with_its_end():
     assert moments[slips] == pytest.approx((skewed - rubbing)[slips], abs=0.02 * rubbing.max())
 
 
+@kernel
+def _free_slips(row, total, slope, out):
+    store(out, 0, _free_slip(needle_constants_of(row), spread(total), spread(slope)))
+
+
 @pytest.mark.parametrize("slope", [-0.02, -1e-3, 0.0, 2e-3, 0.029])
-@pytest.mark.parametrize("total", [-30.0, -1.0, 0.0, 0.3, 40.0])
+@pytest.mark.parametrize("total", [-500.0, -30.0, -1.0, 0.0, 0.3, 40.0, 500.0])
 def test_friction_holds_a_needle_against_a_gap_that_narrows(total, slope):
     """Exact: mu_n (tanh(v_t / v_sn) - tanh(v_b / v_sn)) is minus the slope, and both slips add up."""
-    c = NeedleConstants(*needle_constants(point_values({}))[0])
-    on_trunnion = _free_slip(c, total, slope)
+    row, found = needle_constants(point_values({}))[0], np.zeros((1, WIDTH))
+    c = NeedleConstants(*row)
+    _free_slips(row, total, slope, found)
+    on_trunnion = found[0, 0]
+    assert (found == on_trunnion).all()
     held = c.sliding * (np.tanh(on_trunnion / c.transition) - np.tanh((total - on_trunnion) / c.transition))
     assert held == pytest.approx(-slope, abs=1e-9)
 

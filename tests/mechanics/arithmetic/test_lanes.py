@@ -9,7 +9,10 @@ from numba.core.errors import TypingError
 from tripod_doe.mechanics.arithmetic.lanes import (
     clear,
     everywhere,
+    exponential,
+    fused,
     load,
+    logarithm,
     pick,
     ramp,
     replace,
@@ -17,6 +20,7 @@ from tripod_doe.mechanics.arithmetic.lanes import (
     row,
     row_of_sums,
     select,
+    sine_cosine,
     spread,
     store,
 )
@@ -44,6 +48,11 @@ def _evaluate(numbers, out):
         replace(x, 2, 7.0),
         hyperbolic_tangent(x),
         root(abs(x), 9),
+        exponential(10.0 * x),
+        logarithm(abs(x)),
+        sine_cosine(0.2 * x)[0],
+        sine_cosine(0.2 * x)[1],
+        fused(x, 2.0, y),
     )
     for i in range(len(results)):
         store(out, i, results[i])
@@ -51,7 +60,7 @@ def _evaluate(numbers, out):
 
 def test_lanes_are_numpy():
     numbers = np.random.default_rng(1).normal(size=(2, 8))
-    out = np.empty((14, 8))
+    out = np.empty((19, 8))
     _evaluate(numbers, out)
     x, y = numbers
     replaced = x.copy()
@@ -71,6 +80,11 @@ def test_lanes_are_numpy():
         replaced,
         np.tanh(x),
         abs(x) ** (1 / 9),
+        np.exp(10 * x),
+        np.log(abs(x)),
+        np.sin(0.2 * x),
+        np.cos(0.2 * x),
+        2 * x + y,
     ]
     np.testing.assert_allclose(out, np.array(expected), rtol=1e-14, atol=1e-15)
 

@@ -68,6 +68,8 @@ from tripod_doe.mechanics.compilation.kernels import kernel
 
 _LITTLE = 1e-6
 """Friction coefficient that hardly resists."""
+_FOLLOWED = 100.0
+"""Tolerance of a balance whose motion needles follow over its own: it is solved again with them."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +220,7 @@ def solve_equilibrium(
 
 
 def _settle(
-    row: FloatArray, skews: FloatArray, cosines: FloatArray, sines: FloatArray, memory: Memory
+    row: FloatArray, skews: FloatArray, cosines: FloatArray, sines: FloatArray, memory: Memory, tolerance: float
 ) -> tuple[bool, int, tuple[float, float]]:
     """Settle a balance from its start: whether it did, iterations, and extremes of normal forces over their mean.
 
@@ -226,7 +228,7 @@ def _settle(
     """
     p = PointConstants(*row)
     start(row, skews, cosines, sines, memory)
-    settled, work = (settle_still if p.pace == 0.0 else settle_moving)(row, memory)
+    settled, work = settle_still(row, memory) if p.pace == 0.0 else settle_moving(row, memory, tolerance, True)
     if settled:
         return settled, work, (0.0, 0.0)
     _compile_other_ways()
@@ -247,10 +249,11 @@ def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, 
     """
     before, turns, tilt = memory.state.copy(), memory.turns.copy(), row[TILT]
     followers.follow(row, memory, i)
+    tolerance = PointConstants(*row).tolerance
     if PointConstants(*row).groove_friction == 0.0:  # nothing passes the grooves
         memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
         return 0
-    settled, work = settle_moving(row, memory)
+    settled, work = settle_moving(row, memory, tolerance, False)
     if not settled:
         _compile_other_ways()
         settled, iterations = settle_together(row, memory)
@@ -258,6 +261,8 @@ def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, 
     if not settled:
         memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
         followers.keep(i)
+        if not settle_moving(row, memory, tolerance, False)[0]:
+            memory.state[:] = before
     return int(work)
 
 
@@ -279,7 +284,16 @@ def solve_balance(
     memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
     upright = np.zeros(table.shape[0], bool)
     for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
-        settle = partial(_settle, skews=skews[i], cosines=cosines, sines=sines, memory=memory)
+        slides = followers is not None and followers.slide[i]
+        follows = slides and points.groove_sliding_friction[i] > 0.0  # else nothing passes the grooves
+        settle = partial(
+            _settle,
+            skews=skews[i],
+            cosines=cosines,
+            sines=sines,
+            memory=memory,
+            tolerance=points.relative_tolerance[i] * (_FOLLOWED if follows else 1.0),
+        )
         solution.settled[i], solution.sweeps[i], (most, least) = settle(table[i])
         lifts_off = least < -points.groove_sliding_friction[i]
         yaws = columns["yaw"][i] * columns["spinning_friction"][i] * columns["groove_friction"][i] > 0.0
@@ -288,7 +302,7 @@ def solve_balance(
             solution.settled[i], iterations, (most, least) = settle(table[i])
             solution.sweeps[i], upright[i] = solution.sweeps[i] + iterations, solution.settled[i]
         solution.extremes[i] = most * mean_loads[i], least * mean_loads[i]
-        if solution.settled[i] and followers is not None and followers.slide[i]:
+        if solution.settled[i] and followers is not None and slides:
             solution.sweeps[i] += _settle_with_needles(table[i], memory, followers, i)
         if solution.settled[i]:
             account(table[i], memory, solution, i)

@@ -63,7 +63,7 @@ from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.geometry.roller_inertia import roller_inertia
 from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import needle_constants
-from tripod_doe.joint.needles.needle_motion import FARTHEST
+from tripod_doe.joint.needles.needle_contact import FARTHEST
 from tripod_doe.joint.values import JointValues
 
 _ON_AVERAGE = 2 / math.pi

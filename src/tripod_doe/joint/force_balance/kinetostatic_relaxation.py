@@ -19,12 +19,12 @@ from tripod_doe.joint.force_balance.samples import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, spread, store
-from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
+from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, select, spread, store
+from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 
 _SWEEPS, _NEAR = 40, 0.03
-"""Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken once no sample
-changes by more than `_NEAR`. A point that has not settled after this number of sweeps is solved at once
+"""Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken at samples that
+last changed by no more than `_NEAR`. A point that has not settled after this number of sweeps is solved at once
 (`coupled_newton`)."""
 
 
@@ -37,7 +37,8 @@ def _seek(p, eights, turns, newton):
             e = eights[k, b]
             cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
             m = motion_at(p, cos_phi, sin_phi)
-            g = moving_forces(p, m, e, skew, newton)
+            tangent = select(load(e.far, 0) > 0.0, 0.0, newton)
+            g = moving_forces(p, m, e, skew, tangent)
             slip_slope, lean_slope = min(g.moment_slope, -1e-30), max(1.0 - g.feedback, 0.5)
             store(e.slip_step, 0, -g.moment / slip_slope)
             store(e.slip_carry, 0, g.inertia_gain * g.spin_gain / slip_slope)
@@ -50,26 +51,40 @@ def _seek(p, eights, turns, newton):
             store_wrench(p, m, g, e, cos_phi, sin_phi)
 
 
+@inlined_kernel
+def _carry_on(e, i, before):
+    """Changes of slip and lean at a sample and the one before it, as those of the two before it act on them."""
+    slip_1, slip_2, lean_1, lean_2 = before
+    slip = e.slip_step[0, i] + e.slip_carry[0, i] * (0.5 * slip_2 - 2.0 * slip_1)
+    lean = e.lean_step[0, i] + e.lean_carry[0, i] * (0.5 * lean_2 - 2.0 * lean_1)
+    return slip, slip_1, lean, lean_1
+
+
 @kernel_part
 def _follow_on(eights, samples):
     """Turn what the samples of each groove want to change into changes that follow those before them."""
+    nothing = (0.0, 0.0, 0.0, 0.0)
+    first, second, third = nothing, nothing, nothing
+    for j in range(2 * samples):  # a lap to know what reaches the first samples
+        place = j if j < samples else j - samples
+        b, i = place // WIDTH, place % WIDTH
+        # one groove after the other would wait for each sum
+        first = _carry_on(eights[0, b], i, first)
+        second = _carry_on(eights[1, b], i, second)
+        third = _carry_on(eights[2, b], i, third)
+        if j >= samples:
+            eights[0, b].slip_step[0, i], eights[0, b].lean_step[0, i] = first[0], first[2]
+            eights[1, b].slip_step[0, i], eights[1, b].lean_step[0, i] = second[0], second[2]
+            eights[2, b].slip_step[0, i], eights[2, b].lean_step[0, i] = third[0], third[2]
     for k in range(3):
-        slip_1, slip_2, lean_1, lean_2 = 0.0, 0.0, 0.0, 0.0
-        for j in range(2 * samples):  # a lap to know what reaches the first samples
-            place = j if j < samples else j - samples
-            e, i = eights[k, place // WIDTH], place % WIDTH
-            slip_1, slip_2 = e.slip_step[0, i] + e.slip_carry[0, i] * (0.5 * slip_2 - 2.0 * slip_1), slip_1
-            lean_1, lean_2 = e.lean_step[0, i] + e.lean_carry[0, i] * (0.5 * lean_2 - 2.0 * lean_1), lean_1
-            if j >= samples:
-                e.slip_step[0, i], e.lean_step[0, i] = slip_1, lean_1
         for j in range(samples, WIDTH * eights.shape[1]):
             place = j - samples
-            first, e, i = eights[k, place // WIDTH], eights[k, j // WIDTH], j % WIDTH
-            e.slip_step[0, i], e.lean_step[0, i] = first.slip_step[0, place % WIDTH], first.lean_step[0, place % WIDTH]
+            one, e, i = eights[k, place // WIDTH], eights[k, j // WIDTH], j % WIDTH
+            e.slip_step[0, i], e.lean_step[0, i] = one.slip_step[0, place % WIDTH], one.lean_step[0, place % WIDTH]
 
 
 @kernel_part
-def _change(p, e):
+def _change(p, e, tolerance):
     """Change the unknowns of eight samples."""
     slip, slip_step, lean, lean_step = load(e.slip, 0), load(e.slip_step, 0), load(e.lean, 0), load(e.lean_step, 0)
     new_slip, new_lean = slip + slip_step, lean + lean_step
@@ -78,43 +93,43 @@ def _change(p, e):
     store(e.tilt, 0, load(e.tilt, 0) + load(e.tilt_gain, 0) * lean_step)
     store(e.spin, 0, load(e.spin, 0) + load(e.spin_gain, 0) * slip_step)
     by_slip, by_lean, lean_scale = abs(new_slip - slip), abs(new_lean - lean), force_scale(p) + 1e-12
-    moved = changed(by_slip, p.tolerance * p.slip_transition) + changed(by_lean, p.tolerance * lean_scale)
+    moved = changed(by_slip, tolerance * p.slip_transition) + changed(by_lean, tolerance * lean_scale)
     store(e.moved, 0, moved)
     store(e.far, 0, changed(by_slip, _NEAR * p.slip_transition) + changed(by_lean, _NEAR * lean_scale))
 
 
 @kernel_part
-def _change_all(p, eights, samples):
-    """Change all samples as they want; how many changes exceed the tolerance, and how many exceed `_NEAR`."""
+def _change_all(p, eights, samples, tolerance):
+    """Change all samples as they want; how many changes exceed the tolerance."""
     _follow_on(eights, samples)
-    moved, far = spread(0.0), spread(0.0)
+    moved = spread(0.0)
     for b in range(eights.shape[1]):
         for k in range(3):
-            _change(p, eights[k, b])
+            _change(p, eights[k, b], tolerance)
         balance_spider(p, eights[0, b], eights[1, b], eights[2, b])
         for k in range(3):
             e = eights[k, b]
             of_root, root = follow_root(p, e)
-            moved = moved + load(e.moved, 0) + changed(of_root, p.tolerance * root)
-            far = far + load(e.far, 0) + changed(of_root, _NEAR * root)
-    return sum_of(moved), sum_of(far)
+            moved = moved + load(e.moved, 0) + changed(of_root, tolerance * root)
+            store(e.far, 0, load(e.far, 0) + changed(of_root, _NEAR * root))
+    return sum_of(moved)
 
 
 @kernel
-def settle_moving(row, memory):
+def settle_moving(row, memory, tolerance, fresh):
     """Relax a point in which every sample follows those before it; whether it settled, and sweeps.
 
-    Parameters as for `equilibrium_relaxation.settle_still`.
+    Parameters as for `equilibrium_relaxation.settle_still`; `tolerance` in place of the row's, and whether the balance
+    is `fresh`, without any motion yet.
     """
     p, eights, turns, samples = point_constants_of(row), memory.eights, memory.turns, memory.samples
-    newton = 1.0
-    for sweep in range(-2, _SWEEPS):  # before the first: tilts, then the spins that go with them
-        _seek(p, eights, turns, newton)
-        moved, far = 1.0, 1.0
-        if sweep >= 0:
-            moved, far = _change_all(p, eights, samples)
+    for k in range(3):
+        for b in range(eights.shape[1]):
+            store(eights[k, b].far, 0, spread(0.0))
+    for sweep in range(-2 if fresh else 0, _SWEEPS):  # before the first: tilts, then the spins that go with them
+        _seek(p, eights, turns, 1.0 if sweep > 1 or sweep < 0 else 0.0)
+        moved = _change_all(p, eights, samples, tolerance) if sweep >= 0 else 1.0
         remember(memory, 1.0 if sweep >= 0 else 0.0)
         if sweep > 0 and moved == 0.0:
             return True, sweep + 1
-        newton = 1.0 if sweep == -2 or (far == 0.0 and sweep > 0) else 0.0
     return False, _SWEEPS

@@ -20,16 +20,9 @@ from tripod_doe.joint.force_balance.roller_forces import leaning_contact
 from tripod_doe.joint.force_balance.samples import Memory, motion_at
 from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import NeedleConstants
-from tripod_doe.joint.needles.needle_motion import (
-    FARTHEST,
-    MOST_NEEDLES,
-    NEEDLE,
-    NEEDLE_CONTACT,
-    RECORD,
-    NeedleForces,
-    RollerMotion,
-    follow_roller,
-)
+from tripod_doe.joint.needles.needle_contact import FARTHEST
+from tripod_doe.joint.needles.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
+from tripod_doe.joint.needles.needle_motion import NeedleForces, NeedleRing, follow_rollers
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
@@ -41,46 +34,17 @@ from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 class NeedleMemory(ByReference):
     """Memory of the kernels while needles follow the rollers of a point."""
 
-    # spins, plunges, loads, offsets, yaws, turns: as in `needle_motion.RollerMotion`, of every roller, shape (3,
-    # eights, 8)
-    spins: FloatArray
-    plunges: FloatArray
-    loads: FloatArray
-    offsets: FloatArray
-    yaws: FloatArray
-    turns: FloatArray
+    motions: RollerMotions
     held: FloatArray  # force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8)
-    # needles, contacts: records of the needles of one trunnion
-    needles: NDArray[np.void]
-    contacts: NDArray[np.void]
-    # forces, moments, places: of the needles of one trunnion, shape (sample,)
-    forces: FloatArray
-    moments: FloatArray
-    places: FloatArray
+    steps: NeedleSteps
+    forces: NeedleForces
 
     @classmethod
     def for_samples(cls, samples: int) -> NeedleMemory:
         """Memory for a number of samples per revolution."""
-        shape = (3, -(-samples // WIDTH), WIDTH)
-        return cls(
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(MOST_NEEDLES, NEEDLE),
-            np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
-            np.zeros(samples),
-            np.zeros(samples),
-            np.zeros(samples),
-        )
-
-    def of_roller(self, k: int, samples: int) -> RollerMotion:
-        """The motion of one roller."""
-        motion = (self.spins, self.turns, self.plunges, self.loads, self.offsets, self.yaws)
-        return RollerMotion(*(values[k].reshape(-1)[:samples] for values in motion))
+        motions = RollerMotions.for_samples(samples)
+        forces = NeedleForces(*np.zeros((3, 3, samples)), np.zeros(3))
+        return cls(motions, np.zeros_like(motions.spins), NeedleSteps.for_samples(samples), forces)
 
 
 @kernel
@@ -101,13 +65,14 @@ def _read_motions(row, memory, ring):
             slip = needle_slip(plunge, spin, p.needle_lever, (cosine, sine))
             force = -p.needle_friction * cosine * needle_grip(slip, p.needle_transition)
             off = m.distance - (p.pitch_radius + eccentricity)
-            store(ring.spins[k], b, spin)
-            store(ring.plunges[k], b, plunge)
-            store(ring.turns[k], b, m.w_r * m.t_r + m.w_t * m.t_t + m.w_z * m.t_z)
-            store(ring.yaws[k], b, flank(p) * load(e.steering, 0))
-            store(ring.loads[k], b, load(e.normal, 0))
+            store(ring.motions.spins[k], b, spin)
+            store(ring.motions.plunges[k], b, plunge)
+            store(ring.motions.turns[k], b, m.w_r * m.t_r + m.w_t * m.t_t + m.w_z * m.t_z)
+            store(ring.motions.yaws[k], b, flank(p) * load(e.steering, 0))
+            store(ring.motions.loads[k], b, load(e.normal, 0))
             store(ring.held[k], b, force)
-            store(ring.offsets[k], b, off + p.roller_radius * lean - (p.roller_radius - p.bearing_radius) * force)
+            off = off + p.roller_radius * lean - (p.roller_radius - p.bearing_radius) * force
+            store(ring.motions.offsets[k], b, off)
 
 
 @kernel_part
@@ -120,10 +85,11 @@ def _add_forces(row, memory, ring, k, skew):
         at = j if j < samples else j - samples
         e, i = memory.eights[k, j // WIDTH], j % WIDTH
         b, lane = at // WIDTH, at % WIDTH
-        slip = needle_slip(ring.plunges[k, b, lane], ring.spins[k, b, lane], p.needle_lever, (cosine, sine))
+        plunge, spin = ring.motions.plunges[k, b, lane], ring.motions.spins[k, b, lane]
+        slip = needle_slip(plunge, spin, p.needle_lever, (cosine, sine))
         drag = p.needle_friction * needle_grip(slip, p.needle_transition)
-        e.needle_force[0, i] = ring.forces[at] + drag * cosine
-        e.needle_moment[0, i] = ring.moments[at] - drag * p.needle_lever * sine
+        e.needle_force[0, i] = ring.forces.forces[k, at] + drag * cosine
+        e.needle_moment[0, i] = ring.forces.moments[k, at] - drag * p.needle_lever * sine
 
 
 @kernel_part
@@ -143,10 +109,11 @@ def _add_swing(row, memory, k, forces, places):
 
 
 @kernel
-def _add_needles(row, memory, ring, k, skew):
-    """Add the effects of the needles of trunnion k to the balance; `skew` is their mean."""
-    _add_forces(row, memory, ring, k, skew)
-    _add_swing(row, memory, k, ring.forces, ring.places)
+def _add_needles(row, memory, ring):
+    """Add the effects of the needles of all trunnions to the balance."""
+    for k in range(3):
+        _add_forces(row, memory, ring, k, ring.forces.skews[k])
+        _add_swing(row, memory, k, ring.forces.forces[k], ring.forces.places[k])
 
 
 @dataclass(frozen=True)
@@ -161,45 +128,22 @@ class Followers:
     _table: FloatArray
     _initial: FloatArray
     _memory: NeedleMemory
-    _rollers: tuple[RollerMotion, RollerMotion, RollerMotion]
-    _forces: NeedleForces
+    _carrying: dict[int, tuple[NeedleLoads, NeedleRing]]  # memory by blocks of eight needles that carry
     _move: bool
-    _records: NDArray[np.void]  # of every needle of the last point, shape (trunnion, needle, 2 x sample), or empty
 
     @classmethod
     def of(
-        cls,
-        points: JointValues[FloatArray],
-        table: FloatArray,
-        skews: FloatArray,
-        samples: int,
-        move: bool,
-        record: bool = False,
+        cls, points: JointValues[FloatArray], table: FloatArray, skews: FloatArray, samples: int, move: bool
     ) -> Followers:
         """Needles at their initial skews, shape (point, trunnion), which they keep unless they may `move`.
 
-        `table` is from `needle_constants`; with `record` every needle is recorded.
+        `table` is from `needle_constants`.
         """
-        recorded = (3, int(points.needle_count.max()), 2 * samples) if record else (3, 0, 0)
         slide = (points.needle_sliding_friction > 0) & (points.speed > 0) & (points.joint_angle > 0)
         over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
         ring = NeedleMemory.for_samples(samples)
-        first, second, third = (ring.of_roller(k, samples) for k in range(3))
-        forces = NeedleForces(ring.forces, ring.moments, ring.places)
         settled = np.ones(slide.size, bool)
-        return cls(
-            slide,
-            over_time,
-            settled,
-            points.groove_load,
-            table,
-            skews,
-            ring,
-            (first, second, third),
-            forces,
-            move,
-            np.zeros(recorded, RECORD),
-        )
+        return cls(slide, over_time, settled, points.groove_load, table, skews, ring, {}, move)
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
         """Move the needles of point i along the settled balance, and add their effects to it.
@@ -212,34 +156,20 @@ class Followers:
         tilt = self._tilt(self._loads[i], NeedleConstants._make(table))
         row[TILT] = PointConstants._make(row).roller_radius * tilt
         if not self._move:
-            ring.places[:] = 0.0
+            ring.forces.places[:] = 0.0
             for k in range(3):
-                _add_swing(row, memory, k, ring.held[k].reshape(-1), ring.places)
+                _add_swing(row, memory, k, ring.held[k].reshape(-1), ring.forces.places[k])
             return
-        for k, roller in enumerate(self._rollers):
-            skew = follow_roller(
-                table,
-                self._initial[i, k],
-                tilt,
-                roller,
-                ring.needles,
-                ring.contacts,
-                self._forces,
-                self.skews[i, k],
-                self._records[k],
-            )
-            _add_needles(row, memory, ring, k, skew)
-
-    def recorded(self, i: int) -> NDArray[np.void] | None:
-        """Every needle of point i, which was followed last; None where its needles do not move."""
-        if not (self._records.size and self._move and self.slide[i] and self.settled[i]):
-            return None
-        return self._records[:, : int(NeedleConstants._make(self._table[i]).needles)]
+        blocks = -(-press_needles(table, ring.motions, ring.steps) // WIDTH)
+        if blocks not in self._carrying:
+            self._carrying[blocks] = NeedleLoads.for_blocks(blocks, ring.steps.steps), NeedleRing.for_blocks(blocks)
+        follow_rollers(table, self._initial[i], tilt, ring.steps, *self._carrying[blocks], ring.forces, self.skews[i])
+        _add_needles(row, memory, ring)
 
     def _tilt(self, load: float, c: NeedleConstants) -> float:
         """Tilt k_t for the load's largest distance from the middle of the needles in the motions that were read."""
-        offsets = max(np.abs(roller.offsets).max() for roller in self._rollers)
-        farthest = min(max(offsets, 0.01 * c.length), FARTHEST * c.length)
+        offsets = self._memory.motions.offsets.reshape(3, -1)[:, : self._memory.motions.samples]
+        farthest = min(max(np.abs(offsets).max(), 0.01 * c.length), FARTHEST * c.length)
         crown = 0.25 * c.drop * c.length * c.length
         needles = NeedleRow(c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
         tilt: float = turned_bearing(load, farthest, 0.0, needles)[2] / farthest

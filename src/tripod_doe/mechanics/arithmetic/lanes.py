@@ -159,6 +159,64 @@ def root_guess(_, x, order, offset):
     return x(x, types.float64, types.float64), lower
 
 
+def _bits(builder: Any, value: Any) -> tuple[Any, Any]:
+    """The bits of a float or of lanes as integers, and a function that makes constants of their type."""
+    if value.type == _VECTOR:
+        whole = ir.VectorType(_INTEGER, WIDTH)
+        return builder.bitcast(value, whole), lambda number: ir.Constant(whole, [number] * WIDTH)
+    return builder.bitcast(value, _INTEGER), lambda number: ir.Constant(_INTEGER, number)
+
+
+@intrinsic
+def fused(_, a, b, c):
+    """A b + c, rounded once where the machine can; floats, lanes, or some of each."""
+    own = next((kind for kind in (a, b, c) if isinstance(kind, Lanes)), types.float64)
+
+    def lower(_, builder, sign, values):
+        if own is not types.float64:
+            values = [own.lift(builder, kind, value) for kind, value in zip(sign.args, values, strict=True)]
+        name = "llvm.fmuladd.v8f64" if own is not types.float64 else "llvm.fmuladd.f64"
+        return call(builder, name, values[0].type, *values)
+
+    return own(a, b, c), lower
+
+
+@intrinsic
+def _scaled(_, y, shifted):
+    """Product of y and 2^k, with k + 1.5 2^52 as `shifted`: shifts and sums of integers, which all machines have."""
+
+    def lower(_, builder, sign, values):
+        (whole, _), (power, constant) = (_bits(builder, value) for value in values)
+        return builder.bitcast(builder.add(whole, builder.shl(power, constant(52))), values[0].type)
+
+    return y(y, y), lower
+
+
+@intrinsic
+def _exponent(_, x):
+    """The exponent k of x = 2^k m > 0, 1 <= m < 2."""
+
+    def lower(_, builder, sign, values):
+        whole, constant = _bits(builder, values[0])
+        number = builder.or_(builder.lshr(whole, constant(52)), constant(0x433 << 52))  # 2^52 + 1023 + k
+        shift = builder.bitcast(constant(0x433 << 52 | 1023), values[0].type)
+        return builder.fsub(builder.bitcast(number, values[0].type), shift)
+
+    return x(x), lower
+
+
+@intrinsic
+def _mantissa(_, x):
+    """The mantissa m of x = 2^k m > 0, 1 <= m < 2."""
+
+    def lower(_, builder, sign, values):
+        whole, constant = _bits(builder, values[0])
+        number = builder.or_(builder.and_(whole, constant(2**52 - 1)), constant(1023 << 52))
+        return builder.bitcast(number, values[0].type)
+
+    return x(x), lower
+
+
 @intrinsic
 def spread(_, number):
     """Lanes that all hold the same number."""
@@ -294,3 +352,51 @@ def root(x, order):
         power = cube if order == 3 else cube * cube * cube
         y = y * (((order - 1.0) * power + (order + 1.0) * x) / ((order + 1.0) * power + (order - 1.0) * x))
     return y
+
+
+_MAGIC = 1.5 * 2.0**52
+"""A float to which whole numbers are added in its last bits."""
+
+
+@inlined_kernel
+def exponential(x):
+    """exp(x) to 1e-15 relative for |x| < 700, a float or lanes."""
+    shifted = x * 1.4426950408889634 + _MAGIC
+    k = shifted - _MAGIC
+    r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10
+    # Taylor's series in short parts, which do not wait for each other, |r| < 0.347
+    q = r * r
+    q2 = q * q
+    low = (1.0 + r) + q * fused(1 / 6, r, 0.5)
+    middle = fused(1 / 120, r, 1 / 24) + q * fused(1 / 5040, r, 1 / 720)
+    high = fused(1 / 362880, r, 1 / 40320) + q * fused(1 / 39916800, r, 1 / 3628800)
+    return _scaled(fused(q2, fused(q2, high + q2 * (1 / 479001600), middle), low), shifted)
+
+
+@inlined_kernel
+def logarithm(x):
+    """log(x) to 1e-15 (relative where x is far from 1, else of x - 1) for x > 0, a float or lanes."""
+    k, m = _exponent(x), _mantissa(x)
+    large = m > 1.4142135623730951
+    k, m = select(large, k + 1.0, k), select(large, 0.5 * m, m)
+    z = (m - 1.0) / (m + 1.0)
+    q = z * z  # < 0.0295
+    q2 = q * q
+    low, middle = fused(q, 1 / 3, 1.0), fused(q, 1 / 7, 1 / 5)
+    high = fused(q, 1 / 11, 1 / 9) + q2 * fused(q, 1 / 15, 1 / 13)
+    series = fused(q2, fused(q2, high + (q2 * q2) * fused(q, 1 / 19, 1 / 17), middle), low)
+    return k * 6.93147180369123816490e-01 + fused(2.0 * z, series, k * 1.90821492927058770002e-10)
+
+
+@inlined_kernel
+def sine_cosine(x):
+    """sin(x) and cos(x) to 1e-14 for |x| < 1, a float or lanes; beyond, x counts as this large."""
+    x = min(max(x, -1.0), 1.0)
+    q = x * x
+    q2 = q * q
+    q4 = q2 * q2
+    sine = fused(q, 1 / 120, -1 / 6) + q2 * fused(q, 1 / 362880, -1 / 5040)
+    sine = fused(q4, fused(q, 1 / 6227020800, -1 / 39916800) - q2 * (1 / 1307674368000), sine)
+    cosine = fused(q, 1 / 24, -1 / 2) + q2 * fused(q, 1 / 40320, -1 / 720)
+    cosine = fused(q4, fused(q, 1 / 479001600, -1 / 3628800) - q2 * (1 / 87178291200), cosine)
+    return fused(x * q, sine, x), fused(q, cosine, 1.0)
