@@ -6,7 +6,7 @@ import pytest
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.needles.needle_constants import NeedleConstants, needle_constants, needle_constants_of
 from tripod_doe.joint.needles.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
-from tripod_doe.joint.needles.needle_motion import NeedleForces, NeedleRing, _free_slip, follow_rollers
+from tripod_doe.joint.needles.needle_motion import RECORD, NeedleForces, NeedleRing, _free_slip, follow_rollers
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, spread, store
@@ -34,7 +34,9 @@ def moved(skew_deg=0.0, spin=18.0, plunge=41.0, offset=0.0, scale=1.0, tilt=0.0,
     blocks = -(-press_needles(row, rollers, steps) // WIDTH)
     needles, ring = NeedleLoads.for_blocks(blocks, steps.steps), NeedleRing.for_blocks(blocks)
     all_three = NeedleForces(*np.zeros((3, 3, SAMPLES)), np.zeros(3))
-    follow_rollers(row, np.full(3, np.radians(skew_deg)), tilt, steps, needles, ring, all_three, skews)
+    follow_rollers(
+        row, np.full(3, np.radians(skew_deg)), tilt, steps, needles, ring, all_three, skews, np.zeros((3, 0, 0), RECORD)
+    )
     found = NeedleForces(
         *(np.ascontiguousarray(of[0]) for of in (all_three.forces, all_three.moments, all_three.places)),
         all_three.skews,

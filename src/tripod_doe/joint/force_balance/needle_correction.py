@@ -22,7 +22,7 @@ from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import NeedleConstants
 from tripod_doe.joint.needles.needle_contact import FARTHEST
 from tripod_doe.joint.needles.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
-from tripod_doe.joint.needles.needle_motion import NeedleForces, NeedleRing, follow_rollers
+from tripod_doe.joint.needles.needle_motion import RECORD, NeedleForces, NeedleRing, follow_rollers
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
@@ -130,20 +130,28 @@ class Followers:
     _memory: NeedleMemory
     _carrying: dict[int, tuple[NeedleLoads, NeedleRing]]  # memory by blocks of eight needles that carry
     _move: bool
+    _records: NDArray[np.void]  # of every needle of the last point, shape (trunnion, 2 x sample, needle), or empty
 
     @classmethod
     def of(
-        cls, points: JointValues[FloatArray], table: FloatArray, skews: FloatArray, samples: int, move: bool
+        cls,
+        points: JointValues[FloatArray],
+        table: FloatArray,
+        skews: FloatArray,
+        samples: int,
+        move: bool,
+        record: bool = False,
     ) -> Followers:
         """Needles at their initial skews, shape (point, trunnion), which they keep unless they may `move`.
 
-        `table` is from `needle_constants`.
+        `table` is from `needle_constants`; with `record` every needle is recorded.
         """
+        records = np.zeros((3, 2 * samples, int(points.needle_count.max())) if record else (3, 0, 0), RECORD)
         slide = (points.needle_sliding_friction > 0) & (points.speed > 0) & (points.joint_angle > 0)
         over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
         ring = NeedleMemory.for_samples(samples)
         settled = np.ones(slide.size, bool)
-        return cls(slide, over_time, settled, points.groove_load, table, skews, ring, {}, move)
+        return cls(slide, over_time, settled, points.groove_load, table, skews, ring, {}, move, records)
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
         """Move the needles of point i along the settled balance, and add their effects to it.
@@ -163,8 +171,15 @@ class Followers:
         blocks = -(-press_needles(table, ring.motions, ring.steps) // WIDTH)
         if blocks not in self._carrying:
             self._carrying[blocks] = NeedleLoads.for_blocks(blocks, ring.steps.steps), NeedleRing.for_blocks(blocks)
-        follow_rollers(table, self._initial[i], tilt, ring.steps, *self._carrying[blocks], ring.forces, self.skews[i])
+        needles = self._carrying[blocks]
+        follow_rollers(table, self._initial[i], tilt, ring.steps, *needles, ring.forces, self.skews[i], self._records)
         _add_needles(row, memory, ring)
+
+    def recorded(self, i: int) -> NDArray[np.void] | None:
+        """Every needle of point i, which was followed last; None where its needles do not move."""
+        if not (self._records.size and self._move and self.slide[i] and self.settled[i]):
+            return None
+        return self._records[..., : int(NeedleConstants._make(self._table[i]).needles)].swapaxes(1, 2)
 
     def _tilt(self, load: float, c: NeedleConstants) -> float:
         """Tilt k_t for the load's largest distance from the middle of the needles in the motions that were read."""

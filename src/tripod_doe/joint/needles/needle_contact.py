@@ -71,5 +71,6 @@ def follow_spread(c, state, carried, offset, deep):
     bend = 0.5 / c.pitch_radius * (skew * skew)
     centre = load_centre(c, offset, load(state, PLACE))
     most = c.spheres**0.9 * deep  # depth of a sphere that carries all
-    _follow(c, state, TRUNNION, carried, centre, c.drop + bend, most)
-    _follow(c, state, BORE, carried, centre, c.drop - bend, most)
+    for contact in range(2):
+        first, bent = TRUNNION + contact * (BORE - TRUNNION), (1.0 - 2.0 * contact) * bend
+        _follow(c, state, first, carried, centre, c.drop + bent, most)
