@@ -72,7 +72,7 @@ from tripod_doe.joint.needles.needle_contact import (
     follow_spread,
     load_centre,
 )
-from tripod_doe.joint.needles.needle_loads import OFFSET, PLUNGE, RUBBING, SPIN, YAW, load_needles
+from tripod_doe.joint.needles.needle_loads import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, load_needles, station
 from tripod_doe.mechanics.arithmetic.lanes import (
     WIDTH,
     exponential,
