@@ -43,7 +43,8 @@ class NeedleMemory(ByReference):
     def for_samples(cls, samples: int) -> NeedleMemory:
         """Memory for a number of samples per revolution."""
         motions = RollerMotions.for_samples(samples)
-        forces = NeedleForces(*np.zeros((3, 3, samples)), np.zeros(3))
+        per_sample = np.zeros((3, 3, samples))
+        forces = NeedleForces(per_sample[0], per_sample[1], per_sample[2], np.zeros(3))
         return cls(motions, np.zeros_like(motions.spins), NeedleSteps.for_samples(samples), forces)
 
 

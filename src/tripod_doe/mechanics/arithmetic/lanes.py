@@ -170,7 +170,7 @@ def _bits(builder: Any, value: Any) -> tuple[Any, Any]:
 @intrinsic
 def fused(_, a, b, c):
     """A b + c, rounded once where the machine can; floats, lanes, or some of each."""
-    own = next((kind for kind in (a, b, c) if isinstance(kind, Lanes)), types.float64)
+    own: Any = next((kind for kind in (a, b, c) if isinstance(kind, Lanes)), types.float64)
 
     def lower(_, builder, sign, values):
         if own is not types.float64:
