@@ -129,3 +129,9 @@ def test_commands_write_pages(tmp_path, capsys):
     assert "the selection leaves 2 points" in capsys.readouterr().err
     assert main(["simulate", *few, "--view", str(tmp_path / "no" / "a.html")]) == 2
     assert "cannot write" in capsys.readouterr().err
+
+
+def test_a_jammed_joint_has_no_page_and_says_so(tmp_path, capsys):
+    assert main(["simulate", "--needle-count", "40", "--view", str(tmp_path / "a.html")]) == 3
+    assert "a.html: not written, since the point has no motion to show" in capsys.readouterr().err
+    assert not (tmp_path / "a.html").exists()

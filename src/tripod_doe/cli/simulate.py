@@ -96,6 +96,8 @@ def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoin
     point = viewed_point(**given)
     if point.outcome is Outcome.FINISHED:
         write_page(motion_page(point), options.view, "--view")
+    else:
+        print(f"{options.view}: not written, since the point has no motion to show", file=sys.stderr)
     return point.usual()
 
 
