@@ -23,7 +23,7 @@ from tripod_doe.report.charts.chart import COLOURS, MARKERS, MUTED, Chart, drawi
 from tripod_doe.report.responses import ORDINALS, listed, spoken, unit_text
 from tripod_doe.report.templates import render
 
-_SHOWN = (2, 3)
+_SHOWN = (3, 2)
 """Orders in texts and on the page; the CSV file has all."""
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _FOLDER = "records"
@@ -71,15 +71,15 @@ def overview_text(records: Sequence[ComparedRecord]) -> str:
 def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
     """How many records agree in each order that is shown, and which were not compared."""
     rows, sentences = overview_rows(records), []
-    for order in reversed(_SHOWN):
+    for order in _SHOWN:
         own = [row for row in rows if row.order == order and row.verdict != NOT_COMPARED]
         if not own:
             continue
-        agreeing = sum(row.verdict == AGREES for row in own)
+        agreeing = f"{sum(row.verdict == AGREES for row in own) or 'none'} of {count_of(len(own), 'record')}"
         worst = max(own, key=lambda row: abs(row.measured - row.computed))
         sentences.append(
-            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing} of {count_of(len(own), 'record')}; "
-            f"it differs most in {worst.file}: measured {interval(worst.measured, worst.measured_error)} N, computed "
+            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing}; it "
+            f"differs most in {worst.file}: measured {interval(worst.measured, worst.measured_error)} N, computed "
             f"{interval(worst.computed, worst.computed_error)} N."
         )
     simulated = [record.name for record in records if record.simulated]
@@ -139,7 +139,7 @@ def _cells(record: ComparedRecord, rows: Sequence[OverviewRow], differing: Seque
         with_unit(level(value), unit_text(JOINT_PARAMETERS[name].unit)) if isinstance(value, int | float) else value
         for name, value in zip(differing, values, strict=True)
     ]
-    for row in (row for row in rows if row.order in _SHOWN):
+    for row in (row for order in _SHOWN for row in rows if row.order == order):
         if row.verdict == NOT_COMPARED:
             cells += ["", "", row.verdict]
         else:
