@@ -4,7 +4,7 @@
 
 A server on a folder of its own, with a study of `side` x `side` points, and Chromium without a graphics card. The time to
 draw runs from the change of a control to the figure that shows it, the request included. On a busy machine the least of
-several says most; the time that the browser's main thread was at work is told beside.
+several says most; the time that the browser's main thread was at work stands beside.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MANY = """async ([count, address, kind]) => {
   const place = document.createElement("div");
   document.querySelector("main").replaceChildren(place);
   const start = performance.now();
-  draw(place, figure, { chosen() {}, hovered() {}, told() {} });
+  draw(place, figure, { chosen() {}, hovered() {}, describe() {} });
   await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
   return performance.now() - start;
 }"""

@@ -87,7 +87,9 @@ def test_the_kind_alone_decides_what_is_reported(ablation):
     shares = contribution_shares(ablation, ContributionSettings(output="y"))
     disguised = shares.assign(ST=xr.ones_like(shares["closure"]), outcome=xr.zeros_like(shares["closure"]))
     assert findings_of("sobol", disguised) == findings_of("sobol", shares)
-    assert findings_of("sobol", shares)[0].startswith("Of y")
+    assert findings_of("sobol", shares)[0].startswith(
+        "With one mechanism alone switched off, y (11) changes by: x -90.9 %"
+    )
     assert findings_of("x", xr.Dataset(attrs={"analysis_kind": "unheard"})) == []
     assert table_of(xr.Dataset(attrs={"analysis_kind": "unheard"})) is None
     assert findings_of("study", ablation)[0].startswith("y is 11")

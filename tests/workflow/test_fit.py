@@ -114,13 +114,9 @@ def test_what_it_leaves_in_its_directory(fitted, capsys):
     assert list(tolerance.factors) == list(TRUTH)
 
 
-def test_a_kill_loses_no_point_and_changes_nothing(fitted, tmp_path, monkeypatch):
+def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkeypatch):
     """Invariance: stopped in the middle, run again, the result is the same, and no point is computed twice."""
-    rig = Path(fitted[0])
-    source = xr.open_dataset(rig / "fit.nc").attrs["fit"]
-    file = fitted[1].directory.parent / "again.toml"
-    folder = next(path.parent for path in file.parent.parent.rglob("records.csv"))
-    (folder / "again.toml").write_text(source)
+    (rig / "again.toml").write_text(xr.open_dataset(fitted[0] / "fit.nc").attrs["fit"])
     whole = fit_points.FitPoints._compute
 
     def stopped(self, asked, missing):
@@ -131,9 +127,9 @@ def test_a_kill_loses_no_point_and_changes_nothing(fitted, tmp_path, monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr(fit_points.FitPoints, "_compute", stopped)
         with pytest.raises(KeyboardInterrupt):
-            td.fit(folder / "again.toml", tmp_path / "out", workers=0, progress=False)
+            td.fit(rig / "again.toml", tmp_path / "out", workers=0, progress=False)
     assert not (tmp_path / "out" / "fit.nc").exists()
-    again = td.fit(folder / "again.toml", tmp_path / "out", workers=0, progress=False)
+    again = td.fit(rig / "again.toml", tmp_path / "out", workers=0, progress=False)
     assert again.reused > 300
     assert again.computed + again.reused == fitted[1].computed
     first, second = (xr.open_dataset(path / "fit.nc") for path in (fitted[0], tmp_path / "out"))

@@ -17,6 +17,7 @@ from tripod_doe.analyses.contribution.shares import (
     spread,
 )
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.report.responses import listed, spoken
 
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
@@ -90,7 +91,8 @@ def _changes(part: Contribution) -> list[str]:
     for at in np.argsort(-size, kind="stable"):
         values = [f"{signed(values[:, at])}{f' ({side})' if side else ''}" for side, values in known.items()]
         text.append(f"{spoken(part.mechanisms[at])} {' and '.join(values)}")
-    what = {"change_halved": "half of one friction alone", "change_off": "one friction alone switched off"}[key]
+    one = "friction" if set(part.mechanisms) <= set(MECHANISMS) else "mechanism"  # a function has names of its own
+    what = {"change_halved": f"half of one {one} alone", "change_off": f"one {one} alone switched off"}[key]
     many = f"; {part.summarised.replace('operating points', 'points')}" if len(part.labels) > len(sides) else ""
     whole = f" ({part.amplitude})" if part.amplitude else ""
     return [f"With {what}, {part.what}{whole} changes by: {', '.join(text)}{many} (analysis {part.analysis})."]
