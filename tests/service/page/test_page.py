@@ -93,7 +93,7 @@ def test_a_run_is_found_by_a_word_or_a_tag_written_on_its_page(served, page, sam
     assert "UTC" not in page.locator("table.runs time").first.inner_text()  # in the reader's zone
     page.get_by_label("Search").fill("measured may")
     until(page, "document.querySelectorAll('table.runs tbody tr').length === 1")
-    assert "text=measured+may" in page.url
+    until(page, "location.search.includes('text=measured+may')")
     page.reload()
     assert page.locator("table.runs tbody tr").count() == 1
     page.get_by_label("Search").fill("")
