@@ -7,6 +7,7 @@ labels, as in ``thrust_amplitude[3]`` and ``thrust[90:180]``, and reduced by max
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -193,9 +194,9 @@ class Expression:
         match part:
             case ast.Constant(value=str() as value):
                 return value
-            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool) and _is_exact(value):
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool) and _is_finite(value):
                 return float(value)
-            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)) if _is_exact(value):
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)) if _is_finite(value):
                 return -float(value)
         raise self._wrong(part, "between brackets stand labels: a number, a 'text', a range as [90:180], or : for all")
 
@@ -347,6 +348,11 @@ def _is_exact(value: float) -> bool:
         return int(float(value)) == value or isinstance(value, float)
     except OverflowError:
         return isinstance(value, float)
+
+
+def _is_finite(value: float) -> bool:
+    """Whether a label is a number that float64 holds: an infinite one would match any."""
+    return _is_exact(value) and math.isfinite(value)
 
 
 def _number(value: Any) -> Any:

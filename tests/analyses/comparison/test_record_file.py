@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from contextlib import suppress
 
@@ -93,3 +94,10 @@ def test_any_text_is_read_or_refused_without_a_warning(read, text):
     with suppress(InputError):
         columns = read("rotation_deg;thrust_n\n" + text).columns
         assert len({values.size for values in columns.values()}) <= 1
+
+
+def test_a_pipe_is_no_record(tmp_path):
+    """Nobody writes to it: reading it would wait for ever."""
+    os.mkfifo(tmp_path / "record.csv")
+    with pytest.raises(InputError, match="pipe"):
+        read_record(tmp_path / "record.csv")

@@ -164,3 +164,34 @@ def test_wrong_calls_name_the_remedy(runs, capsys, words, message):
 def test_the_command(runs, capsys):
     assert main(["diff", str(runs / "a"), str(runs / "b"), "--format", "json"]) == 0
     assert json.loads(capsys.readouterr().out)["points"]["shared"] == 4
+
+
+def test_an_open_field_of_a_table_matches_no_number(tmp_path):
+    """Regression: the point that leaves the spin friction open was taken for the one with the largest."""
+    text = '[study]\nname = "t"\n[base]\nmodel = "equilibrium"\n[design]\nkind = "table"\ntable = "{0}.csv"\n'
+    for name, rows in {"a": "8,0.2\n8,\n8,0.01\n", "b": "8,\n"}.items():
+        (tmp_path / f"{name}.csv").write_text("joint_angle_deg,groove_spin_friction\n" + rows)
+        (tmp_path / f"{name}.toml").write_text(text.format(name))
+        td.run(tmp_path / f"{name}.toml", out=tmp_path / name, progress=False, workers=0)
+    assert diff(tmp_path / "a", tmp_path / "a").points["shared"] == 3
+    found = diff(tmp_path / "a", tmp_path / "b")
+    assert found.points["shared"] == 1
+    assert found.results == []
+
+
+def test_a_number_on_one_side_alone_is_no_equality(runs):
+    cube = td.open_cube(runs / "a")
+    amplitude = cube["thrust_amplitude"].copy()
+    amplitude[0, 0, 3] = np.nan
+    found = diff_cubes(cube, cube.assign(thrust_amplitude=amplitude))
+    assert [(one.part, one.points) for one in found.one_sided] == [({"order": 3}, 1)]
+    assert "equal at all shared points" not in diff_text(found)
+    assert "thrust_amplitude, order 3: a number on one side alone at 1 point" in diff_text(found)
+
+
+@pytest.mark.parametrize("name", ["fixed_parameters", "package_versions"])
+@pytest.mark.parametrize("value", ["no JSON", "[1]", '{"a": [1]}', "[" * 50_000])
+def test_a_damaged_attribute_is_named(runs, name, value):
+    cube = td.open_cube(runs / "a")
+    with pytest.raises(td.CubeError, match=f"the attribute {name} of this cube is damaged"):
+        diff_cubes(cube, cube.assign_attrs({name: value}))

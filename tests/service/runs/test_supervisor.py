@@ -196,8 +196,9 @@ def test_a_run_deleted_from_the_bin_leaves_nothing(start, settings, tmp_path):
     run_id = submit(supervisor, tmp_path, key="k", digest="d")
     wait(supervisor, run_id, State.FAILED)
     supervisor.delete(run_id)
-    assert [run.id for run in supervisor.in_bin()] == [run_id]
     supervisor.delete(run_id)
+    assert [run.id for run in supervisor.in_bin()] == [run_id]
+    supervisor.delete(run_id, from_bin=True)
     assert supervisor.in_bin() == []
     assert sorted(path.name for path in settings.folder.iterdir() if "sqlite" not in path.name) == []
     assert supervisor.find_by_key("k", "other") is None

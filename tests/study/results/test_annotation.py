@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 
 import pytest
@@ -46,13 +47,23 @@ def test_what_cannot_be_written_is_refused(changes, message):
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    for content in (b"name = ", b"\xff", b'name = "' + bytes(300_000) + b'"', b"note = 3"):
+    for content in (
+        b"tags = 0x" + b"f" * 100_000,
+        b"name = ",
+        b"\xff",
+        b'name = "' + bytes(300_000) + b'"',
+        b"note = 3",
+    ):
         (tmp_path / FILE).write_bytes(content)
         with pytest.raises(InputError, match=FILE):
             read_annotation(tmp_path)
     (tmp_path / FILE).unlink()
     (tmp_path / FILE).symlink_to("/etc/hostname")
-    with pytest.raises(InputError, match="a link"):
+    with pytest.raises(InputError, match="Too many levels of symbolic links"):
+        read_annotation(tmp_path)
+    (tmp_path / FILE).unlink()
+    os.mkfifo(tmp_path / FILE)  # nobody writes to it: reading it would wait for ever
+    with pytest.raises(InputError, match="no file"):
         read_annotation(tmp_path)
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ import xarray as xr
 from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.comparison.measurement import read_measurement
 from tripod_doe.analyses.comparison.model_point import model_point, model_scatter
-from tripod_doe.analyses.diff.definitions import fixed_parameters
+from tripod_doe.analyses.diff.definitions import fixed_parameters, parsed_study
 from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.array_types import FloatArray
@@ -84,6 +83,8 @@ def read_table(path: Path) -> list[RecordRow]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot read this table of records: {error}") from error
     header = [cell.strip() for cell in lines[0]] if lines else []
+    if twice := [name for at, name in enumerate(header) if name in header[:at]]:
+        raise InputError(f"{path}: the column {twice[0]!r} stands there twice")
     if "file" not in header:
         raise InputError(f"{path}: no column 'file'{closest('file', header)}; it names the record of each row")
     rows = []
@@ -172,7 +173,7 @@ def _point(cube: xr.Dataset, row: RecordRow, select: Sequence[str]) -> tuple[xr.
 
 def _parameters(cube: xr.Dataset, row: RecordRow, select: Sequence[str]) -> dict[str, Any]:
     """Parameters of the joint of a record: what its study shares, what was selected, and what the table says."""
-    base = dict(tomllib.loads(str(cube.attrs.get("study", ""))).get("base", {}))
+    base = dict(parsed_study(str(cube.attrs.get("study", ""))).get("base", {}))
     if base.get("model") == "auto":
         del base["model"]
     chosen: dict[str, Any] = {}

@@ -17,6 +17,7 @@ import pandas as pd
 from tripod_doe.analyses.comparison.overview import AGREES, NOT_COMPARED, ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import write_comparison
 from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
 from tripod_doe.report.charts.chart import COLOURS, MARKERS, MUTED, Chart, drawing, legend_above
@@ -65,7 +66,7 @@ def overview_text(records: Sequence[ComparedRecord]) -> str:
             lines.append(
                 f"  {row.file}, order {row.order}: measured {measured} N, computed {computed} N, {row.verdict}"
             )
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:

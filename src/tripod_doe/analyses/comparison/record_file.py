@@ -18,6 +18,7 @@ import pandas as pd
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, closest, option
+from tripod_doe.regular_files import refuse_irregular
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,7 @@ def parse_column(text: str) -> tuple[str, str]:
 
 
 def _lines(path: Path) -> list[str]:
+    refuse_irregular(path)
     try:
         content = path.read_bytes()
     except OSError as error:

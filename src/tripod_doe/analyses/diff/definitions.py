@@ -10,7 +10,7 @@ from typing import Any
 
 import xarray as xr
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import CubeError, InputError
 
 NOT_SET = None
 
@@ -33,7 +33,7 @@ def study_differences(a: str, b: str) -> list[KeyDifference]:
     Raises:
         InputError: If a text is not TOML.
     """
-    return _different(_flat(_parsed(a)), _flat(_parsed(b)))
+    return _different(_flat(parsed_study(a)), _flat(parsed_study(b)))
 
 
 def program_differences(a: xr.Dataset, b: xr.Dataset) -> list[KeyDifference]:
@@ -56,18 +56,34 @@ def parameter_differences(a: xr.Dataset, b: xr.Dataset, leave_out: Collection[st
 
 def fixed_parameters(cube: xr.Dataset) -> dict[str, Any]:
     """Parameters that have one value in all points of a cube."""
-    return json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
+    return _values(cube.attrs, "fixed_parameters")
 
 
-def _parsed(text: str) -> dict[str, Any]:
+def _values(attributes: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """An attribute of a cube that holds numbers and texts by name."""
+    try:
+        values: dict[str, Any] = json.loads(str(attributes.get(name, "{}")))
+    except (ValueError, RecursionError) as error:
+        raise CubeError(f"the attribute {name} of this cube is damaged: {error}") from error
+    if not isinstance(values, dict) or any(isinstance(value, list | dict) for value in values.values()):
+        raise CubeError(f"the attribute {name} of this cube is damaged: values by name are expected")
+    return values
+
+
+def parsed_study(text: str) -> dict[str, Any]:
+    """The tables of a study file.
+
+    Raises:
+        InputError: If the text is not TOML.
+    """
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not a study file: {error}") from error
 
 
 def _program(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    versions: dict[str, Any] = json.loads(str(attributes.get("package_versions", "{}")))
+    versions = _values(attributes, "package_versions")
     own = {name: attributes[name] for name in ("kernel_source_hash", "models") if name in attributes}
     return own | versions
 

@@ -48,6 +48,15 @@ class ResultDifference:
 
 
 @dataclass(frozen=True)
+class OneSided:
+    """A part of a variable with a number in one of two results alone."""
+
+    variable: str
+    part: dict[str, Any]
+    points: int  # shared points at which that is so
+
+
+@dataclass(frozen=True)
 class OutcomeDifference:
     """A shared point that ended in another way."""
 
@@ -66,6 +75,7 @@ class Diff:
     points: dict[str, int] = field(default_factory=dict)  # numbers of points: a, b, shared
     outcomes: list[OutcomeDifference] = field(default_factory=list)
     results: list[ResultDifference] = field(default_factory=list)  # the largest first
+    one_sided: list[OneSided] = field(default_factory=list)
     equal: int = 0  # parts of variables that are equal at all shared points
     others: list[str] = field(default_factory=list)  # further variables that both have, which were not compared
     note: str = ""  # why results were not compared
@@ -116,10 +126,12 @@ def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], vari
         return Diff(study, parameters, program, note=str(error))
     points = {"a": a["outcome"].size, "b": b["outcome"].size, "shared": len(at)}
     outcomes = _outcome_differences(a, b, at, rows_a, rows_b)
-    parts = [part for name in names for part in _parts(a, b, name, at, rows_a, rows_b)]
+    one_sided: list[OneSided] = []
+    parts = [part for name in names for part in _parts(a, b, name, at, (rows_a, rows_b), one_sided)]
     changed = sorted((part for part in parts if part.weight > _ROUNDING), key=lambda part: -part.weight)
     note = "" if len(at) else "no point of A has the same factor values as a point of B"
-    return Diff(study, parameters, program, points, outcomes, changed, len(parts) - len(changed), others, note)
+    equal = len(parts) - len(changed)
+    return Diff(study, parameters, program, points, outcomes, changed, one_sided, equal, others, note)
 
 
 def _compared_variables(a: xr.Dataset, b: xr.Dataset, wanted: Collection[str]) -> tuple[list[str], list[str]]:
@@ -158,11 +170,16 @@ def _by_point(cube: xr.Dataset, name: str, rows: IntArray) -> tuple[FloatArray, 
 
 
 def _parts(
-    a: xr.Dataset, b: xr.Dataset, name: str, at: pd.DataFrame, rows_a: IntArray, rows_b: IntArray
+    a: xr.Dataset,
+    b: xr.Dataset,
+    name: str,
+    at: pd.DataFrame,
+    rows: tuple[IntArray, IntArray],
+    one_sided: list[OneSided],
 ) -> list[ResultDifference]:
-    """Differences of all parts of a variable that both cubes hold."""
-    first, labels = _by_point(a, name, rows_a)
-    second, others = _by_point(b, name, rows_b)
+    """Differences of all parts of a variable that both cubes hold; adds those with a number on one side alone."""
+    first, labels = _by_point(a, name, rows[0])
+    second, others = _by_point(b, name, rows[1])
     is_phase = name.endswith("_phase_deg")
     column = {tuple(part.items()): k for k, part in enumerate(others)}
     shared = [(k, column[tuple(part.items())]) for k, part in enumerate(labels) if tuple(part.items()) in column]
@@ -174,6 +191,9 @@ def _parts(
         if is_phase:
             change = (change + _FULL_TURN / 2) % _FULL_TURN - _FULL_TURN / 2
         known = np.isfinite(change)
+        lost = int((np.isfinite(first[:, k]) != np.isfinite(second[:, other])).sum())
+        if lost:
+            one_sided.append(OneSided(name, labels[k], lost))
         if not known.any():
             continue
         row = int(np.nanargmax(np.abs(np.where(known, change, np.nan))))

@@ -49,10 +49,17 @@ def _points_lines(found: Diff) -> list[str]:
     if found.results:
         lines.append("largest differences of results at shared points, A -> B")
         lines += _first((f"  {_result(one)}" for one in found.results), len(found.results))
-    elif found.equal:
+    elif found.equal and not found.one_sided:
         lines.append(f"{count_of(found.equal, 'result')} compared, equal at all shared points")
-    else:
+    elif not found.equal:
         lines.append("no result has a number on both sides")
+    lines += _first(
+        (
+            f"  {_named(one.variable, one.part)}: a number on one side alone at {count_of(one.points, 'point')}"
+            for one in found.one_sided
+        ),
+        len(found.one_sided),
+    )
     if found.others:
         lines.append(f"not compared: {', '.join(found.others)} (--variable NAME)")
     return lines
@@ -134,6 +141,9 @@ def diff_csv(found: Diff) -> str:
             writer.writerow(map(csv_cell, [kind, key.key, "", _cell(key.a), _cell(key.b), "", ""]))
     for outcome in found.outcomes:
         writer.writerow(map(csv_cell, ["outcome", "outcome", _place(outcome.at), outcome.a, outcome.b, "", ""]))
+    for lost in found.one_sided:
+        place = f"{lost.points} points"
+        writer.writerow(map(csv_cell, ["one side alone", _named(lost.variable, lost.part), place, "", "", "", ""]))
     for one in found.results:
         relative = one.relative if math.isfinite(one.relative) else ""
         cells = ["result", _named(one.variable, one.part), _place(one.at), one.a, one.b, one.difference, relative]

@@ -78,6 +78,6 @@ def _codes(a: NDArray[Any], b: NDArray[Any]) -> tuple[IntArray, IntArray]:
         codes = pd.factorize(np.concatenate([a.astype(str), b.astype(str)]))[0].astype(np.int64)
         return codes[: a.size], codes[a.size :]
     known, which = np.unique(np.concatenate([a, b]).astype(float), return_inverse=True)
-    apart = np.abs(np.diff(known)) > _MATCH * np.abs(known[1:])
+    apart = ~(np.abs(np.diff(known)) <= _MATCH * np.abs(known[1:]))  # not a number, as an open field, is none of them
     group = np.concatenate([[0], np.cumsum(apart)]).astype(np.int64)[which]
     return group[: a.size], group[a.size :]

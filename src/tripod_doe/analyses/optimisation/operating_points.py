@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -71,6 +72,8 @@ def _grid(request: OptimisationRequest, tables: Mapping[str, Any]) -> list[dict[
         except ValidationError as error:
             lines = complaints(error, lambda path: AtTable.model_fields)
             raise InputError("\n".join(f"{name}: {line.removeprefix('the file: ')}" for line in lines)) from error
+    if (count := math.prod(map(len, lists.values()))) > _MOST:
+        raise InputError(f"{count:,} operating points; at most {_MOST:,} are allowed")
     return [dict(zip(lists, row, strict=True)) for row in itertools.product(*lists.values())]
 
 

@@ -171,9 +171,9 @@ def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
 
 
 @router.delete("/runs/{run_id}", status_code=204, responses=CHANGES | errors_at(404))
-def delete(run_id: str, service: WritingService) -> None:
-    """Put a run into the bin, where its results are kept for some weeks; deleted there, they are removed."""
-    service.runs.delete(run_id)
+def delete(run_id: str, service: WritingService, bin: bool = False) -> None:
+    """Put a run into the bin, where its results are kept for some weeks; with `bin`, remove them from there."""
+    service.runs.delete(run_id, from_bin=bin)
 
 
 @router.post("/runs/{run_id}/restore", responses=CHANGES | errors_at(404))

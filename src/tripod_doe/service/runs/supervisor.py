@@ -277,15 +277,22 @@ class Supervisor:
             write_annotation(self.directory(run_id), annotation)
             return self._put(with_annotation(run, annotation))
 
-    def delete(self, run_id: str) -> None:
-        """Put a run into the bin; of a run that is there, remove the directory.
+    def delete(self, run_id: str, from_bin: bool = False) -> None:
+        """Put a run into the bin; said again, nothing more happens.
+
+        Args:
+            from_bin: Whether a run that is in the bin is removed with its directory.
 
         Raises:
-            RefusedError: 409 if a process is at work on it.
+            RefusedError: 404 if there is no such run; 409 if a process is at work on it, or it is not in the bin yet.
         """
         if run_id in self._bin:
-            self._bin.remove(run_id)
+            if from_bin:
+                self._bin.remove(run_id)
             return
+        if from_bin:
+            self.find(run_id)
+            raise RefusedError(409, "this run is not in the bin: delete it first")
         with self._lock:
             run = self._own(run_id)
             if run.state.alive or processes.is_held(self.directory(run_id)):
@@ -305,7 +312,8 @@ class Supervisor:
         """
         with self._lock:
             run = self._bin.take(run_id)
-            self._runs = {each.id: each for each in sorted((*self._runs.values(), run), key=lambda each: each.created)}
+            there = self._runs | {run_id: run}
+            self._runs = {row.id: there[row.id] for row in self._table.all() if row.id in there}  # as submitted
             self._show(run)
             return run
 

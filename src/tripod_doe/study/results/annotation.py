@@ -6,6 +6,8 @@ read and write the same file; reports print it.
 
 from __future__ import annotations
 
+import os
+import stat
 import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -15,7 +17,7 @@ from typing import Any
 import tomlkit
 
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import InputError, printable
+from tripod_doe.errors import InputError, StorageError, printable
 
 FILE = "about.toml"
 """File of a result directory."""
@@ -47,14 +49,22 @@ def read_annotation(directory: Path) -> Annotation:
     """
     path = directory / FILE
     try:
-        if path.is_symlink() or path.stat().st_size > _LARGEST_FILE:
-            raise InputError(f"{path}: a link, or larger than {_LARGEST_FILE:,} bytes: not read")
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(_text(path))
     except FileNotFoundError:
         return Annotation()
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot read this file: {error}; mend it, or delete it") from error
     return annotated(Annotation(), content, str(path))
+
+
+def _text(path: Path) -> str:
+    """The text of the file; what is opened is what is looked at, and a pipe is not waited for."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    with open(descriptor, encoding="utf-8") as stream:
+        state = os.fstat(descriptor)
+        if not stat.S_ISREG(state.st_mode) or state.st_size > _LARGEST_FILE:
+            raise InputError(f"{path}: no file, or larger than {_LARGEST_FILE:,} bytes: not read")
+        return stream.read()
 
 
 def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> Annotation:
@@ -85,7 +95,7 @@ def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> A
 
 def _check_tags(where: str, value: object) -> None:
     if not isinstance(value, Sequence) or isinstance(value, str) or not all(isinstance(tag, str) for tag in value):
-        raise InputError(f"{where}tags = {str(value)[:60]!r}: expected a list of texts")
+        raise InputError(f"{where}tags: expected a list of texts")
     if len(value) > _MOST_TAGS:
         raise InputError(f"{where}tags: {len(value)} tags, at most {_MOST_TAGS}")
     for tag in value:
@@ -96,7 +106,7 @@ def _check_tags(where: str, value: object) -> None:
 
 def _check_text(where: str, value: object, longest: int, lines: bool) -> None:
     if not isinstance(value, str):
-        raise InputError(f"{where} = {str(value)[:60]!r}: expected text")
+        raise InputError(f"{where}: expected text, not {type(value).__name__}")
     if len(value) > longest:
         raise InputError(f"{where}: {len(value):,} characters, at most {longest:,}")
     plain = value.replace("\r\n", "\n").replace("\t", " ") if lines else value
@@ -115,7 +125,10 @@ def write_annotation(directory: Path, annotation: Annotation) -> None:
         raise InputError(f"{directory}: no such result directory")
     path = directory / FILE
     if not annotation:
-        path.unlink(missing_ok=True)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise StorageError(f"{path}: cannot remove this file: {error.strerror}") from error
         return
     table = tomlkit.document()
     for key, value in asdict(annotation).items():
