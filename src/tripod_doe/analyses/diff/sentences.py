@@ -126,11 +126,6 @@ def diff_json(found: Diff) -> str:
     return json.dumps(_plain(asdict(found)), default=str)
 
 
-def diff_object(found: Diff) -> dict[str, Any]:
-    """All differences as plain lists and objects."""
-    return json.loads(diff_json(found))
-
-
 def diff_csv(found: Diff) -> str:
     """All differences as a table: kind, key, place, values of A and B, difference, relative difference."""
     buffer = io.StringIO()
