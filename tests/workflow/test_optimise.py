@@ -271,6 +271,7 @@ order = 3
     [
         (("pitch_radius_mm", "pitch_radius"), r"\[variables.pitch_radius\]: unknown parameter; did you mean"),
         (("high = 24", "high = 19"), r"\[variables.pitch_radius_mm\]: low = 20.0 must be below high = 19.0"),
+        (("low = 20", "low = true"), "low = true: expected a number"),
         (("low = 20", "low = -20"), "pitch_radius_mm = -20"),
         (("order = 3", "order = 13"), "order = 13: the orders are 0 to 12"),
         (("order = 3\n", ""), "give the order"),

@@ -97,6 +97,8 @@ class Expression:
     Attributes:
         text: The condition, or the beginning of a long one.
         used: Names that it does use.
+        operations: Number of names, numbers and operators in it.
+        widest: Values in the largest array that an evaluation made.
 
     Raises:
         InputError: If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and
@@ -106,6 +108,8 @@ class Expression:
     def __init__(self, text: str, names: Collection[str]) -> None:
         self.text = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
         self.used: set[str] = set()
+        self.operations = 0
+        self.widest = 1
         self._whole = text
         if len(text) > _LONGEST:
             raise InputError(f"{self.text!r}: {len(text):,} characters; at most {_LONGEST:,} are allowed")
@@ -131,6 +135,7 @@ class Expression:
     def _check(self, node: ast.expr, names: Collection[str], depth: int) -> None:
         if depth > _DEEPEST:
             raise InputError(self._too_deep)
+        self.operations += 1
         children: list[ast.expr] = []
         match node:
             case ast.Name(id=name):
@@ -258,7 +263,9 @@ class Expression:
     def _value(self, node: ast.expr, source: Source, whole: bool) -> NamedArray:
         match node:
             case ast.Name(id=name):
-                return self._checked(name, source.read(name, whole))
+                array = self._checked(name, source.read(name, whole))
+                self.widest = max(self.widest, array.data.size)
+                return array
             case ast.Constant(value=str() as value):
                 return NamedArray((), np.array(value))
             case ast.Constant(value=(int() | float()) as value):
@@ -325,9 +332,11 @@ class Expression:
 
     def _aligned(self, node: ast.expr, arrays: list[NamedArray], source: Source) -> list[NamedArray]:
         try:
-            return aligned(arrays, source.rows, source.most)
+            terms = aligned(arrays, source.rows, source.most)
         except InputError as error:
             raise self._wrong(node, error) from error
+        self.widest = max(self.widest, math.prod(np.broadcast_shapes(*(term.data.shape for term in terms))))
+        return terms
 
 
 def _truth(value: Any) -> NDArray[np.bool_]:

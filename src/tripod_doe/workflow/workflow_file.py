@@ -5,26 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.names import check_identifier
-from tripod_doe.study.definition.study_file import FactorTable, Scalar, complaints, parse_toml
+from tripod_doe.study.definition.study_file import FactorTable, Scalar, Table, complaints, parse_toml
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class HeadTable(_Table):
+class HeadTable(Table):
     """[workflow]: name and question."""
 
     name: str = Field(min_length=1, description="short name of the workflow")
     question: str = Field("", description="the question it answers, as the report repeats it")
 
 
-class Overrides(_Table):
+class Overrides(Table):
     """Changes to a study file: in a study step, and in [quick.STEP] for --quick."""
 
     base: dict[str, Scalar] = Field({}, description="base values to set")
@@ -43,7 +39,7 @@ class StudyStep(Overrides):
     )
 
 
-class AnalysisStep(_Table):
+class AnalysisStep(Table):
     """[steps.NAME] of kind analysis: from the cubes of other steps to a cube."""
 
     kind: str = Field(description="analysis, or the name of the analysis itself")
@@ -52,7 +48,7 @@ class AnalysisStep(_Table):
     settings: dict[str, Any] = Field({}, description="settings of the analysis")
 
 
-class FigureStep(_Table):
+class FigureStep(Table):
     """[steps.NAME] of kind figure: from the cubes of other steps to SVG files with their numbers."""
 
     kind: Literal["figure"] = Field(description="kind of the step")
@@ -65,7 +61,7 @@ class FigureStep(_Table):
     inputs: list[str] = Field(min_length=1, description="steps whose cubes it shows")
 
 
-class ReportStep(_Table):
+class ReportStep(Table):
     """[steps.NAME] of kind report: one page with the findings and figures of other steps."""
 
     kind: Literal["report"] = Field(description="kind of the step")
@@ -73,7 +69,7 @@ class ReportStep(_Table):
     inputs: list[str] = Field(min_length=1, description="steps that it shows, in this order")
 
 
-class WorkflowFile(_Table):
+class WorkflowFile(Table):
     """A whole workflow file."""
 
     workflow: HeadTable
@@ -83,7 +79,7 @@ class WorkflowFile(_Table):
     quick: dict[str, Overrides] = Field({}, description="what --quick changes in study steps, [quick.STEP]")
 
 
-_KINDS: dict[str, type[_Table]] = {
+_KINDS: dict[str, type[Table]] = {
     "study": StudyStep,
     "analysis": AnalysisStep,
     "figure": FigureStep,

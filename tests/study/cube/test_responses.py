@@ -114,6 +114,9 @@ def test_what_the_results_do_not_hold_is_refused_and_nothing_changes(wave, tmp_p
     (tmp_path / "more.toml").write_text('[base]\nb = 1\n[responses.peak]\nformula = "size"\n')
     with pytest.raises(InputError, match=r"\[base\]: only"):
         td.derive(tmp_path / "out", tmp_path / "more.toml")
+    (tmp_path / "more.toml").write_text("responses = 3")
+    with pytest.raises(InputError, match=r"responses = 3: expected tables, as \[responses.NAME\]"):
+        td.derive(tmp_path / "out", tmp_path / "more.toml")
     assert (tmp_path / "out" / "study.toml").read_bytes() == before
 
 
@@ -157,6 +160,27 @@ def test_a_wrong_response_is_refused_before_anything_runs(tables, message):
     with pytest.raises(InputError, match=message) as refused:
         parse_study(JOINT + tables)
     assert "responses" in str(refused.value)
+
+
+def test_a_formula_that_takes_longer_than_points_do_is_refused():
+    spread = "[responses.a]\nformula = 'groove_thrust * thrust_amplitude'\n"  # 28,080 values for a point
+    with pytest.raises(InputError, match=r"\[responses.r\]: .* operations; at most .* index or reduce"):
+        parse_study(f"{JOINT}{spread}[responses.r]\nformula = 'max({', '.join(['a'] * 800)})'")
+    chain = "[responses.a]\nformula = 'thrust_amplitude * 2'\n"
+    study = parse_study(f"{JOINT}{chain}[responses.b]\nformula = 'max(a) + max(a)'")
+    assert study.responses[1].widest == study.responses[0].size
+    many = "".join(f"[responses.r{k}]\nformula = 'max(thrust)'\n" for k in range(201))
+    with pytest.raises(InputError, match=r"\[responses\]: 201 formulas; at most 200"):
+        parse_study(JOINT + many)
+
+
+def test_few_points_at_a_time_give_the_same(wave, monkeypatch):
+    formulas = {"spread": "parts * force", "rise": "size - 1"}
+    together = wave(formulas)
+    monkeypatch.setattr("tripod_doe.study.cube.responses._MOST_VALUES", 8)
+    apart = wave(formulas, out="apart")
+    for name in formulas:
+        np.testing.assert_array_equal(apart[name], together[name])
 
 
 def test_responses_of_the_joint_are_shown_and_analysed(tmp_path):

@@ -44,6 +44,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[factors]\njoint_angle_deg = [5, 10]", r"write joint_angle_deg = \{ values = \[5, 10\] \}"),
         (HEAD + "[factors]\njoint_angle_deg = 5", r"a parameter with one value belongs in \[base\]"),
         (HEAD + FACTOR + "[analysis]\neffects = 3", r"expected a table, as \[analysis.effects\]"),
+        (HEAD + "[factors.joint_angle_deg]\nlow = true\nhigh = 9\ncount = 3", "low = true: expected a number"),
         (HEAD + "[strue]", "the file: unknown key 'strue'"),
         (HEAD + "[factors.str]\nvalues = 3", r"\[factors.str\]: values = 3: expected a list"),
         (HEAD + "[factors.x]\nint = 3", r"\[factors.x\]: unknown key 'int'"),

@@ -7,18 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.definition.study_file import Scalar, complaints, parse_toml, read_text
+from tripod_doe.study.definition.study_file import Scalar, Table, complaints, parse_toml, read_text
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class HeadTable(_Table):
+class HeadTable(Table):
     """[fit]: name, question, and how the fit is made."""
 
     name: str = Field(min_length=1, description="short name of the fit")
@@ -31,7 +27,7 @@ class HeadTable(_Table):
     )
 
 
-class UnknownTable(_Table):
+class UnknownTable(Table):
     """[unknowns.PARAMETER]: the range of an unknown, and which records share its value."""
 
     low: float = Field(description="lower bound")
@@ -42,7 +38,7 @@ class UnknownTable(_Table):
     std: float | None = Field(None, gt=0, description="standard deviation of what is known before")
 
 
-class RecordsTable(_Table):
+class RecordsTable(Table):
     """[records]: the measured records, and what of them is fitted."""
 
     files: list[str] = Field([], description="files or patterns, relative to the fit file")
@@ -56,13 +52,13 @@ class RecordsTable(_Table):
     force_scale_error: float = Field(0.0, ge=0, lt=1, description="relative uncertainty of the force sensor's scale")
 
 
-class CandidateTable(_Table):
+class CandidateTable(Table):
     """[next.at.PARAMETER]: values of an operating parameter."""
 
     values: list[Scalar] = Field(min_length=1, description="the values it takes")
 
 
-class NextTable(_Table):
+class NextTable(Table):
     """[next]: operating points that could be measured next, and the unknown that they are to narrow."""
 
     narrow: str | None = Field(None, description="the unknown; the least known one if omitted")
@@ -71,7 +67,7 @@ class NextTable(_Table):
     table: str | None = Field(None, description="CSV file of operating points, in place of a grid")
 
 
-class FitFile(_Table):
+class FitFile(Table):
     """A whole fit file."""
 
     fit: HeadTable

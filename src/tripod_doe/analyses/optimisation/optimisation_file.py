@@ -7,19 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from tripod_doe.errors import InputError
 from tripod_doe.names import check_identifier
-from tripod_doe.study.definition.study_file import FactorTable, ResponseTable, Scalar, complaints, parse_toml, read_text
+from tripod_doe.study.definition.study_file import (
+    FactorTable,
+    ResponseTable,
+    Scalar,
+    Table,
+    complaints,
+    parse_toml,
+    read_text,
+)
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class HeadTable(_Table):
+class HeadTable(Table):
     """[optimisation]: the question, what answers it, and how sure an answer must be under scatter."""
 
     name: str = Field(min_length=1, description="short name of the optimisation")
@@ -31,7 +35,7 @@ class HeadTable(_Table):
     )
 
 
-class VariableTable(_Table):
+class VariableTable(Table):
     """[variables.PARAMETER]: what may be chosen: a range, listed values, or what follows from others."""
 
     low: float | None = Field(None, description="lower bound")
@@ -41,13 +45,13 @@ class VariableTable(_Table):
     formula: str | None = Field(None, description="its value from other variables and base values, which it follows")
 
 
-class AtTable(_Table):
+class AtTable(Table):
     """[at.PARAMETER]: values of an operating parameter; all combinations are operating points."""
 
     values: list[Scalar] = Field(min_length=1, description="the values it takes")
 
 
-class ObjectiveTable(_Table):
+class ObjectiveTable(Table):
     """[objectives.NAME]: what is made as small or as large as possible."""
 
     output: str = Field(description="an output, a response or a parameter")
@@ -56,7 +60,7 @@ class ObjectiveTable(_Table):
     goal: Literal["minimise", "maximise"] = Field("minimise", description="minimise or maximise")
 
 
-class ConstraintTable(_Table):
+class ConstraintTable(Table):
     """[constraints.NAME]: limits of an output, a response or a parameter."""
 
     output: str = Field(description="an output, a response or a parameter")
@@ -68,7 +72,7 @@ class ConstraintTable(_Table):
     high: float | None = Field(None, description="largest value allowed")
 
 
-class SearchTable(_Table):
+class SearchTable(Table):
     """[search]: how many candidates are tried, and how the last ones are confirmed."""
 
     evaluations: int = Field(2000, ge=1, le=10_000_000, description="candidates that the search tries")
@@ -84,7 +88,7 @@ class SearchTable(_Table):
     confirm_samples: int = Field(256, ge=8, le=1_000_000, description="with [scatter]: joints in the other sample")
 
 
-class OptimisationFile(_Table):
+class OptimisationFile(Table):
     """A whole optimisation file."""
 
     optimisation: HeadTable

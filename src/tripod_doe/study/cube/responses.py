@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +17,8 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.named_arrays import NamedArray
 
-_CHUNK = 500  # points that are evaluated together: waveforms of a point may be spread over other dimensions
+_MOST_POINTS = 500  # that are evaluated together
+_MOST_VALUES = 2_000_000  # of an array in between: waveforms of a point may be spread over other dimensions
 
 Outputs = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]
 """Outputs by name: the dimensions of a point's value, and values of all points, the first axis the point."""
@@ -67,8 +69,9 @@ def response_values(
     known = tuple(response for response in study.responses if _is_given(response, study.responses, outputs))
     parts: dict[str, list[tuple[NamedArray, NDArray[Any] | None]]] = {response.name: [] for response in known}
     parameters = _parameters(study, points)
-    for start in range(0, points.count, _CHUNK):
-        rows = slice(start, start + _CHUNK)
+    together = _points_together(known, outputs)
+    for start in range(0, points.count, together):
+        rows = slice(start, start + together)
         arrays = {
             name: NamedArray((POINT, *dims), data[rows], {dim: labels[dim] for dim in dims if dim in labels})
             for name, (dims, data) in outputs.items()
@@ -97,6 +100,13 @@ def response_values(
             error[without] = np.nan
             error = error if np.isfinite(error).any() else None
         yield ResponseValues(response, own[0][0].dims[1:], values, error)
+
+
+def _points_together(responses: Collection[Response], outputs: Outputs) -> int:
+    """Number of points whose formulas are evaluated together, so that the arrays in between stay small."""
+    sizes = [math.prod(data.shape[1:]) for _, data in outputs.values()]
+    widest = max([1, *sizes, *(response.widest for response in responses)])
+    return max(1, min(_MOST_POINTS, _MOST_VALUES // widest))
 
 
 def refuse_unknown_outputs(study: Study, names: Collection[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,9 @@ ERROR = "_error"
 
 POINT = "point"
 """Dimension of the points among which a formula is evaluated."""
+
+_MOST_RESPONSES = 200
+_MOST_WORK = 2e7  # operations of a formula for a point, which take some 20 ms
 
 _TAKEN = ("_used", "_error_estimate", ERROR)  # ends of names that cubes give
 _FUNCTIONS = frozenset(("abs", "min", "max", "mean", "sum", "sqrt", "log10"))
@@ -54,6 +57,7 @@ class Response:
     outputs: tuple[str, ...]  # outputs of the simulator that the formula uses
     responses: tuple[str, ...]  # responses before it that the formula uses
     size: int = 1  # number of values for a point, where the simulator declares its outputs
+    widest: int = 1  # values for a point in the largest array that its evaluation makes, where they are declared
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,8 @@ def check_responses(
     Raises:
         InputError: If a name is taken or a formula is wrong, with the key and the place in the formula.
     """
+    if len(tables) > _MOST_RESPONSES:
+        raise InputError(f"[responses]: {len(tables):,} formulas; at most {_MOST_RESPONSES} are allowed")
     responses: list[Response] = []
     arrays = dict(_point_of_nan(simulator, values))
     for name, table in tables.items():
@@ -104,6 +110,8 @@ def check_responses(
             raise error.at(place) from error
         try:
             response, arrays[name] = _response(name, table, simulator, responses, arrays)
+            if simulator.outputs and _with_errors((*response.outputs, *response.responses), arrays):
+                arrays[f"{name}{ERROR}"] = arrays[name]
         except InputError as error:
             later = [other for other in list(tables)[len(responses) + 1 :] if f"unknown name {other!r}" in str(error)]
             remedy = f"; [responses.{later[0]}] comes after it: put it before" if later else ""
@@ -126,6 +134,7 @@ def _response(
     if simulator.outputs:
         value = expression.numbers(Arrays(arrays))
         size = value.data.size
+        _refuse_long_work(expression, _with_errors((*own, *_among(earlier, expression)), arrays))
     response = Response(
         name,
         expression,
@@ -133,10 +142,34 @@ def _response(
         table.unit or "1",
         table.meaning or table.formula,
         tuple(own),
-        tuple(sorted(expression.used.intersection(earlier))),
+        tuple(_among(earlier, expression)),
         size,
+        expression.widest,
     )
     return response, value
+
+
+def _among(earlier: list[str], expression: Expression) -> list[str]:
+    """The responses that a formula uses."""
+    return sorted(expression.used.intersection(earlier))
+
+
+def _with_errors(inputs: Collection[str], arrays: Mapping[str, NamedArray]) -> int:
+    """Number of values with numerical errors among some inputs; 0 where an input has none: then no error is made."""
+    known = all(f"{name}{ERROR}" in arrays for name in inputs)
+    return sum(arrays[name].data.size for name in inputs) if known else 0
+
+
+def _refuse_long_work(expression: Expression, with_errors: int) -> None:
+    """Refuse a formula that takes longer than most points; it is evaluated twice for each value with an error."""
+    work = expression.operations * expression.widest * (1 + 2 * with_errors)
+    if work > _MOST_WORK:
+        again = f", {1 + 2 * with_errors:,} times for the errors of its values" if with_errors else ""
+        raise InputError(
+            f"{expression.text!r}: {expression.operations:,} names, numbers and operators with up to "
+            f"{expression.widest:,} values for each point{again}: {work:,} operations; at most {_MOST_WORK:,.0f} are "
+            "allowed: index or reduce before you combine"
+        )
 
 
 def _examples(simulator: Simulator) -> str:

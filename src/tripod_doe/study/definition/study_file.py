@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from tripod_doe.errors import InputError, closest, first_messages, near_match
 from tripod_doe.names import check_identifier
@@ -49,22 +49,13 @@ DesignKind = Literal[
 ]
 
 
-def _no_switch(value: Any) -> Any:
-    if isinstance(value, bool):
-        raise PydanticCustomError("no_number", "a number is needed, not true or false")
-    return value
+class Table(BaseModel):
+    """A table of a TOML file, which knows numbers from texts and from true: nothing is converted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
-Whole = Annotated[int, BeforeValidator(_no_switch)]
-Number = Annotated[float, BeforeValidator(_no_switch)]
-"""Numbers for which Python's true is not 1."""
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class StudyTable(_Table):
+class StudyTable(Table):
     """[study]: the question, and the scene or function that answers it."""
 
     name: str = Field(min_length=1, description="short name of the study")
@@ -73,23 +64,21 @@ class StudyTable(_Table):
     function: str | None = Field(None, description="package.module:function to run in place of a scene")
 
 
-class FactorTable(_Table):
+class FactorTable(Table):
     """[factors.PARAMETER]: values, a range with a count, a range to sample, or a distribution."""
 
     values: list[Scalar] | None = Field(None, description="the values it takes")
-    low: Number | None = Field(None, description="lower end of the range")
-    high: Number | None = Field(None, description="upper end of the range")
-    count: Whole | None = Field(
-        None, ge=1, le=1_000_000, description="number of values from low to high, ends included"
-    )
+    low: float | None = Field(None, description="lower end of the range")
+    high: float | None = Field(None, description="upper end of the range")
+    count: int | None = Field(None, ge=1, le=1_000_000, description="number of values from low to high, ends included")
     scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
     distribution: Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None = (
         Field(None, description="distribution of a sampled factor; uniform on its scale if omitted")
     )
-    mean: Number | None = Field(None, description="mean of a normal distribution")
-    std: Number | None = Field(None, gt=0, description="standard deviation of a normal distribution")
-    mode: Number | None = Field(None, description="peak of a triangular distribution")
-    weights: list[Number] | None = Field(
+    mean: float | None = Field(None, description="mean of a normal distribution")
+    std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
+    mode: float | None = Field(None, description="peak of a triangular distribution")
+    weights: list[float] | None = Field(
         None, description="relative frequencies of the values of a discrete distribution"
     )
     group: str | None = Field(None, description="saltelli, morris: factors of one group are varied together")
@@ -104,28 +93,28 @@ _MOST_LEVELS = 1_000_000
 """Largest number of levels of a design, as of a factor's count."""
 
 
-class DesignTable(_Table):
+class DesignTable(Table):
     """[design]: how the points are made from the factors."""
 
     kind: DesignKind = Field("grid", description="kind of design")
-    samples: Whole | None = Field(
+    samples: int | None = Field(
         None,
         ge=1,
         description="number of samples (saltelli: SALib's N; morris: trajectories; fast: points of a curve; "
         "multifidelity: samples of the most expensive model)",
     )
-    seed: Whole = Field(0, ge=0, description="seed of the random numbers")
-    levels: Whole | None = Field(
+    seed: int = Field(0, ge=0, description="seed of the random numbers")
+    levels: int | None = Field(
         None,
         ge=2,
         le=_MOST_LEVELS,
         description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted",
     )
     scramble: bool = Field(True, description="sobol, halton: whether the sequence is scrambled")
-    correlation: list[list[str | Number]] | dict[str, dict[str, Number]] = Field(
+    correlation: list[list[str | float]] | dict[str, dict[str, float]] = Field(
         [], description="sampled designs: rank correlations, [factor, factor, value] each, or the whole matrix"
     )
-    resolution: Whole | None = Field(
+    resolution: int | None = Field(
         None, ge=3, le=8, description="fractional-factorial: smallest resolution, 4 if omitted; its aliases are stated"
     )
     star: Literal["circumscribed", "inscribed", "faced"] = Field(
@@ -136,10 +125,10 @@ class DesignTable(_Table):
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
     fidelity: str = Field("model", description="multifidelity: factor that names the model, the truth last")
     indices: bool = Field(True, description="multifidelity: whether the points for Sobol' indices are added")
-    pilot: Whole | None = Field(
+    pilot: int | None = Field(
         None, ge=16, description="multifidelity: samples that all models run first, 24 or all samples if omitted"
     )
-    most_points: Whole | None = Field(
+    most_points: int | None = Field(
         None,
         ge=1,
         description="multifidelity: points of all models together that a split from the pilot may have; 200,000 if "
@@ -148,10 +137,10 @@ class DesignTable(_Table):
     target: list[str] = Field(
         [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split makes small; all if omitted"
     )
-    split: dict[str, Annotated[Whole, Field(ge=0)]] = Field(
+    split: dict[str, Annotated[int, Field(ge=0)]] = Field(
         {}, description="multifidelity: samples of each model; from the pilot if omitted"
     )
-    prices: dict[str, Annotated[Number, Field(gt=0)]] = Field(
+    prices: dict[str, Annotated[float, Field(gt=0)]] = Field(
         {}, description="multifidelity: CPU seconds of a point with each model; counted in the pilot if omitted"
     )
     combinations: Literal["all", "single"] = Field(
@@ -164,13 +153,13 @@ class DesignTable(_Table):
     )
 
 
-class KeepTable(_Table):
+class KeepTable(Table):
     """[keep]: the outputs in the cube."""
 
     outputs: list[str] = Field([], description="names of the outputs; if omitted, all but those on request")
 
 
-class ResponseTable(_Table):
+class ResponseTable(Table):
     """[responses.NAME]: a variable of the cube that follows from outputs by a formula."""
 
     formula: str = Field(
@@ -182,10 +171,10 @@ class ResponseTable(_Table):
     meaning: str = Field("", max_length=300, description="what it is, in a few words; the formula if omitted")
 
 
-class RunTable(_Table):
+class RunTable(Table):
     """[run]: how the points are run; only `retry` changes values."""
 
-    block: Whole | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
+    block: int | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
     exclusive: bool = Field(False, description="run one block at a time, so that no other block disturbs its timing")
     expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
     retry: list[str | dict[str, Scalar]] = Field(
@@ -195,29 +184,29 @@ class RunTable(_Table):
     )
 
 
-class AccuracyTable(_Table):
+class AccuracyTable(Table):
     """[accuracy]: OUTPUT_ORDER = relative error, to which runs are refined, or by which model = "auto" chooses."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
-    __pydantic_extra__: dict[str, Number]
+    __pydantic_extra__: dict[str, float]
 
-    confidence: Number = Field(
+    confidence: float = Field(
         0.9, ge=0.5, le=0.99, description='with model = "auto": share of the points in which the accuracy must be met'
     )
-    floor: Number = Field(
+    floor: float = Field(
         0.01,
         gt=0,
         lt=1,
         description="share of the largest order of a point; the error of a smaller order is relative to that share",
     )
-    budget_cpu_s: Number | None = Field(
+    budget_cpu_s: float | None = Field(
         None,
         gt=0,
         description='with model = "auto": largest estimated price of pilot and study; above it nothing is started (s)',
     )
 
 
-class StudyFile(_Table):
+class StudyFile(Table):
     """A whole study file."""
 
     study: StudyTable
@@ -404,7 +393,7 @@ def _as_table(where: str, key: str, value: object) -> str:
 
 def _shown(value: object) -> str:
     """A value as a message repeats it: the beginning of a long one."""
-    text = repr(value)
+    text = repr(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
@@ -415,7 +404,7 @@ def _known_keys(path: list[str]) -> list[str]:
     return list(TABLES[table].model_fields) if table else [key for key in StudyFile.model_fields if key != "designs"]
 
 
-TABLES: Mapping[str, type[_Table]] = {
+TABLES: Mapping[str, type[Table]] = {
     "study": StudyTable,
     "factors.PARAMETER": FactorTable,
     "design": DesignTable,

@@ -74,6 +74,8 @@ def with_responses(directory: Path, file: Path) -> Study:
     if wrong := [key for key in added if key != "responses"] or ([] if added.get("responses") else ["responses"]):
         reason = "is missing" if wrong == ["responses"] else "only [responses.NAME] is allowed here"
         raise InputError(f"{file}: [{wrong[0]}]: {reason}; to change anything else, run the study again")
+    if not isinstance(added["responses"], dict):
+        raise InputError(f"{file}: responses = {added['responses']!r}: expected tables, as [responses.NAME]")
     if not (directory / STORED).is_file():
         raise InputError(f"{directory}: no {STORED} here; name a result directory")
     document: Any = tomlkit.parse(read_text(directory / STORED, "study"))
