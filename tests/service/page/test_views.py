@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 import shlex
 import shutil
 import tomllib
@@ -20,6 +21,7 @@ from tripod_doe.service.explorer.analysis_tables import view_behind
 from tripod_doe.service.explorer.axes import drawn_view, full_view
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
+from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.figures.scatter import scatter
 from tripod_doe.service.explorer.questions import explore, extremes, failures, figure, numbers, point
 from tripod_doe.service.explorer.slices import draw, numbered, point_numbers, seen
@@ -460,3 +462,18 @@ def test_levels_of_a_factor_keep_its_base_value_where_the_design_starts_from_it(
         changed = changed_text(text.format(kind), "parameter.speed_rpm", "200, 500")
         assert changed.count("speed_rpm = 450") == kept
         assert "values = [200, 500]" in changed
+
+
+def test_names_and_units_show_as_they_are_written(folders):
+    """Plotly makes links and styles of texts that ask for them."""
+    cube = td.open_cube(folders["grid"]).load()
+    link = "<a href='https://example.org'>N</a>"
+    cube["thrust_amplitude"].attrs["units"] = cube["torque_n_m"].attrs["units"] = link
+    view = full_view(cube, View(kind="lines", x="joint_angle_deg", by="torque_n_m", select=("order=3",)))
+    point = cube[["thrust_amplitude"]].isel(joint_angle_deg=0, torque_n_m=0, bearing_radial_clearance_mm=1)
+    drawn = [draw(cube, view), *point_figures(point).values()]
+    assert len(drawn) == 2
+    for each in drawn:
+        text = json.dumps(each)
+        assert "&lt;a href" in text
+        assert not re.search(r"<(?!/?b>|br>|/?extra>)", text)

@@ -16,7 +16,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.quantities import count_of
 from tripod_doe.report.responses import listed
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
-from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, shown
+from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, plain, shown
 from tripod_doe.service.explorer.figures.heat_map import heat_map
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
@@ -86,7 +86,7 @@ def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figur
     limits = None
     if view.kind == "map":
         limits = _limits(view, None if view.minus else colour_range(cube, view))
-    return _drawn(data, view, limits) | {"note": _note(data)}
+    return plain(_drawn(data, view, limits)) | {"note": _note(data)}
 
 
 def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> xr.Dataset:

@@ -13,7 +13,7 @@ from itertools import takewhile
 
 from tripod_doe.service.runs.table import Run
 
-_KEPT = 4096  # events that a stream which was away can still get
+_KEPT = 512  # events that a stream which was away can still get, each with the whole note of its run
 
 
 @dataclass(frozen=True)

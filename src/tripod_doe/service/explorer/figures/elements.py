@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,19 @@ def packed(values: NDArray[Any]) -> dict[str, str] | list[Any]:
     array = np.ascontiguousarray(array, "<" + kind)
     typed = {"dtype": kind, "bdata": base64.b64encode(array.tobytes()).decode()}
     return typed | ({"shape": ", ".join(map(str, array.shape))} if array.ndim > 1 else {})
+
+
+_MARKUP = re.compile(r"<(?!/?b>|br>|/?extra>)")
+"""The start of markup that figures of ours do not use: Plotly shows links and styles that a text asks for."""
+
+
+def plain(part: Any) -> Any:
+    """A figure, or a part of one, whose texts show as they are written: names and units may come from a stranger."""
+    if isinstance(part, str):
+        return _MARKUP.sub("&lt;", part)
+    if isinstance(part, dict):
+        return {key: value if key == "bdata" else plain(value) for key, value in part.items()}
+    return [plain(each) for each in part] if isinstance(part, list) else part
 
 
 def shown(data: xr.Dataset) -> xr.DataArray:

@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from tripod_doe.service.explorer.figures.elements import Figure, axis, label_of, packed
+from tripod_doe.service.explorer.figures.elements import Figure, axis, label_of, packed, plain
 from tripod_doe.service.explorer.figures.lines import lines
 
 _SHARED = 4  # curves that one pair of axes takes
@@ -39,7 +39,7 @@ def point_figures(point: xr.Dataset) -> dict[str, Figure]:
             found[str(name)] = bars(
                 data.transpose(along, others[0]), str(others[0]), None if not others else str(along)
             )
-    return found
+    return {name: plain(figure) for name, figure in found.items()}
 
 
 def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
