@@ -75,8 +75,10 @@ def test_the_page_says_with_which_version_it_was_measured(page):
 
 
 def test_committed_page_tells_every_model_and_method_and_its_version():
-    text = (ROOT / "docs" / "choosing.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "explanation" / "choosing.md").read_text(encoding="utf-8")
     assert re.search("measured with commit [0-9a-f]{7},", text)
     for name in (*MODELS, *METHODS):
-        assert name in text, f"{name} is missing: make docs/choosing.md again, docs/choosing.py tells how"
+        assert name in text, (
+            f"{name} is missing: make docs/explanation/choosing.md again, docs/explanation/choosing.py tells how"
+        )
     assert "not known |" not in text

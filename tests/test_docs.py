@@ -24,7 +24,7 @@ from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.definition.study_file import DesignKind
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def table(page, mark):
@@ -54,8 +54,11 @@ def test_links_and_named_files_exist(page):
         assert (page.parent / target).exists(), target
     for target in re.findall(r"\b(?:studies|workflows|benchmarks|docs)/[\w/]+\.\w+", text):
         assert (ROOT / target).exists(), target
-    if page.parent == ROOT:
-        assert {f"docs/{other.name}" for other in PAGES[1:]} <= set(re.findall(r"\]\(([^)]+)", text))
+
+
+def test_the_index_leads_to_every_page():
+    listed = re.findall(r"\]\(([^)#]+)", (ROOT / "docs" / "index.md").read_text())
+    assert sorted(listed) == sorted({page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:]} - {"index.md"})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -68,8 +71,8 @@ def test_tables_are_whole(page):
 
 
 def test_every_analysis_and_figure_of_a_workflow_is_listed():
-    assert {name for row in table("workflows.md", "figures") for name in names(row[0])} == set(FIGURES)
-    of_workflows = {name for row in table("workflows.md", "workflow analyses") for name in names(row[0])}
+    assert {name for row in table("reference/workflows.md", "figures") for name in names(row[0])} == set(FIGURES)
+    of_workflows = {name for row in table("reference/workflows.md", "workflow analyses") for name in names(row[0])}
     assert of_workflows == {kind for kind, analysis in ANALYSES.items() if not analysis.designs}
 
 
@@ -86,7 +89,7 @@ def test_every_flag_of_a_command_is_shown(command):
 @pytest.mark.usefixtures("pages_not_made")
 def test_the_picture_shows_what_its_study_gives(tmp_path):
     """Regression: the numbers inside the picture, to the 1e-6 that the default model's balance is solved to."""
-    drawn = (ROOT / "docs" / "thrust_map.svg").read_text().partition("<!--\n")[2].partition("-->")[0]
+    drawn = (ROOT / "docs" / "pictures" / "thrust_map.svg").read_text().partition("<!--\n")[2].partition("-->")[0]
     td.run(ROOT / "studies" / "thrust_map.toml", tmp_path / "map", workers=0, progress=False)
     found = effect_charts(td.open_cube(tmp_path / "map"))[0].charts[0].data
     numbers = pd.read_csv(io.StringIO(drawn))
@@ -98,20 +101,20 @@ def test_the_picture_shows_what_its_study_gives(tmp_path):
 
 
 def test_models_and_what_they_ignore():
-    assert [row[0] for row in table("models.md", "models")] == [f"`{name}`" for name in MODELS]
-    for name, ignored in table("models.md", "ignored parameters"):
+    assert [row[0] for row in table("explanation/models.md", "models")] == [f"`{name}`" for name in MODELS]
+    for name, ignored in table("explanation/models.md", "ignored parameters"):
         assert set(names(ignored)) == MODELS[name.strip("`")].ignores
 
 
 def test_the_ranges_of_the_models_are_those_of_the_code():
     told = [(f"`{name}`", valid.text, valid.reason) for name, model in MODELS.items() for valid in model.valid]
-    assert [tuple(row) for row in table("models.md", "ranges")] == told
+    assert [tuple(row) for row in table("explanation/models.md", "ranges")] == told
 
 
 def test_the_measured_errors_are_those_of_the_record():
     """Exact: medians and ninth deciles over the joint angle, as printed."""
     record = pd.read_csv(RECORDED, comment="#")
-    rows = table("models.md", "measured errors")
+    rows = table("explanation/models.md", "measured errors")
     for angle, *cells in rows:
         low, high = (float(end) for end in re.findall(r"[\d.]+", angle))
         part = record[record["joint_angle_deg"].between(low, high, inclusive="left")]
@@ -127,20 +130,28 @@ def test_which_model_computes_which_output():
         "thrust_amplitude_error",
     }
     computed = {name: set(thrust) for name in MODELS}
-    for outputs, _, *cells in table("outputs.md", "outputs"):
+    for outputs, _, *cells in table("reference/outputs.md", "outputs"):
         for model, cell in zip(MODELS, cells, strict=True):
             computed[model] |= set(names(outputs)) if cell == "yes" else set()
     assert computed == {name: model.outputs for name, model in MODELS.items()}
 
 
 def test_outcomes_and_designs_are_listed():
-    assert [names(row[0])[0] for row in table("outputs.md", "outcomes")] == [outcome.label for outcome in Outcome]
-    assert {name for row in table("studies.md", "designs") for name in names(row[0])} == set(get_args(DesignKind))
+    assert [names(row[0])[0] for row in table("reference/outputs.md", "outcomes")] == [
+        outcome.label for outcome in Outcome
+    ]
+    assert {name for row in table("reference/studies.md", "designs") for name in names(row[0])} == set(
+        get_args(DesignKind)
+    )
 
 
 def test_the_glossary_has_every_name_once():
     """Names of the code stand in its second column: none is missing, none is stale, none has two senses."""
-    rows = [line.split("|") for line in (ROOT / "docs" / "glossary.md").read_text().splitlines() if line[:2] == "| "]
+    rows = [
+        line.split("|")
+        for line in (ROOT / "docs" / "reference" / "glossary.md").read_text().splitlines()
+        if line[:2] == "| "
+    ]
     listed = [name for row in rows for name in names(row[2])]
     simulators = [load_simulator(name) for name in SCENES]
     known = {*SCENES, *MODELS, "newton", *METHODS, *(outcome.label for outcome in Outcome), *get_args(DesignKind)}
@@ -153,14 +164,14 @@ def test_the_glossary_has_every_name_once():
 
 
 def test_the_glossary_has_every_statistic():
-    text = (ROOT / "docs" / "glossary.md").read_text()
+    text = (ROOT / "docs" / "reference" / "glossary.md").read_text()
     for statistic in joint.labels(["needle_skew_summary_deg"], {"cycles": 4})["statistic"]:
         assert f"`{statistic}`" in text
 
 
 def test_the_stops_of_the_walk_exist():
     """Every row of the walk names a file and a function, class or table that it defines."""
-    text = (ROOT / "docs" / "walk.md").read_text()
+    text = (ROOT / "docs" / "explanation" / "walk.md").read_text()
     stops = re.findall(r"^\|[^|`]*(?:`[^`]*`[^|`]*)*\| `([\w/]+\.py)` \| `(\w+)` \|$", text, re.MULTILINE)
     assert len(stops) == len([line for line in text.splitlines() if line.startswith("| ")]) - 2 * text.count("| stop |")
     for file, name in stops:

@@ -1,4 +1,4 @@
-"""The worked examples of docs/extending.md, applied to a copy of the sources and run."""
+"""The worked examples of docs/guides/extending.md, applied to a copy of the sources and run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 from tripod_doe.mechanics.compilation.sources import cache_root, hash_sources, source_hashes
 
 ROOT = Path(__file__).parent.parent
-SECTIONS = (ROOT / "docs" / "extending.md").read_text().split("\n## ")[1:]
+SECTIONS = (ROOT / "docs" / "guides" / "extending.md").read_text().split("\n## ")[1:]
 KEPT = cache_root() / "examples"
 
 
@@ -110,7 +110,7 @@ def answers(extended):
 @pytest.mark.slow
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.partition("\n")[0])
 def test_an_example_works_and_touches_as_many_files_as_it_says(extended, answers, section):
-    """Exact: each worked example of docs/extending.md, on a copy of the sources in a fresh process, as printed there."""
+    """Exact: each worked example of docs/guides/extending.md, on a copy of the sources in a fresh process, as printed there."""
     stated = re.search(r"^(\d+) files?:", section, re.MULTILINE)
     assert int(stated[1]) == len(set(extended[1][section]))
     assert answers[section] == ""

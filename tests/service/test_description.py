@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tripod_doe.service.limits import MEANINGS, Limits
 
-TEXT = (Path(__file__).parent.parent.parent / "docs" / "service.md").read_text()
+TEXT = (Path(__file__).parent.parent.parent / "docs" / "reference" / "service.md").read_text()
 
 
 def test_every_request_is_described(api):

@@ -227,8 +227,8 @@ def test_a_plan_prices_it(written, capsys):
 
 @pytest.mark.slow
 def test_the_answer_of_the_documentation(tmp_path):
-    """Regression: the table of docs/fit.md, to a tenth of each interval; the hidden values lie in all intervals."""
-    text = (MEASUREMENTS.parent / "docs" / "fit.md").read_text()
+    """Regression: the table of docs/reference/fit.md, to a tenth of each interval; the hidden values lie in all intervals."""
+    text = (MEASUREMENTS.parent / "docs" / "reference" / "fit.md").read_text()
     rows = text.partition("<!-- answer -->\n")[2].partition("\n\n")[0].splitlines()[2:]
     fit = td.fit(MEASUREMENTS / "rig" / "frictions.toml", tmp_path, workers=0, progress=False).result
     for row in rows:

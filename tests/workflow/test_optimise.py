@@ -233,8 +233,8 @@ def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
 
 
 def test_the_example_of_the_documentation(tmp_path, capsys):
-    """The commands of docs/optimisation.md and the file that it names, with fewer candidates and without `rollers`."""
-    page = (ROOT / "docs" / "optimisation.md").read_text()
+    """The commands of docs/reference/optimisation.md and the file that it names, with fewer candidates and without `rollers`."""
+    page = (ROOT / "docs" / "reference" / "optimisation.md").read_text()
     (name,) = re.findall(r"<!-- example: (\S+) -->", page)
     text = (ROOT / name).read_text().replace("evaluations = 800", "evaluations = 24")
     (tmp_path / "example.toml").write_text(text.replace('confirm = "rollers"\n', ""))

@@ -19,7 +19,7 @@ from tripod_doe.simulator import Accuracy, Quantity, Simulator
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
-_OTHER = 0.1  # relative error of any order but the third where it is not on record: docs/models.md
+_OTHER = 0.1  # relative error of any order but the third where it is not on record: docs/explanation/models.md
 _FINEST = {3: 0.003, 2: 0.05}  # between two implementations of the finest model
 _FINEST_OTHER = 0.05
 

@@ -149,7 +149,7 @@ class ExistingScheduler:
         if not client.scheduler.address.startswith(_TLS):
             print(
                 f"{self}: a connection without TLS: a program that reaches this scheduler or its workers can run code "
-                "there, and here; see docs/cluster.md",
+                "there, and here; see docs/guides/cluster.md",
                 file=sys.stderr,
             )
         return client

@@ -1,6 +1,6 @@
-"""Makes the pictures of docs/needles.md, from runs of `kinetostatic`; their numbers are inside.
+"""Makes the pictures of docs/explanation/needles.md, from runs of `kinetostatic`; their numbers are inside.
 
-python docs/needle_pictures.py docs
+python docs/pictures/needles.py docs/pictures
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Makes docs/choosing.md from the results of two workflows, which take about half an hour of CPU time.
+"""Makes docs/explanation/choosing.md from the results of two workflows, which take about half an hour of CPU time.
 
 tripod-doe workflow workflows/speed_accuracy.toml --out results/speed_accuracy --workers 1
 tripod-doe workflow workflows/stability.toml --out results/stability
-python docs/choosing.py results/speed_accuracy results/stability $(git rev-parse --short HEAD) > docs/choosing.md
+python docs/explanation/choosing.py results/speed_accuracy results/stability \
+    $(git rev-parse --short HEAD) > docs/explanation/choosing.md
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ _JOINT = "joint"
 _START = """\
 # Choosing a model and a method
 
-Written by `docs/choosing.py` from result cubes (its docstring gives the commands); do not edit. Prices are CPU seconds
-per simulated second on one core, including all checks of a run. A run of four revolutions at 600 rpm is 0.4 s. Ratios
-apply to other machines, too; seconds do not. All numbers were measured with commit {commit}, so default settings
-are those of that version.
+Written by `docs/explanation/choosing.py` from result cubes (its docstring gives the commands); do not edit. Prices
+are CPU seconds per simulated second on one core, including all checks of a run. A run of four revolutions at 600 rpm is
+0.4 s. Ratios apply to other machines, too; seconds do not. All numbers were measured with commit {commit},
+so default settings are those of that version.
 """
 
 _PILOT = """

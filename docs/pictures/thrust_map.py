@@ -1,7 +1,7 @@
-"""Makes docs/thrust_map.svg, the picture of the README, from the result of its study; its numbers are inside.
+"""Makes docs/pictures/thrust_map.svg, the picture of the README, from the result of its study; its numbers are inside.
 
 tripod-doe run studies/thrust_map.toml --out results/thrust_map
-python docs/picture.py results/thrust_map > docs/thrust_map.svg
+python docs/pictures/thrust_map.py results/thrust_map > docs/pictures/thrust_map.svg
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Makes docs/explorer.png, the first picture of the README: the explorer with the demonstration study, in Chromium.
+"""Makes docs/pictures/explorer.png, the first picture of the README: the explorer with the demonstration study.
 
-python docs/explorer_picture.py
+python docs/pictures/explorer.py
 """
 
 from __future__ import annotations
