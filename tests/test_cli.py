@@ -84,6 +84,17 @@ def test_simulate_runs_the_full_model(capsys):
     assert answer["cost"]["cpu_seconds"] < 10
 
 
+def test_simulate_prints_the_variables_that_are_named_also_those_on_request(capsys):
+    words = ("simulate", "--variable", "thrust_amplitude", "--variable", "largest_groove_pressure_mpa")
+    code, out, _ = call(capsys, *words)
+    assert code == 0
+    assert re.search(r"^thrust_amplitude \[N\]$", out, re.MULTILINE)
+    assert re.search(r"^largest_groove_pressure_mpa  \d+ MPa$", out, re.MULTILINE)
+    assert "thrust_phase_deg" not in out
+    _, out, _ = call(capsys, *words, "--format", "json")
+    assert set(json.loads(out)) & {"thrust_amplitude", "thrust", "largest_groove_pressure_mpa"} == set(words[2::2])
+
+
 def test_simulate_that_does_not_finish_exits_3(capsys):
     code, out, _ = call(capsys, "simulate", "--needle-count", "40", "--format", "json")
     assert code == 3
@@ -268,6 +279,7 @@ def test_schema_holds_every_parameter(capsys):
         (["simulate", "--joint-angle-deg", "steep"], "expected a number"),
         (["simulate", "--joint-angle-deg", "nan"], "must be finite"),
         (["simulate", "--joint-angle-deg", "60"], "must be >= 0 and <= 40"),
+        (["simulate", "--variable", "thrust_amp"], "did you mean 'thrust_amplitude'"),
         (["simulate", "--model", "needels"], "did you mean 'needles'"),
         (["simulate", "--model", "beams"], "allowed: equilibrium, kinetostatic, rollers, needles"),
         (["simulate", "--step-s", "1e-5"], "not used by newton (kinetostatic)"),

@@ -129,7 +129,8 @@ def near_match(name: str, known: Iterable[str]) -> str:
 def closest(name: str, known: Iterable[str]) -> str:
     """Say which known name was probably meant, without listing the others: ``"; did you mean 'a.toml'?"`` or empty.
 
-    Meant is a name with nearly the same letters, or one that holds all words of the name: speed_rpm for speed.
+    Meant is the shortest name that begins so, one with nearly the same letters, or one that holds all words of the
+    name: speed_rpm for speed.
     """
     names = list(known)
     if len(name) > _LONGEST_NAME:
@@ -137,5 +138,6 @@ def closest(name: str, known: Iterable[str]) -> str:
     words = set(re.findall(r"[^\W_]+", name))
     same_words = [other for other in names if words and words <= set(re.findall(r"[^\W_]+", other))]
     cutoff = _NEAR if len(name) > 4 else _NEAR_SHORT
-    meant = difflib.get_close_matches(name, names, n=1, cutoff=cutoff) or same_words
+    longer = sorted((other for other in names if len(name) > 4 and other.startswith(name)), key=len)[:1]
+    meant = longer or difflib.get_close_matches(name, names, n=1, cutoff=cutoff) or same_words
     return f"; did you mean {' or '.join(map(repr, meant))}?" if 0 < len(meant) <= _MOST_MEANT else ""

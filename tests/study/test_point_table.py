@@ -22,6 +22,18 @@ def rows(table: str, name: str) -> list[list[str]]:
     return [line.split() for line in below[: next(i for i, line in enumerate(below) if not line.startswith("    "))]]
 
 
+def test_the_largest_order_comes_before_all_numbers(table):
+    amplitude = np.asarray(
+        simulate_point(model="equilibrium", joint_angle_deg=12, torque_n_m=80).outputs["thrust_amplitude"].data
+    )
+    assert f"\nLargest rotating order of the thrust force: 3 with {amplitude[3]:.3g} N, then 9 with" in table
+    assert table.index("Largest rotating order") < table.index("Verdict")
+
+
+def test_a_joint_without_thrust_has_no_largest_order():
+    assert "Largest" not in point_table(simulate_point(model="equilibrium", torque_n_m=0))
+
+
 def test_an_amplitude_of_zero_has_no_phase(table):
     amplitude = rows(table, "\nthrust_amplitude")[1]
     phase = rows(table, "\nthrust_phase_deg")[1]
@@ -48,6 +60,6 @@ def test_the_cost_is_told_with_units(table):
 def test_outputs_without_a_number_are_named_and_fill_no_table():
     """Regression: a roller that lifts off had a warning of NumPy and forty lines of "not known"."""
     message = point_table(simulate_point(model="kinetostatic", joint_angle_deg=21, torque_n_m=-6, speed_rpm=2900))
-    assert message.startswith("outcome  out_of_range a roller lifts off its groove")
+    assert message.startswith("outcome  out_of_range: a roller lifts off its groove")
     assert "\nnot known  groove_thrust_amplitude, " in message
     assert "[N]" not in message

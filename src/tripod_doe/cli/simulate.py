@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, closest
 from tripod_doe.quantities import duration
 
 if TYPE_CHECKING:
@@ -25,6 +25,12 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     scene = parser.add_argument("--scene", default="joint", metavar="S")
     scene.help = "what to simulate (default joint)"
     add_format(parser)
+    parser.add_argument(
+        "--variable",
+        metavar="NAME",
+        action="append",
+        help="print this output alone, also one that is made on request only; may be repeated",
+    )
     parser.add_argument("--view", metavar="FILE.html", type=Path, help="also write a page that moves the joint")
     if "simulate" in arguments[:1]:
         from tripod_doe.study.definition.scenes import SCENES, load_simulator
@@ -81,9 +87,20 @@ def _run(options: argparse.Namespace) -> int:
     if price is not None and price >= _LONG:
         usual = f"about {duration(price, 2)} of CPU time for a usual point, up to twenty times as much for others"
         print(f"simulating: {usual}", file=sys.stderr)
-    point = _viewed(options, given) if options.view else simulate_point(options.scene, **given)
-    print(json.dumps(point.record(), allow_nan=False) if options.format == "json" else point_table(point))
+    chosen = _chosen(simulator, options.variable)
+    point = _viewed(options, given) if options.view else simulate_point(options.scene, chosen, **given)
+    point = point.only(chosen) if chosen else point.usual()
+    print(json.dumps(point.record(chosen), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
+
+
+def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:
+    """The outputs to print, each of which the scene must have."""
+    for name in names or ():
+        if name not in simulator.outputs:
+            near = closest(name, simulator.outputs) or f": {', '.join(simulator.outputs)}"
+            raise InputError(f"--variable {name}: the scene {simulator.name} has no such output{near}")
+    return list(names or ())
 
 
 def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoint:
@@ -98,7 +115,7 @@ def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoin
         write_page(motion_page(point), options.view, "--view")
     else:
         print(f"{options.view}: not written, since the point has no motion to show", file=sys.stderr)
-    return point.usual()
+    return point
 
 
 COMMAND = Command("simulate one point", _add_arguments, _run)

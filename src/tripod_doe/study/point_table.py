@@ -21,7 +21,8 @@ def point_table(point: SimulatedPoint) -> str:
 
     Outputs without a single number, as of a point that did not finish, are only named.
     """
-    lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip(), *point.model_notes]
+    detail = f": {point.detail}" if point.detail else ""
+    lines = [f"outcome  {point.outcome.label}{detail}", *_largest_orders(point.outputs), *point.model_notes]
     unknown = [name for name, values in point.outputs.items() if np.isnan(np.asarray(values.data, float)).all()]
     for name, values in point.outputs.items():
         if name in unknown:
@@ -42,6 +43,20 @@ def point_table(point: SimulatedPoint) -> str:
         f"{count_of(int(cost['steps']), 'step')}, {count_of(int(cost['force_evaluations']), 'force evaluation')}"
     )
     return "\n".join(lines)
+
+
+def _largest_orders(outputs: Mapping[str, Values]) -> list[str]:
+    """The answer in one line: the two largest rotating orders of the thrust force, where it has any."""
+    if "thrust_amplitude" not in outputs:
+        return []
+    amplitude = np.asarray(outputs["thrust_amplitude"].data, float)[1:]
+    if not np.nanmax(amplitude, initial=0.0) > 0:
+        return []
+    first, second = (int(place) for place in np.argsort(-np.nan_to_num(amplitude))[:2])
+    return [
+        f"Largest rotating order of the thrust force: {first + 1} with {number(amplitude[first])} N, "
+        f"then {second + 1} with {number(amplitude[second])} N."
+    ]
 
 
 def _texts(name: str, values: Values, outputs: Mapping[str, Values]) -> NDArray[Any]:

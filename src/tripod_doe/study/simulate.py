@@ -48,14 +48,21 @@ class SimulatedPoint:
     def usual(self) -> SimulatedPoint:
         """The point without outputs on request."""
         known = self.simulator.outputs
-        outputs = {name: values for name, values in self.outputs.items() if not known[name].on_request}
+        return self.only([name for name in self.outputs if not known[name].on_request])
+
+    def only(self, names: Collection[str]) -> SimulatedPoint:
+        """The point with these outputs, as far as it has them."""
+        outputs = {name: self.outputs[name] for name in names if name in self.outputs}
         along = {dim for values in outputs.values() for dim in values.dims}
         coordinates = {name: labels for name, labels in self.coordinates.items() if name in along}
         return replace(self, outputs=outputs, coordinates=coordinates)
 
-    def record(self) -> dict[str, Any]:
-        """The point for programs, as JSON takes it; outputs are None where the point did not get that far."""
-        usual = [name for name, output in self.simulator.outputs.items() if not output.on_request]
+    def record(self, chosen: Collection[str] = ()) -> dict[str, Any]:
+        """The point for programs, as JSON takes it, with the chosen outputs or the usual ones.
+
+        An output is None where the point did not get that far.
+        """
+        usual = chosen or [name for name, output in self.simulator.outputs.items() if not output.on_request]
         outputs = {name: _plain(values.data.tolist()) for name, values in self.outputs.items()}
         return {
             "scene": self.simulator.name,
@@ -136,7 +143,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
         >>> import tripod_doe as td
         >>> result = td.simulate(joint_angle_deg=10)
         >>> round(float(result["thrust_amplitude"].sel(order=3)), 1)
-        14.2
+        14.4
     """
     import xarray as xr
 
