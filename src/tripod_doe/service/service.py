@@ -47,6 +47,7 @@ class Service:
         self.settings = settings
         self.runs = Supervisor(settings)
         self._pool = WorkerPool(2, settings.limits)
+        self._planning = WorkerPool(1, settings.limits)
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
         self.extremes = Extremes(self._find_extremes)
@@ -87,20 +88,20 @@ class Service:
     def end_questions(self) -> None:
         """Answer no question any more, also none that is asked already (`ServerEndsError`)."""
         self._closed = True
-        for pool in (self._pool, self._computing, self._large):
+        for pool in (self._pool, self._planning, self._computing, self._large):
             pool.close()
 
     def plan(self, body: bytes, as_json: bool = False) -> Any:
         """Price of a study or a workflow before anything of it runs; see `plans.plan_upload`."""
         limits = self.settings.limits
         timing = self.ask_body("wants_timing", body)
-        pool, seconds = (self._computing, limits.simulate_seconds) if timing else (self._pool, limits.query_seconds)
+        pool, seconds = (self._computing, limits.simulate_seconds) if timing else (self._planning, limits.query_seconds)
         return pool.ask(f"{_QUESTIONS}:plan", seconds, as_json, body=body, limits=limits)
 
     def submit(self, body: bytes, key: str | None = None) -> Run:
         """Check a study or a workflow, and queue it."""
         with self._upload_folder() as upload:
-            plan, digest = self.ask_body("check", body, folder=str(upload))
+            plan, digest = self._ask_plan("check", body, folder=str(upload))
             return self.runs.submit(upload, plan, key, digest)
 
     @contextmanager
@@ -133,6 +134,12 @@ class Service:
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question of `workers.questions` about the body of a request."""
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
+
+    def _ask_plan(self, question: str, body: bytes, **arguments: Any) -> Any:
+        """Ask a question that plans a study, of a worker that answers no others: long plans keep no query waiting."""
+        limits = self.settings.limits
+        place = f"{_QUESTIONS}:{question}"
+        return self._planning.ask(place, limits.query_seconds, False, body=body, limits=limits, **arguments)
 
     def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:
         """Best and worst point of a run; None where its cube lacks the order."""
@@ -211,7 +218,7 @@ class Service:
             raise RefusedError(409, "only the run of a study can be extended, by a study")
         path = str(self.directory(run_id))
         with self._upload_folder() as upload:
-            plan = self.ask_body("extend", body, folder=str(upload), path=path)
+            plan = self._ask_plan("extend", body, folder=str(upload), path=path)
             return self.runs.extend(run_id, upload, plan)
 
     def directory(self, run_id: str) -> Path:

@@ -17,6 +17,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.questions import extend, query
+from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerPool
 from tripod_doe.study.journal import KERNELS, Journal
 
 STUDY = """
@@ -131,3 +132,24 @@ def test_who_extends_a_run_is_not_sent_to_the_command_line(two, tmp_path):
 
 def _is_at(api, run_id, directory):
     return api.get(f"/runs/{run_id}/upload").json()["study"] == (directory / "study.toml").read_text()
+
+
+class BusyPool(WorkerPool):
+    """A pool whose workers are all at work."""
+
+    def __init__(self):
+        pass
+
+    def ask(self, question, seconds, as_json=False, **arguments):
+        raise AllBusyError
+
+
+def test_long_plans_keep_no_query_waiting(two, monkeypatch):
+    """Three plans of 30 s had all workers."""
+    api, _ = two
+    service = api.client.app.state.service
+    run_id = api.get("/runs").json()[0]["id"]
+    monkeypatch.setattr(service, "_planning", BusyPool())
+    assert api.post("/plans", json={"study": STUDY, "timing": False}).status_code == 503
+    assert api.post("/runs", json={"study": STUDY}).status_code == 503
+    assert api.get(f"/runs/{run_id}/query?variable=thrust_rms&select=order=3").status_code == 200
