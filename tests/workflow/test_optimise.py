@@ -123,6 +123,46 @@ def test_limits_and_reasons(solve, tmp_path):
     assert "too thin" in (tmp_path / "out" / "report" / "index.html").read_text()
 
 
+def test_a_value_that_follows_out_of_its_range_is_a_reason(tmp_path):
+    """Exact: a roller that follows the pitch radius is too small for some candidates, and the search goes on."""
+    file = tmp_path / "follow.toml"
+    file.write_text(
+        """
+        [optimisation]
+        name = "roller that follows"
+        [base]
+        model = "equilibrium"
+        pitch_radius_mm = 16
+        joint_angle_deg = 7
+        [variables.pitch_radius_mm]
+        low = 15
+        high = 31
+        [variables.roller_radius_mm]
+        formula = "pitch_radius_mm - 18"
+        [objectives.third]
+        output = "thrust_amplitude"
+        order = 3
+        [search]
+        evaluations = 40
+        """
+    )
+    parts = plan_optimisation(file, timing=False)
+    assert parts[0].points == 40
+    summary = td.optimise(file, tmp_path / "out", workers=0, progress=False)
+    assert summary.good
+    with xr.open_dataset(tmp_path / "out" / "candidates.nc") as candidates:
+        small = candidates["roller_radius_mm"].values < 3
+        reasons = candidates["reason"].values.astype(str)
+        assert small.any()
+        assert all("must be >= 3" in reason for reason in reasons[small])
+        assert not any("must be >= 3" in reason for reason in reasons[~small])
+        assert summary.computed == (~small).sum()
+    file.write_text(file.read_text().replace("pitch_radius_mm - 18", "pitch_radius_mm / 0"))
+    none = td.optimise(file, tmp_path / "none", workers=0, progress=False)
+    assert not none.good
+    assert "must be finite" in none.lines[1]
+
+
 def test_nothing_feasible_says_what_is_nearest(solve):
     limits = {"strong": {"output": "stress", "high": 0.5}}
     aims = {"lightest": {"output": "weight"}}

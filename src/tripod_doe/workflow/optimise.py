@@ -79,7 +79,19 @@ class _Run:
         return Archive(np.array(self._units), Judged.joined(self._judged), np.array(self._generation))
 
     def judge(self, units: FloatArray, sample: Sample, model: str) -> Judged:
-        """Judge candidates."""
+        """Judge candidates; of those whose followers are out of range no point runs."""
+        reasons = self.problem.variables.misfits(units)
+        able = np.array([not reason for reason in reasons], bool)
+        if able.all():
+            return self._judge_able(units, sample, model)
+        counts = len(self.problem.objectives), len(self.problem.constraints)
+        parts = [Judged.impossible(list(filter(None, reasons)), *counts)]
+        if able.any():
+            parts.insert(0, self._judge_able(units[able], sample, model))
+        order = np.argsort(np.concatenate([np.flatnonzero(able), np.flatnonzero(~able)]))
+        return Judged.joined(parts).take(order)
+
+    def _judge_able(self, units: FloatArray, sample: Sample, model: str) -> Judged:
         batch = self.points(self.problem.columns(units, sample, model))
         detail = np.array(batch.detail, object).reshape(len(units), -1)
         ends = Ends(batch.outcome.reshape(len(units), -1), detail)
@@ -299,7 +311,8 @@ def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Exe
         return None
     aims = solved.front.judged.objectives * problem.signs
     shown = list(dict.fromkeys([*(int(at) for at in aims.argmin(axis=0)), knee(aims)]))
-    units = np.concatenate([solved.archive.units[:1], solved.front.units[shown]])
+    start = solved.archive.units[: 0 if problem.variables.misfits(solved.archive.units[:1])[0] else 1]
+    units = np.concatenate([start, solved.front.units[shown]])
     place = make_directory(directory / "steps" / "waveforms")
     study = problem.study(problem.request.origin, place, TABLE, _WAVEFORMS)
     with ResultDirectory(place) as kept:
@@ -309,7 +322,7 @@ def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Exe
     if "thrust" not in batch.outputs:
         return None
     shape = len(units), problem.operating.count
-    names = ["start", *(f"candidate {at}" for at in shown)]
+    names = [*["start"] * len(start), *(f"candidate {at}" for at in shown)]
     return xr.Dataset(
         {
             "thrust": (("joint", "place", "rotation_deg"), batch.outputs["thrust"][1].reshape(*shape, -1)),

@@ -69,6 +69,9 @@ def _part(problem: Problem, what: str, candidates: int, joints: int, model: str,
         return PlannedPart(what, candidates, points, None)
     count = min(_TIMED, candidates)
     units = problem.variables.snapped(qmc.LatinHypercube(len(problem.variables.chosen), rng=0).random(count))
+    units = units[[not reason for reason in problem.variables.misfits(units)]]
+    if not len(units):
+        return PlannedPart(what, candidates, points, None)
     columns = problem.columns(units, problem.samples(8, 0), model)
     with TemporaryDirectory(prefix="tripod-doe-") as folder:
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)

@@ -167,11 +167,13 @@ class PointBatches:
         return list(common_failures(self._place[key][2:] for key in self._asked))
 
     def write(self, action: str) -> None:
-        """Write all points that were asked for as the cube of a study.
+        """Write all points that were asked for as the cube of a study; none where no candidate can be.
 
         Raises:
             StorageError: If it cannot be written.
         """
+        if not self._asked:
+            return
         study = self._store()
         self._directory.write_cube(StudyPoints(study, make_points(study)), action).close()
 

@@ -82,6 +82,13 @@ class Judged:
         )
 
     @staticmethod
+    def impossible(reasons: list[str], objectives: int, constraints: int) -> Judged:
+        """Candidates that cannot be, of which no point runs."""
+        count = len(reasons)
+        aims, limits = np.full((count, objectives), np.nan), np.full((count, constraints), np.nan)
+        return Judged(aims, aims, limits, limits, limits, np.ones(count), reasons)
+
+    @staticmethod
     def joined(parts: Sequence[Judged]) -> Judged:
         """Candidates of several parts, one after the other."""
         return Judged(

@@ -75,7 +75,8 @@ def _variables(problem: Problem, archive: Archive) -> dict[str, xr.Variable]:
     for name in problem.variables.names:
         parameter = problem.simulator.parameters[name]
         column = columns.get(name, np.empty(0))
-        if column.dtype.kind == "i" or (column.dtype.kind == "f" and parameter.kind in ("integer", "switch")):
+        whole = column.dtype.kind == "f" and bool((np.isfinite(column) & (column == np.round(column))).all())
+        if column.dtype.kind == "i" or (whole and parameter.kind in ("integer", "switch")):
             column = column.astype(np.int32)
         attributes: dict[str, Any] = {"long_name": parameter.meaning, "role": "variable"}
         if column.dtype.kind in "fi":
@@ -149,7 +150,9 @@ def base_values(problem: Problem, unit: FloatArray) -> dict[str, Any]:
     values = {name: column.tolist()[0] for name, column in columns.items()}
     kinds = problem.simulator.parameters
     return {
-        name: int(value) if kinds[name].kind in ("integer", "switch") and isinstance(value, float) else value
+        name: int(value)
+        if kinds[name].kind in ("integer", "switch") and isinstance(value, float) and value.is_integer()
+        else value
         for name, value in values.items()
     }
 

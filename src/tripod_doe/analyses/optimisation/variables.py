@@ -93,11 +93,7 @@ class Variables:
         return np.stack([each.snapped(units[:, at]) for at, each in enumerate(self.chosen)], axis=1)
 
     def columns(self, units: FloatArray) -> dict[str, NDArray[Any]]:
-        """Values of all parameters that candidates set, shape (candidate,) each.
-
-        Raises:
-            InputError: If a value that follows is none that its parameter allows.
-        """
+        """Values of all parameters that candidates set, shape (candidate,) each; `misfits` says which are not allowed."""
         columns = {each.name: each.values(units[:, at]) for at, each in enumerate(self.chosen)}
         arrays = {
             name: NamedArray((), np.array(value, float)) for name, value in self.base.items() if _is_number(value)
@@ -109,6 +105,20 @@ class Variables:
             value = each.expression.numbers(Arrays(arrays))
             columns[each.parameter.name] = np.array(np.broadcast_to(value.data, len(units)))
         return columns
+
+    def misfits(self, units: FloatArray) -> list[str]:
+        """Why candidates cannot be: a value that follows and that its parameter does not allow; empty where they can."""
+        reasons = [""] * len(units)
+        if not self.followers or not len(units):
+            return reasons
+        columns = self.columns(units)
+        for each in self.followers:
+            for row, value in enumerate(columns[each.parameter.name].tolist()):
+                try:
+                    each.parameter.check(value)
+                except InputError as error:
+                    reasons[row] = reasons[row] or str(error)
+        return reasons
 
 
 def _is_number(value: Value) -> bool:
