@@ -223,6 +223,12 @@ ANALYSES: dict[str, Analysis] = {
 }
 """Analyses by the kind that study and workflow files use."""
 
+_SEARCHES = {
+    "fit": ("fit.sentences:find_in_fit", "fit.sentences:unknown_table"),
+    "optimisation": ("optimisation.candidates:findings_in", "optimisation.candidates:candidate_table"),
+}
+"""Sentences and table of the answers of searches, which no study asks for."""
+
 STUDY_FIGURES = {
     "waveforms": "tripod_doe.report.charts.waveforms:waveform_charts",
     "spectrum": "tripod_doe.report.charts.waveforms:spectrum_chart",
@@ -261,14 +267,16 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
     """
     if is_study(data):
         return _load("findings:find")(data)
-    row = ANALYSES.get(kind_of(data))
-    return _load(row.sentences)(data, name) if row and row.sentences else []
+    row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))
+    sentences = search[0] if search else row.sentences if row else ""
+    return _load(sentences)(data, name) if sentences else []
 
 
 def table_of(data: xr.Dataset) -> Table | None:
     """The table of an analysis, None where it has none."""
-    row = ANALYSES.get(kind_of(data))
-    return _load(row.table)(data) if row and row.table else None
+    row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))
+    table = search[1] if search else row.table if row else ""
+    return _load(table)(data) if table else None
 
 
 def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:

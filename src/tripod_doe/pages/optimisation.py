@@ -27,14 +27,13 @@ from tripod_doe.study.failures import Failure
 
 def write_optimisation_page(
     directory: Path, problem: Problem, solved: Solved, failures: Sequence[Failure], waves: xr.Dataset | None
-) -> list[str]:
-    """Write the page of an optimisation, ``directory/report/index.html``; returns its sentences.
+) -> None:
+    """Write the page of an optimisation, ``directory/report/index.html``.
 
     Raises:
         StorageError: If it cannot be written; an older one stays.
     """
-    lines = find_in_optimisation(problem, solved)
-    sentences, more = answer_first(lines)
+    sentences, more = answer_first(find_in_optimisation(problem, solved))
     head, front = problem.request.file.optimisation, solved.front
     aims = front.judged.objectives * problem.signs
     middle = knee(aims) if len(aims) else -1
@@ -66,4 +65,3 @@ def write_optimisation_page(
         bases=bases,
     )
     replace_text(directory / "report" / "index.html", page)
-    return lines

@@ -34,11 +34,11 @@ class Limits:
 
 
 MEANINGS = {
-    "body_bytes": "size of a request's body, all uploaded files included (bytes)",
-    "measurement_bytes": "size of a request's body with a measurement to compare (bytes)",
+    "body_bytes": "size of a request's body, .csv and .txt files of an upload left out (bytes)",
+    "measurement_bytes": "size of a request's body with tables or measurements (bytes)",
     "nesting": "depth of brackets within each other in a request's JSON",
     "files": "number of files uploaded with a study or a workflow",
-    "points": "points of a study, or of all studies of a workflow together",
+    "points": "points of a study, of all studies of a workflow together, of a fit or an optimisation",
     "cube_bytes": "size of the cube of a study (bytes)",
     "cpu_hours": "price of a study by its timed or recorded points (CPU-hours)",
     "queued": "runs that wait in the queue",

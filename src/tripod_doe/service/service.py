@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
 _QUESTIONS = "workers.questions"
+_ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches, the first one the answer
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
 
 
@@ -151,12 +152,18 @@ class Service:
         return extremes
 
     def cube_path(self, run_id: str, step: str | None, analysis: str | None) -> str:
-        """Path of the results of a run, of a step of a workflow, or of an analysis."""
+        """Path of the results of a run, of a step, or of an analysis; without either the answer of a search."""
+        run = self.runs.find(run_id)
+        if run.is_search and step is None and analysis is None:
+            analysis = _ANSWERS[run.kind][0]
         return str(self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step))
 
     def analysis_files(self, run_id: str, step: str | None = None) -> dict[str, str]:
         """Files of a run's analyses by name; of a workflow, those of its steps."""
         run = self.runs.find(run_id)
+        if run.is_search and step is None:
+            files = {name: self.directory(run_id) / f"{name}.nc" for name in _ANSWERS[run.kind]}
+            return {name: str(path) for name, path in files.items() if path.is_file()}
         if run.kind == "workflow" and step is None:
             steps = self.directory(run_id) / "steps"
             names = [name for name, step in run.plan["steps"].items() if step["kind"] not in _WITHOUT_CUBE]
@@ -167,7 +174,7 @@ class Service:
     def studies_behind(self, run_id: str, name: str, step: str | None = None) -> dict[str, str]:
         """Directories of the studies that an analysis has read, by step; the step of a single study is empty."""
         run = self.runs.find(run_id)
-        if run.kind != "workflow" or step:
+        if run.kind == "study" or step:
             return {step or "": str(self.results(run_id, step))}
         steps = run.plan["steps"]
         wanted, found = list(steps.get(name, {}).get("inputs", ())), {}
@@ -208,13 +215,26 @@ class Service:
         kind = next(name for name in upload if name != "files")
         return {main_file(kind): upload[kind], **upload["files"]}
 
+    def base_of(self, run_id: str, candidate: int | None = None) -> str:
+        """The joint that a fit or an optimisation gave, as [base] to paste into a study.
+
+        Raises:
+            RefusedError: 404 if there is no such candidate, or no answer yet; 409 if the run is no search.
+        """
+        run = self.runs.find(run_id)
+        if not run.is_search:
+            raise RefusedError(409, "only a fit or an optimisation gives a joint")
+        path = self.cube_path(run_id, None, None)
+        text: str = self.ask(f"{_QUESTIONS}:base", path=path, kind=run.kind, candidate=candidate)
+        return text
+
     def extend(self, run_id: str, body: bytes) -> Run:
         """Queue a run with a study that grew: its results are kept, and only new points run.
 
         Raises:
             RefusedError: 409 if the run is not at rest, or runs a workflow.
         """
-        if self.runs.find(run_id).kind == "workflow":
+        if self.runs.find(run_id).kind != "study":
             raise RefusedError(409, "only the run of a study can be extended, by a study")
         path = str(self.directory(run_id))
         with self._upload_folder() as upload:
@@ -232,21 +252,24 @@ class Service:
         return directory
 
     def results(self, run_id: str, step: str | None = None) -> Path:
-        """The directory with the cube of a run, or of a step of a workflow.
+        """The directory with the cube of a run, or of a step of it; of the candidates of an optimisation their file.
 
         Raises:
-            RefusedError: 404 if there is no such run or step, 409 where a workflow needs a step.
+            RefusedError: 404 if there is no such run or step, 409 where a workflow or a search needs a step.
         """
         run, directory = self.runs.find(run_id), self.directory(run_id)
-        if run.kind != "workflow":
+        if run.kind == "study":
             if step:
                 raise RefusedError(404, f"step: {step[:100]}: this run is a study; it has no steps")
             return directory
         steps = run.plan["steps"]
         if step is None:
-            raise RefusedError(409, f"step: this run is a workflow: name one of its steps ({', '.join(steps)})")
+            what = "a workflow" if run.kind == "workflow" else f"a search ({run.kind})"
+            raise RefusedError(409, f"step: this run is {what}: name one of its steps ({', '.join(steps)})")
+        if run.kind == "optimisation" and step in _ANSWERS[run.kind]:
+            return directory / f"{step}.nc"
         if step not in steps:
-            raise RefusedError(404, f"step: {step[:100]}: no step of this workflow ({', '.join(steps)})")
+            raise RefusedError(404, f"step: {step[:100]}: no step of this run ({', '.join(steps)})")
         return path_within(directory, "steps", step)
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
@@ -255,7 +278,10 @@ class Service:
         Raises:
             RefusedError: 404 if there is none of this name.
         """
-        made = {path.stem: path for path in (self.results(run_id, step) / "analysis").glob("*.nc")}
+        if self.runs.find(run_id).is_search and step is None:
+            made = {name: Path(path) for name, path in self.analysis_files(run_id).items()}
+        else:
+            made = {path.stem: path for path in (self.results(run_id, step) / "analysis").glob("*.nc")}
         if name not in made:  # a client's name only chooses; it never becomes a path
             raise RefusedError(404, f"analysis: {name[:100]}: not made{near_match(name, made)}")
         return made[name]

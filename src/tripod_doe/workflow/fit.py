@@ -22,6 +22,8 @@ from tripod_doe.study.failures import Failure
 from tripod_doe.study.results.directory import ResultDirectory, make_directory
 from tripod_doe.study.results.result_cube import FIT_FILE
 from tripod_doe.workflow.fit_points import FitPoints, points_study
+from tripod_doe.workflow.point_batches import POINTS
+from tripod_doe.workflow.steps_file import Stages
 
 
 @dataclass(frozen=True)
@@ -70,19 +72,24 @@ def fit(
     request = load_fit(file, untrusted)
     rig = RigFit(request)
     directory = make_directory(out)
-    place = make_directory(directory / "steps" / "points")
+    place = make_directory(directory / "steps" / POINTS)
+    stages = Stages(directory)
     study = points_study(f"{rig.file.fit.name}: points", rig.base, request.origin, place)
     with Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
         points = FitPoints(study, kept, execution, retry_failed, progress)
 
         def tell(stage: str) -> None:
+            stages.begin(stage)
             if progress:
                 print(f"fit: {stage}, {points.count:,} points", file=sys.stderr)
 
         solution, error = rig.fit(points, tell)
+        if rig.candidates:
+            stages.begin("what to measure next")
         following = rig.next(points, solution)
         points.write(f"tripod-doe fit: {points.computed} points computed")
         failures, computed, count = points.failures, points.computed, points.count
+    stages.begin("report")
     result = fit_dataset(
         request, rig.records, rig.record_names, rig.orders, (rig.model, rig.cheap), solution, error, following
     )
@@ -92,5 +99,6 @@ def fit(
     known = check_parameters(rig.simulator.parameters, rig.file.base)
     replace_text(directory / "base.toml", base_text(result, known))
     replace_text(directory / "tolerance.toml", tolerance_text(result, known))
+    stages.end()
     write_fit_page(directory, result)
     return FitSummary(directory, computed, count - computed, failures, result)

@@ -7,10 +7,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.optimisation.candidates import FINDINGS
 from tripod_doe.analyses.optimisation.correction import corrected
 from tripod_doe.analyses.optimisation.front import Archive, front_rows, knee, spread
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
@@ -18,6 +20,7 @@ from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import Solved, base_values, candidates_dataset, front_dataset
 from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
+from tripod_doe.analyses.optimisation.sentences import find_in_optimisation
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.pages.optimisation import write_optimisation_page
@@ -28,12 +31,14 @@ from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
 from tripod_doe.study.failures import Failure
 from tripod_doe.study.results.directory import ResultDirectory, make_directory
-from tripod_doe.workflow.point_batches import TABLE, PointBatches
+from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
+from tripod_doe.workflow.steps_file import Stages
 
 _ROUNDS = 3  # of candidates that a correction brings up, after the first ones
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
 _MOST_LINES = 12  # candidates that the terminal shows
+_MOST_GENERATIONS = 30  # whose course is written for who watches
 _WAVEFORMS = ("thrust", "thrust_amplitude")
 
 
@@ -58,14 +63,18 @@ class OptimisationSummary:
 class _Run:
     """A search that is under way."""
 
-    def __init__(self, problem: Problem, study: Study, points: PointBatches, progress: bool) -> None:
+    def __init__(self, problem: Problem, study: Study, points: PointBatches, progress: bool, stages: Stages) -> None:
         self.problem, self.study, self.points, self._progress = problem, study, points, progress
+        self._stages = stages
+        self._course: list[dict[str, Any]] = []  # candidates, feasible ones and best objectives after each generation
         self.table = problem.request.file.search
         self.sample = problem.samples(self.table.samples, self.table.seed)
         self._rows: dict[bytes, int] = {}  # of all candidates so far, by their place on the unit cube
         self._units: list[FloatArray] = []
         self._judged: list[Judged] = []
         self._generation: list[int] = []
+        self._best = np.full(len(problem.signs), np.inf)  # feasible objectives, each by itself, to minimise
+        self._feasible = 0
         self._shown = time.monotonic()
         self.ended: list[float] = []  # the best first objective, to minimise, of each search that came to its end
 
@@ -103,7 +112,11 @@ class _Run:
         new = list(dict.fromkeys(at for at, key in enumerate(keys) if key not in self._rows))
         new = list({keys[at]: at for at in reversed(new)}.values())[::-1][: self.left]
         if new:
-            self._judged.append(self.judge(units[new], self.sample, self.problem.model))
+            judged = self.judge(units[new], self.sample, self.problem.model)
+            self._judged.append(judged)
+            aims = judged.objectives[judged.feasible] * self.problem.signs
+            self._feasible += len(aims)
+            self._best = np.minimum(self._best, aims.min(axis=0, initial=np.inf))
             for at in new:
                 self._rows[keys[at]] = len(self._units)
                 self._units.append(units[at])
@@ -112,19 +125,28 @@ class _Run:
         return np.array([self._rows.get(key, -1) for key in keys])
 
     def _tell(self, generation: int) -> None:
-        """Say on standard error how far the search is, every few seconds."""
-        if not self._progress or time.monotonic() - self._shown < _EVERY:
-            return
-        self._shown = time.monotonic()
-        count = sum(int(judged.feasible.sum()) for judged in self._judged)
-        print(
-            f"optimise: generation {generation}, {len(self._rows):,} of {self.table.evaluations:,} candidates, "
-            f"{count:,} feasible, {self.points.count:,} points",
-            file=sys.stderr,
+        """Say how far the search is: after each generation for who watches, every few seconds on standard error."""
+        best = [value if np.isfinite(value) else None for value in (self._best * self.problem.signs).tolist()]
+        self._course.append(
+            {
+                "generation": generation,
+                "candidates": len(self._rows),
+                "feasible": self._feasible,
+                "best": dict(zip(self.problem.objectives, best, strict=True)),
+            }
         )
+        text = (
+            f"generation {generation}, {len(self._rows):,} of {self.table.evaluations:,} candidates, "
+            f"{self._feasible:,} feasible"
+        )
+        self._stages.update(text, generations=_thinned(self._course))
+        if self._progress and time.monotonic() - self._shown >= _EVERY:
+            self._shown = time.monotonic()
+            print(f"optimise: {text}, {self.points.count:,} points", file=sys.stderr)
 
     def search(self) -> float:
         """Try candidates until none is left, or all are known; returns the step of the last polish."""
+        self._stages.begin("search")
         kept = int(polish_share(len(self.problem.signs)) * self.table.evaluations)
         generation, known = 0, -1
         while self.left > kept and len(self._units) > known:  # until all candidates are known
@@ -206,6 +228,9 @@ class _Run:
                 polished=polished,
                 ended=tuple(self.ended),
             )
+        self._stages.begin(
+            "confirmation", f"the best candidates once more{f' by {problem.confirm}' * bool(problem.confirm)}"
+        )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
         chosen = self._leading(archive.judged)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
@@ -280,28 +305,33 @@ def optimise(
     request = load_optimisation(file, untrusted)
     problem = make_problem(request)
     directory = make_directory(out)
-    place = make_directory(directory / "steps" / "points")
-    study = problem.study(request.origin, place, TABLE)
+    place = make_directory(directory / "steps" / POINTS)
+    study, stages = problem.study(request.origin, place, TABLE), Stages(directory)
     existing = ExistingScheduler(scheduler, None, None, None) if scheduler else None
     with Execution(workers, existing, oversubscribe) as execution:
         with ResultDirectory(place) as kept:
             replace_text(directory / "optimise.toml", request.text)
             points = PointBatches(study, kept, execution, retry_failed, progress)
-            run = _Run(problem, study, points, progress)
+            run = _Run(problem, study, points, progress, stages)
             solved = run.solved(run.search())
             points.write(f"tripod-doe optimise: {points.computed} points computed")
             failures, computed, count = points.failures, points.computed, points.count
+        stages.begin("waveforms")
         waves = _waveforms(problem, solved, directory, execution)
+    stages.begin("report")
     failed = sum(failure.count for failure in failures)
     solved = replace(solved, counts={"points": count, "failed_points": failed})
-    front, candidates = front_dataset(problem, solved), candidates_dataset(problem, solved)
+    lines = find_in_optimisation(problem, solved)
+    front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
+    candidates = candidates_dataset(problem, solved)
     action = f"tripod-doe optimise: {computed} points computed"
     write_dataset(stamp_history(front, action), directory / "front.nc")
     write_dataset(stamp_history(candidates, action), directory / "candidates.nc")
     if len(solved.front.units):
         best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
         replace_text(directory / "base.toml", pasted(base_values(problem, best), request.file.base))
-    lines = write_optimisation_page(directory, problem, solved, failures, waves)
+    stages.end()
+    write_optimisation_page(directory, problem, solved, failures, waves)
     return OptimisationSummary(directory, front, computed, count - computed, failures, lines)
 
 
@@ -330,6 +360,12 @@ def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Exe
         },
         coords={"joint": names, "rotation_deg": batch.labels["rotation_deg"], "order": batch.labels["order"]},
     )
+
+
+def _thinned(course: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Some generations from the first to the last one."""
+    rows = np.unique(np.linspace(0, len(course) - 1, min(len(course), _MOST_GENERATIONS)).round().astype(int))
+    return [course[row] for row in rows.tolist()]
 
 
 def _nominal(problem: Problem) -> Sample:

@@ -13,7 +13,7 @@ from tripod_doe.analyses.optimisation.problem import Problem, make_problem
 from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.plan import plan
+from tripod_doe.study.plan import RECORDED, plan
 from tripod_doe.workflow.point_batches import TABLE, write_table
 
 _TIMED = 64  # candidates among which points are timed
@@ -26,7 +26,9 @@ class PlannedPart:
     what: str  # the search, or what confirms it
     candidates: int  # at most
     points: int  # at most: those of all candidates
-    cpu_hours: tuple[float, float, float] | None  # low, likely and high; None without timing
+    cpu_hours: tuple[float, float, float] | None = None  # low, likely and high; None where not known
+    timed: int = 0  # points that were timed; recorded prices stand in where there are none
+    cube_bytes: int = 0  # of the points in a cube; 0 where not known
 
     def describe(self) -> str:
         """The part in a line."""
@@ -37,13 +39,16 @@ class PlannedPart:
         return f"{self.what:<24} {self.candidates:,} candidates, {self.points:,} points{price}"
 
 
-def plan_optimisation(file: str | Path, timing: bool = True, untrusted: bool = False) -> list[PlannedPart]:
+def plan_optimisation(
+    file: str | Path, timing: bool = True, untrusted: bool = False, recorded: bool = True
+) -> list[PlannedPart]:
     """Count the points of an optimisation and time a few of them; nothing is written.
 
     Args:
         file: The optimisation file.
         timing: Whether to time points, in a process of its own.
         untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
+        recorded: Whether recorded prices stand in where nothing is timed.
 
     Raises:
         InputError: If the file cannot be used.
@@ -53,35 +58,35 @@ def plan_optimisation(file: str | Path, timing: bool = True, untrusted: bool = F
     sampled = bool(problem.scatter.factors)
     joints = table.samples if sampled else 1
     by = f" by {problem.model}" if problem.model else ""
-    parts = [_part(problem, f"search{by}", table.evaluations, joints, problem.model, timing)]
+    how = timing, recorded
+    parts = [_part(problem, f"search{by}", table.evaluations, joints, problem.model, how)]
     if sampled or problem.confirm != problem.model:
         count = 1 if len(problem.objectives) > 1 else 0
         most = table.confirmed + 3 * max(table.confirmed // 2, 1) + count
         by = f" by {problem.confirm}" if problem.confirm else ""
         joints = table.confirm_samples if sampled else 1
-        parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, timing))
+        parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, how))
     return parts
 
 
-def _part(problem: Problem, what: str, candidates: int, joints: int, model: str, timing: bool) -> PlannedPart:
+def _part(problem: Problem, what: str, candidates: int, joints: int, model: str, how: tuple[bool, bool]) -> PlannedPart:
     points = candidates * joints * problem.operating.count
-    if not timing:
-        return PlannedPart(what, candidates, points, None)
+    if not any(how):
+        return PlannedPart(what, candidates, points)
     count = min(_TIMED, candidates)
     units = problem.variables.snapped(qmc.LatinHypercube(len(problem.variables.chosen), rng=0).random(count))
     units = units[[not reason for reason in problem.variables.misfits(units)]]
     if not len(units):
-        return PlannedPart(what, candidates, points, None)
+        return PlannedPart(what, candidates, points)
     columns = problem.columns(units, problem.samples(8, 0), model)
     with TemporaryDirectory(prefix="tripod-doe-") as folder:
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         write_table(Path(folder) / TABLE, columns, rows)
-        few = plan(_study(problem, Path(folder)))
-    hours = None
+        few = plan(_study(problem, Path(folder)), *how)
+    hours, share = None, points / max(few.unique, 1)
     if few.cpu_hours:
-        share = points / max(few.unique, 1)
         hours = (few.cpu_hours[0] * share, few.cpu_hours[1] * share, few.cpu_hours[2] * share)
-    return PlannedPart(what, candidates, points, hours)
+    return PlannedPart(what, candidates, points, hours, few.timed, round((few.cube_bytes or 0) * share))
 
 
 def _study(problem: Problem, folder: Path) -> Study:
@@ -100,4 +105,6 @@ def parts_text(parts: list[PlannedPart], workers: int) -> str:
     if known:
         wall = duration(3600 * sum(known) / workers, 2)
         lines.append(f"{'wall time':<24} {wall} on {number(workers)} workers")
+        if not any(part.timed for part in parts):
+            lines.append(f"prices are {RECORDED}")
     return "\n".join(lines)

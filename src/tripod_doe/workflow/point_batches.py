@@ -31,6 +31,9 @@ from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.progress import Progress, work_of
 
+POINTS = "points"
+"""Folder of the steps of a search in which its points are kept."""
+
 TABLE = "points.csv"
 """File of all points that were asked for, which the study of their cube names as its table."""
 

@@ -93,7 +93,7 @@ class FitRequest:
 
     def fail(self, where: str, error: InputError | str) -> InputError:
         """An error that names this file and the key."""
-        return InputError(str(error)).at(f"{self.origin}: {where}")
+        return (error if isinstance(error, InputError) else InputError(error)).at(f"{self.origin}: {where}")
 
 
 def load_fit(path: str | Path, untrusted: bool = False) -> FitRequest:

@@ -19,6 +19,7 @@ from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
+from tripod_doe.study.definition.study_folder import StudyFolder
 
 _SPEED = "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
@@ -81,13 +82,22 @@ def _listed(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterato
     paths: dict[Path, None] = {}
     for pattern in table.files:
         if set(pattern) & set("*?["):
-            found = sorted(request.folder.path.glob(pattern)) if request.folder.trusted else []
+            found = _matching(request.folder, pattern)
             if not found:
                 raise request.fail("[records]", f"files = {pattern!r}: no file has such a name")
             paths |= dict.fromkeys(found)
         else:
             paths[request.folder.file(pattern, "files")] = None
     yield from (_Asked(path, {}, {}, {}) for path in paths)
+
+
+def _matching(folder: StudyFolder, pattern: str) -> list[Path]:
+    """Files of a pattern; in a folder from a stranger those that lie in it."""
+    if folder.trusted:
+        return sorted(folder.path.glob(pattern))
+    if Path(pattern).name != pattern:
+        return []
+    return [folder.file(path.name, "files") for path in sorted(folder.path.glob(pattern)) if path.is_file()]
 
 
 def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterator[_Asked]:

@@ -228,6 +228,11 @@ def unknown_rows(fit: xr.Dataset) -> list[list[str]]:
     return rows
 
 
+def unknown_table(fit: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """The unknowns with their intervals and verdicts, under their headings."""
+    return list(UNKNOWN_HEADS), unknown_rows(fit)
+
+
 def _partner(fit: xr.Dataset, name: str) -> str:
     """The unknown with which another one is most correlated."""
     own = fit["correlation"].sel(unknown=name).drop_sel(unknown_2=name)

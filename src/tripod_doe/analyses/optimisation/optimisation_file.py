@@ -113,7 +113,9 @@ class OptimisationRequest:
 
     def fail(self, where: str, error: InputError | str) -> InputError:
         """An error that names this file and the key."""
-        return InputError(str(error)).at(f"{self.origin}: {where}" if where else self.origin)
+        return (error if isinstance(error, InputError) else InputError(error)).at(
+            f"{self.origin}: {where}" if where else self.origin
+        )
 
 
 def load_optimisation(path: str | Path, untrusted: bool = False) -> OptimisationRequest:

@@ -93,7 +93,7 @@ class Variables:
         return np.stack([each.snapped(units[:, at]) for at, each in enumerate(self.chosen)], axis=1)
 
     def columns(self, units: FloatArray) -> dict[str, NDArray[Any]]:
-        """Values of all parameters that candidates set, shape (candidate,) each; `misfits` says which are not allowed."""
+        """Values of all parameters that candidates set, shape (candidate,) each; `misfits` says which cannot be."""
         columns = {each.name: each.values(units[:, at]) for at, each in enumerate(self.chosen)}
         arrays = {
             name: NamedArray((), np.array(value, float)) for name, value in self.base.items() if _is_number(value)
@@ -107,7 +107,7 @@ class Variables:
         return columns
 
     def misfits(self, units: FloatArray) -> list[str]:
-        """Why candidates cannot be: a value that follows and that its parameter does not allow; empty where they can."""
+        """Why candidates cannot be: a value that follows and is not allowed for its parameter; empty where they can."""
         reasons = [""] * len(units)
         if not self.followers or not len(units):
             return reasons

@@ -7,6 +7,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tripod_doe.service.problems import Problem
+from tripod_doe.service.requests.uploads import KINDS
 
 _STUDY = """[study]
 name = "two angles"
@@ -24,16 +25,18 @@ class _Form(BaseModel):
 
 
 class Submission(_Form):
-    """A study or a workflow, with the files that it names."""
+    """A study, a workflow, a fit or an optimisation, with the files that it names."""
 
     study: str | None = Field(None, description="text of a study file", examples=[_STUDY])
     workflow: str | None = Field(None, description="text of a workflow file, in place of a study")
+    fit: str | None = Field(None, description="text of a fit file, in place of a study")
+    optimisation: str | None = Field(None, description="text of an optimisation file, in place of a study")
     files: dict[str, str] = Field({}, description="texts of the files that it names, by their plain names")
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> Self:
-        if (self.study is None) == (self.workflow is None):
-            raise ValueError("give either study or workflow")
+    def _one_kind(self) -> Self:
+        if sum(getattr(self, kind) is not None for kind in KINDS) != 1:
+            raise ValueError(f"give one of {', '.join(KINDS)}")
         return self
 
 
@@ -111,7 +114,7 @@ class Points(BaseModel):
 class RunRecord(BaseModel):
     """A run."""
 
-    model_config = ConfigDict(extra="allow")  # steps, where it is a workflow
+    model_config = ConfigDict(extra="allow")  # steps, where it is no study
 
     id: str
     name: str
@@ -119,7 +122,7 @@ class RunRecord(BaseModel):
     tags: list[str]
     note: str
     found: bool = Field(description="whether the command line filled its directory; the service only shows it then")
-    kind: Literal["study", "workflow"]
+    kind: Literal["study", "workflow", "fit", "optimisation"]
     question: str
     state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]
     message: str

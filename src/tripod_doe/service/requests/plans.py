@@ -1,15 +1,17 @@
-"""Prices of uploaded studies and workflows, before anything of them runs."""
+"""Prices of what was uploaded, before anything of it runs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.analyses.multifidelity.study_split import describe_split
+from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.errors import ForbiddenError, TooLargeError
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.requests.uploads import STUDY
+from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import most_points, point_count
@@ -17,33 +19,39 @@ from tripod_doe.study.plan import Plan, plan
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 from tripod_doe.workflow.plan import WorkflowPlan
+from tripod_doe.workflow.point_batches import POINTS
 
+_ENDS = ("low", "mean", "high")
 _COUNTS = ("points", "unique", "excluded", "bytes")
 
 
-def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[str, Any]:
+def plan_upload(folder: Path, kind: str, limits: Limits, timing: bool) -> dict[str, Any]:
     """Check an upload and give its counts and its price.
 
     Args:
         folder: Where its files are.
-        main: Name of the submitted file: a study's or a workflow's.
+        kind: Of the submitted file, one of `KINDS`.
         limits: What is allowed.
         timing: Whether points are timed, for at most ten seconds; otherwise recorded prices are used where there are
             any.
 
     Returns:
-        For a workflow the sums over its studies, and each of them under ``steps``.
+        For a workflow the sums over its studies, and each of them under ``steps``; for a fit or an optimisation its
+        points under ``steps``, too.
 
     Raises:
         InputError: If anything in it cannot be used.
         TooLargeError: If it goes beyond a limit.
     """
     place = StudyFolder(folder, trusted=False, most_points=limits.points)
-    if main == STUDY:
-        study = parse_study((folder / main).read_text(encoding="utf-8"), main, place)
+    main = folder / main_file(kind)
+    if kind == "study":
+        study = parse_study(main.read_text(encoding="utf-8"), main.name, place)
         check_analyses(study)
         return plan_study(study, limits, timing)
-    workflow = load_workflow(folder / main, folder=place)
+    if kind != "workflow":
+        return (_plan_fit if kind == "fit" else _plan_optimisation)(main, limits, timing)
+    workflow = load_workflow(main, folder=place)
     steps: dict[str, dict[str, Any]] = {}
     plans = {}
     for name, step in workflow.steps.items():
@@ -62,6 +70,64 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
     most = sum(max(study["points"], study["most_points"]) for study in studies)
     _check_limits(limits, "workflow.toml", most, whole["bytes"], hours)
     return whole
+
+
+def _plan_fit(path: Path, limits: Limits, timing: bool) -> dict[str, Any]:
+    """Counts and usual price of a fit."""
+    from tripod_doe.workflow.fit_plan import plan_fit
+
+    plan, head = plan_fit(path, timing, untrusted=True), load_fit(path, untrusted=True).file.fit
+    points = plan.search_points + plan.asked_points
+    _check_limits(limits, path.name, points, None, plan.seconds and _hours(plan.seconds))
+    models = dict.fromkeys(text for each in plan.plans for text in each.models)
+    return _search(head.name, head.question, "fit", points) | {
+        "cpu_seconds": plan.seconds and dict(zip(_ENDS, plan.seconds, strict=True)),
+        "timed": sum(each.timed for each in plan.plans),
+        "models": list(models),
+        "warnings": list(dict.fromkeys(text for each in plan.plans for text in each.warnings)),
+        "records": plan.records,
+        "unknowns": list(plan.scalars),
+    }
+
+
+def _plan_optimisation(path: Path, limits: Limits, timing: bool) -> dict[str, Any]:
+    """Largest counts and price of an optimisation."""
+    from tripod_doe.workflow.optimise_plan import plan_optimisation
+
+    counted = plan_optimisation(path, timing=False, untrusted=True, recorded=False)
+    points = sum(part.points for part in counted)
+    _check_limits(limits, path.name, points, None, None)
+    parts = plan_optimisation(path, timing, untrusted=True, recorded=True)
+    hours = [part.cpu_hours for part in parts if part.cpu_hours]
+    whole = (sum(low for low, _, _ in hours), sum(mean for _, mean, _ in hours), sum(high for _, _, high in hours))
+    known = whole if len(hours) == len(parts) else None
+    _check_limits(limits, path.name, points, sum(part.cube_bytes for part in parts), known)
+    file = load_optimisation(path, untrusted=True).file
+    head = file.optimisation
+    return _search(head.name, head.question, "optimisation", points) | {
+        "cpu_seconds": _seconds(known),
+        "timed": sum(part.timed for part in parts),
+        "bytes": sum(part.cube_bytes for part in parts),
+        "parts": [{"what": part.what, "candidates": part.candidates, "points": part.points} for part in parts],
+        "factors": [*file.variables, *file.scatter],
+    }
+
+
+def _search(name: str, question: str, kind: str, points: int) -> dict[str, Any]:
+    """What fits and optimisations say in the same way; a joint that jams is an answer to a search, and no failure."""
+    own = {"kind": "study", "inputs": [], "points": points, "unique": points, "expected_outcomes": ["jammed"]}
+    return {
+        "name": name,
+        "question": question,
+        "kind": kind,
+        "points": points,
+        "unique": points,
+        "excluded": 0,
+        "blocks": None,
+        "bytes": None,
+        "warnings": [],
+        "steps": {POINTS: own},
+    }
 
 
 def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
@@ -105,7 +171,11 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
 
 
 def _seconds(hours: tuple[float, float, float] | None) -> dict[str, float] | None:
-    return hours and dict(zip(("low", "mean", "high"), (3600 * value for value in hours), strict=True))
+    return hours and dict(zip(_ENDS, (3600 * value for value in hours), strict=True))
+
+
+def _hours(seconds: tuple[float, float, float]) -> tuple[float, float, float]:
+    return seconds[0] / 3600, seconds[1] / 3600, seconds[2] / 3600
 
 
 def _check_limits(

@@ -1,10 +1,11 @@
 """What a client uploads: texts by plain names.
 
-What its studies and workflows may name is decided where they are read (`tripod_doe.study.definition.study_folder`).
+What they may name is decided where they are read (`tripod_doe.study.definition.study_folder`).
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,13 +14,18 @@ from typing import Any
 from tripod_doe.errors import ForbiddenError, TooLargeError
 from tripod_doe.service.limits import Limits
 
-STUDY, WORKFLOW = "study.toml", "workflow.toml"
-"""Names under which the submitted text itself is kept."""
+KINDS = ("study", "workflow", "fit", "optimisation")
+"""Kinds of files that can be submitted, each by the name of its key in a request and of its first table."""
+
+STUDY = "study.toml"
+"""Name under which a submitted study is kept."""
+
+_RECORDS = (".csv", ".txt")  # endings of tables and records, which may be long
 
 
 def main_file(kind: str) -> str:
-    """Name of the submitted text of a "study" or a "workflow"."""
-    return WORKFLOW if kind == "workflow" else STUDY
+    """Name under which the submitted text of a kind is kept."""
+    return f"{kind}.toml"
 
 
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
@@ -27,19 +33,20 @@ _SHOWN = 100  # characters of a name in a message
 
 
 def upload_texts(body: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
-    """The main file of a request and all its texts by name: ``{"study": text, "files": {name: text}}`` or a workflow.
+    """The kind of a request and all its texts by name: ``{"study": text, "files": {name: text}}`` or another kind.
 
     Raises:
         ForbiddenError: If a file's name is not a plain one.
     """
-    main = WORKFLOW if body.get("workflow") is not None else STUDY
-    texts = {main: str(body["workflow" if main == WORKFLOW else "study"])}
+    kind = next(kind for kind in KINDS if body.get(kind) is not None)
+    main = main_file(kind)
+    texts = {main: str(body[kind])}
     for name, text in (body.get("files") or {}).items():
         _check_plain(name, "files")
         if name == main:
             raise ForbiddenError(f"files: {name}: this is the name of the submitted file itself; choose another")
         texts[name] = text
-    return main, texts
+    return kind, texts
 
 
 def write_upload(folder: Path, texts: Mapping[str, str]) -> None:
@@ -47,6 +54,19 @@ def write_upload(folder: Path, texts: Mapping[str, str]) -> None:
     folder.mkdir(parents=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8", newline="")
+
+
+def refuse_large_texts(size: int, texts: Mapping[str, str], limits: Limits) -> None:
+    """Refuse (TooLargeError) a request that is long beside its tables and records.
+
+    Args:
+        size: Of its body, in bytes.
+    """
+    long = sum(len(json.dumps(text)) for name, text in texts.items() if name.endswith(_RECORDS))
+    if size - long > limits.body_bytes:
+        raise TooLargeError(
+            f"the body is larger than {limits.body_bytes:,} bytes beside its .csv and .txt files, the limit here"
+        )
 
 
 def refuse_many_files(texts: Mapping[str, str], limits: Limits) -> None:

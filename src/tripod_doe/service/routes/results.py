@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from tripod_doe.service.problems import RefusedError
@@ -79,6 +79,16 @@ def analyses(run_id: str, service: AnyService, step: Step = None) -> Response:
     """Analyses with their kind, sentences and table."""
     paths = service.analysis_files(run_id, step)
     return Response(service.ask("workers.questions:analyses", as_json=True, paths=paths), media_type=_TYPES["json"])
+
+
+@router.get("/base", response_class=Response, responses=gives("text/plain"))
+def base(
+    run_id: str,
+    service: AnyService,
+    candidate: Annotated[int | None, Query(ge=0, description="of a front; its knee if omitted")] = None,
+) -> PlainTextResponse:
+    """The joint that a fit or an optimisation gave, as the table [base] of a study."""
+    return PlainTextResponse(service.base_of(run_id, candidate))
 
 
 @router.post("/compare", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(Comparison))

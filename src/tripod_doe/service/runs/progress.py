@@ -40,7 +40,7 @@ class RunProgress:
         counts = _sum([journal.read() for journal in self._journals])
         if self._first is None:
             self._first = time.monotonic(), counts.total - counts.missing
-        return counts, self._read_steps() if self._kind == "workflow" else ()
+        return counts, () if self._kind == "study" else self._read_steps()
 
     def eta_seconds(self, counts: PointCounts) -> float | None:
         """Seconds until the last point, by the pace since the first look; None as long as there is none."""
@@ -51,11 +51,14 @@ class RunProgress:
         return (time.monotonic() - started) * counts.missing / done if done > 0 else None
 
     def _read_steps(self) -> tuple[Mapping[str, Any], ...]:
-        """What the chain said of its steps, the others as waiting, in the order in which they run."""
+        """What was said of steps and stages, in order; other steps of a workflow are waiting."""
         try:
-            stored = {step["name"]: step for step in json.loads(self._steps.read_text(encoding="utf-8"))}
+            said = json.loads(self._steps.read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            stored = {}
+            said = []
+        if self._kind != "workflow":
+            return tuple(said)
+        stored = {step["name"]: step for step in said}
         waiting = {"state": "waiting", "seconds": None, "detail": ""}
         return tuple(
             {"name": name, "kind": step["kind"], "inputs": step["inputs"]} | waiting | stored.get(name, {})
@@ -64,7 +67,7 @@ class RunProgress:
 
 
 def _journals(run: Run, directory: Path) -> list[Progress]:
-    if run.kind != "workflow":
+    if run.kind == "study":
         return [Progress(directory, run.plan["unique"], run.plan["expected_outcomes"])]
     return [
         Progress(path_within(directory, "steps", name), step["unique"], step["expected_outcomes"])
@@ -78,7 +81,7 @@ def _sum(counts: Sequence[PointCounts]) -> PointCounts:
     for count in counts:
         outcomes.update(count.outcomes or {})
     return PointCounts(
-        sum(count.total for count in counts),
+        sum(max(count.total, count.finished + count.failed) for count in counts),
         sum(count.finished for count in counts),
         sum(count.failed for count in counts),
         dict(outcomes),

@@ -15,6 +15,7 @@ from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.table import PointCounts, Run, State
 from tripod_doe.study.journal import journal_path
 from tripod_doe.study.results.result_cube import is_shown
+from tripod_doe.workflow.steps_file import STEPS
 
 _LEAST = 1_000_000  # bytes without which a run cannot end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
@@ -27,7 +28,9 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
     Args:
         run: As it was known last.
     """
-    if run.kind == "workflow":
+    if run.is_search:
+        whole, failed = has_report(directory), []
+    elif run.kind == "workflow":
         left = [step["name"] for step in steps if step["state"] in ("waiting", "failed", "blocked")]
         whole = not left and has_report(directory)
         failed = [f"{step['name']}: {step['detail']}" for step in steps if step["state"] == "failed"]
@@ -57,6 +60,12 @@ def remove_report(directory: Path) -> None:
     """Remove the page before a run goes on: the new page then marks its end, without comparing times."""
     with suppress(OSError):  # the run reports a folder that cannot be written
         _report(directory).unlink()
+
+
+def remove_stages(directory: Path) -> None:
+    """Remove the stages of an earlier run of a search, which begins anew, over points that are there."""
+    with suppress(OSError):
+        (directory / STEPS).unlink()
 
 
 def _report(directory: Path) -> Path:

@@ -26,11 +26,13 @@ from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
-from tripod_doe.service.runs.result_directory import ending_of, remove_report
+from tripod_doe.service.runs.result_directory import ending_of, remove_report, remove_stages
 from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
 from tripod_doe.study.results.annotation import annotated, write_annotation
+
+_COMMANDS = {"study": "run", "workflow": "workflow", "fit": "fit", "optimisation": "optimise"}
 
 UPLOAD = "upload"
 """Folder of a result directory with what the client submitted."""
@@ -417,6 +419,9 @@ class Supervisor:
                 self._hasten(run_id)
                 return
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
+            steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
+            if run.is_search and state is State.FINISHED:  # as many points as it took
+                counts = replace(counts, total=counts.finished + counts.failed)
             self._put(
                 run.changed(
                     state=state, message=message, counts=counts, steps=steps, eta_seconds=None, retry_failed=False
@@ -457,6 +462,8 @@ class Supervisor:
         self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
         try:
             remove_report(directory)
+            if run.is_search:
+                remove_stages(directory)
             processes.start_run(directory, run_words(run, directory, self.settings.workers))
         except InputError as error:
             self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))
@@ -464,8 +471,7 @@ class Supervisor:
 
 def run_words(run: Run, directory: Path, workers: int | None) -> list[str]:
     """The command line of a run."""
-    command = "workflow" if run.kind == "workflow" else "run"
-    words = [command, str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory), "--untrusted"]
+    words = [_COMMANDS[run.kind], str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory), "--untrusted"]
     if workers is not None:
         words += ["--workers", str(workers)]
     return [*words, "--retry-failed"] if run.retry_failed else words

@@ -58,10 +58,10 @@ class PointCounts:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a study or of a workflow."""
+    """One run of a study, a workflow, a fit or an optimisation."""
 
     id: str  # random; also the name of its result directory in the folder
-    kind: str  # "study" or "workflow"
+    kind: str  # "study", "workflow", "fit" or "optimisation"
     # name, question: as its file says
     name: str
     question: str
@@ -70,7 +70,8 @@ class Run:
     # its price, as `plans.plan_upload` gave it when it was submitted
     plan: Mapping[str, Any] = field(default_factory=dict)
     counts: PointCounts = field(default_factory=lambda: PointCounts(0))  # points that have ended
-    steps: tuple[Mapping[str, Any], ...] = ()  # of a workflow: what became of each step, in order
+    # what became of each step of a workflow, or each stage of a fit or an optimisation, in order
+    steps: tuple[Mapping[str, Any], ...] = ()
     # time until the last point by the pace so far; None where it does not run or has no pace yet
     eta_seconds: float | None = None
     # created, updated: times in UTC
@@ -88,6 +89,11 @@ class Run:
     tags: tuple[str, ...] = ()
     note: str = ""
     binned: str = ""  # when it was put into the bin; empty outside
+
+    @property
+    def is_search(self) -> bool:
+        """Whether its points follow from those before, so that their number is not known beforehand."""
+        return self.kind in ("fit", "optimisation")
 
     @property
     def shown_name(self) -> str:
@@ -125,7 +131,7 @@ class Run:
             "updated": self.updated,
             "binned": self.binned,
         }
-        if self.kind == "workflow":
+        if self.kind != "study":
             record["steps"] = [dict(step) for step in self.steps]
         return record
 

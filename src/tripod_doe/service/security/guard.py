@@ -30,6 +30,7 @@ API = "/api/v1"
 """Where the routes of the interface start."""
 
 _OPEN = f"{API}/health"
+_WITH_FILES = ("/compare", "/plans", "/price", "/runs", "/extend")  # ends of addresses whose bodies may hold tables
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
 _HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
@@ -197,7 +198,7 @@ class Guard:
         if kind is not None and kind.partition(";")[0].strip().lower() != "application/json":
             raise RefusedError(415, f"Content-Type: {kind[:100]}: application/json is needed")
         limits = self._settings.limits
-        most = limits.measurement_bytes if scope["path"].endswith("/compare") else limits.body_bytes
+        most = limits.measurement_bytes if scope["path"].endswith(_WITH_FILES) else limits.body_bytes
         length = headers.get("content-length", "")
         too_large = RefusedError(413, f"the body is larger than {most:,} bytes, which is the limit here")
         if length.isdecimal() and int(length[:20]) > most:

@@ -25,7 +25,7 @@ from tripod_doe.service.requests.forms import (
     StudyText,
     Submission,
 )
-from tripod_doe.service.requests.uploads import STUDY, refuse_many_files, upload_texts, write_upload
+from tripod_doe.service.requests.uploads import STUDY, refuse_large_texts, refuse_many_files, upload_texts, write_upload
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 _MOST_AT_ONCE = 50_000  # cells of a small query: 4 MB of JSON
@@ -33,17 +33,23 @@ _SAMPLE = 1_000  # rows by which the size of an answer is estimated
 
 
 def plan(body: bytes, limits: Limits) -> Any:
-    """Price of a study or workflow that was sent; see `plans`."""
+    """Price of what was sent; see `plans`."""
     from tripod_doe.service.requests.plans import plan_upload
 
     request = read_form(body, PlanRequest, limits.nesting)
-    main, texts = upload_texts(request.model_dump())
+    kind, texts = upload_texts(request.model_dump())
     with _pointing_into(texts), tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
-        refuse_many_files(texts, limits)
         folder = Path(name) / "upload"
-        write_upload(folder, texts)
+        _write(body, texts, folder, limits)
         with _plain_names(folder):
-            return plan_upload(folder, main, limits, request.timing)
+            return plan_upload(folder, kind, limits, request.timing)
+
+
+def _write(body: bytes, texts: Mapping[str, str], folder: Path, limits: Limits) -> None:
+    """Write the texts of a request into a folder of their own, if they keep the limits."""
+    refuse_large_texts(len(body), texts, limits)
+    refuse_many_files(texts, limits)
+    write_upload(folder, texts)
 
 
 def wants_timing(body: bytes, limits: Limits) -> bool:
@@ -54,19 +60,19 @@ def wants_timing(body: bytes, limits: Limits) -> bool:
 def check(body: bytes, folder: str, limits: Limits) -> Any:
     """Write what was sent into a folder, check it and count its points; gives these and a hash of the request."""
     request = read_form(body, Submission, limits.nesting).model_dump()
-    main, texts = upload_texts(request)
+    kind, texts = upload_texts(request)
     with _pointing_into(texts):
-        counted = _checked(main, texts, Path(folder), limits)
+        counted = _checked(body, kind, texts, Path(folder), limits)
     return counted, hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()
 
 
 def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     """Check the larger version of a study whose results are in a directory; anything but growth is refused."""
-    main, texts = upload_texts(read_form(body, Submission, limits.nesting).model_dump())
-    if main != STUDY:
+    kind, texts = upload_texts(read_form(body, Submission, limits.nesting).model_dump())
+    if kind != "study":
         raise RefusedError(409, "only the run of a study can be extended, by a study")
     with _pointing_into(texts):
-        counted = _checked(main, texts, Path(folder), limits)
+        counted = _checked(body, kind, texts, Path(folder), limits)
         try:
             with _plain_names(Path(folder)):
                 _refuse_changes(Path(folder), Path(path))
@@ -82,13 +88,12 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     return counted
 
 
-def _checked(main: str, texts: Mapping[str, str], folder: Path, limits: Limits) -> dict[str, Any]:
+def _checked(body: bytes, kind: str, texts: Mapping[str, str], folder: Path, limits: Limits) -> dict[str, Any]:
     from tripod_doe.service.requests.plans import plan_upload
 
-    refuse_many_files(texts, limits)
-    write_upload(folder, texts)
+    _write(body, texts, folder, limits)
     with _plain_names(folder):
-        return plan_upload(folder, main, limits, timing=False)
+        return plan_upload(folder, kind, limits, timing=False)
 
 
 def plan_directory(path: str, limits: Limits) -> Any:
@@ -219,6 +224,20 @@ def analyses(paths: dict[str, str]) -> Any:
     from tripod_doe.study.cube.lazy_dataset import read_dataset
 
     return [describe_analysis(name, read_dataset(Path(path))) for name, path in paths.items()]
+
+
+def base(path: str, kind: str, candidate: int | None) -> str:
+    """The joint that a search gave, as [base] to paste into a study: of a front that of a candidate, or of its knee."""
+    from tripod_doe.analyses.optimisation.candidates import base_of, knee_of
+    from tripod_doe.study.cube.lazy_dataset import read_dataset
+
+    if kind == "fit":
+        return Path(path).with_name("base.toml").read_text(encoding="utf-8")
+    front = read_dataset(Path(path))
+    try:
+        return base_of(front, knee_of(front) if candidate is None else candidate)
+    except InputError as error:
+        raise RefusedError(404, str(error)) from error
 
 
 def compare(path: str, body: bytes, limits: Limits) -> Any:

@@ -1,0 +1,72 @@
+"""Stored candidates of an optimisation: what was said of them, a table of them, and one of them as a joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
+from tripod_doe.analyses.optimisation.problem import pasted
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import number
+from tripod_doe.report.responses import unit_text
+from tripod_doe.study.definition.study_file import parse_toml
+
+FINDINGS = "findings"
+"""Attribute of a front with its sentences, one a line."""
+
+_MOST_ROWS = 200
+
+
+def findings_in(candidates: xr.Dataset, name: str = "") -> list[str]:
+    """The sentences on a front; none of all candidates."""
+    return str(candidates.attrs.get(FINDINGS, "")).splitlines()
+
+
+def names_of(candidates: xr.Dataset, role: str) -> list[str]:
+    """Names of the variables, objectives or constraints of stored candidates."""
+    return [str(name) for name, each in candidates.data_vars.items() if each.attrs.get("role") == role]
+
+
+def candidate_table(candidates: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Candidates with their objectives, constraints and variables, at most 200 of them."""
+    shown = [name for role in ("objective", "constraint", "variable") for name in names_of(candidates, role)]
+    units = {name: unit_text(str(candidates[name].attrs.get("units", "1"))) for name in shown}
+    heads = ["candidate", *(f"{name} ({units[name]})" if units[name] else name for name in shown)]
+    columns = [candidates[name].values[:_MOST_ROWS].tolist() for name in shown]
+    rows = [
+        [str(at), *(cell if isinstance(cell, str) else number(float(cell), 5) for cell in row)]
+        for at, row in enumerate(zip(*columns, strict=True))
+    ]
+    return heads, rows
+
+
+def knee_of(front: xr.Dataset) -> int:
+    """The candidate at the knee of a stored front, or the best one of a single objective.
+
+    Raises:
+        InputError: If the front is empty.
+    """
+    if not front.sizes["candidate"]:
+        raise InputError("the front has no candidate: no joint keeps all limits")
+    return int(np.argmax(front["knee"].values))
+
+
+def base_of(front: xr.Dataset, candidate: int) -> str:
+    """The [base] of a candidate of a stored front, to paste into a study.
+
+    Raises:
+        InputError: If there is no such candidate.
+    """
+    count = front.sizes["candidate"]
+    if not 0 <= candidate < count:
+        raise InputError(f"candidate = {candidate}: the front has {count:,}, counted from 0")
+    values: dict[str, Any] = {name: front[name].values[candidate].item() for name in names_of(front, "variable")}
+    return pasted(values, file_of(front).base)
+
+
+def file_of(candidates: xr.Dataset) -> OptimisationFile:
+    """The file of the optimisation to which stored candidates belong."""
+    return OptimisationFile.model_validate(parse_toml(str(candidates.attrs["optimisation"]), "optimise.toml"))
