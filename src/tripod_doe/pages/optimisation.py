@@ -25,6 +25,11 @@ from tripod_doe.report.templates import render
 from tripod_doe.study.failures import Failure
 
 
+def optimisation_lines(problem: Problem, solved: Solved) -> list[str]:
+    """The sentences of an optimisation, as its page and its front have them."""
+    return find_in_optimisation(problem, solved)
+
+
 def write_optimisation_page(
     directory: Path, problem: Problem, solved: Solved, failures: Sequence[Failure], waves: xr.Dataset | None
 ) -> None:
@@ -33,7 +38,7 @@ def write_optimisation_page(
     Raises:
         StorageError: If it cannot be written; an older one stays.
     """
-    sentences, more = answer_first(find_in_optimisation(problem, solved))
+    sentences, more = answer_first(optimisation_lines(problem, solved))
     head, front = problem.request.file.optimisation, solved.front
     aims = front.judged.objectives * problem.signs
     middle = knee(aims) if len(aims) else -1

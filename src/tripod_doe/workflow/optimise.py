@@ -20,10 +20,9 @@ from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import Solved, base_values, candidates_dataset, front_dataset
 from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
-from tripod_doe.analyses.optimisation.sentences import find_in_optimisation
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.pages.optimisation import write_optimisation_page
+from tripod_doe.pages.optimisation import optimisation_lines, write_optimisation_page
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
@@ -321,7 +320,7 @@ def optimise(
     stages.begin("report")
     failed = sum(failure.count for failure in failures)
     solved = replace(solved, counts={"points": count, "failed_points": failed})
-    lines = find_in_optimisation(problem, solved)
+    lines = optimisation_lines(problem, solved)
     front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
     candidates = candidates_dataset(problem, solved)
     action = f"tripod-doe optimise: {computed} points computed"

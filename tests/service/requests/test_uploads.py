@@ -226,8 +226,8 @@ def test_a_study_of_too_many_cpu_hours_or_bytes_is_refused_with_its_price(write_
     write_study(GOOD.replace('"equilibrium"', '"needles"'))
     for limits, unit in ((Limits(cpu_hours=1e-4), "CPU-hours"), (Limits(cube_bytes=100), "bytes")):
         with pytest.raises(TooLargeError, match=unit):
-            plan_upload(tmp_path, "study.toml", limits, timing=False)
-    assert plan_upload(tmp_path, "study.toml", Limits(), timing=False)["points"] == 8
+            plan_upload(tmp_path, "study", limits, timing=False)
+    assert plan_upload(tmp_path, "study", Limits(), timing=False)["points"] == 8
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
             own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
             known = {key: _value(parameters[key], cells[key]) for key in cells if key in parameters}
         except InputError as error:
-            raise request.fail(where, f"line {line}: {error}") from error
+            raise request.fail(where, error.at(f"line {line}")) from error
         labels = {key: text for key, text in cells.items() if key not in parameters and key not in _OWN}
         yield _Asked(path, known, labels, own)
 

@@ -43,7 +43,7 @@ def submit(
     response: Response,
     idempotency_key: Annotated[str | None, Header(max_length=_KEY_LETTERS)] = None,
 ) -> RunRecord:
-    """Put a study or a workflow into the queue; sent again with the same Idempotency-Key, it is the same run."""
+    """Put a study, workflow, fit or optimisation into the queue; with the same Idempotency-Key, it is the same run."""
     run = service.submit(body, idempotency_key)
     response.headers["location"] = f"/api/v1/runs/{run.id}"
     return RunRecord(**run.record())
@@ -160,7 +160,7 @@ def upload_of_run(run_id: str, service: AnyService) -> dict[str, Any]:
 
 @router.get("/runs/{run_id}/steps", responses=errors_at(404))
 async def steps_of_run(run_id: str, service: AnyService) -> list[dict[str, Any]]:
-    """The steps of a workflow with their states and times; none for a study."""
+    """The steps of a workflow, or the stages of a search, with their states and times; none for a study."""
     return [dict(step) for step in service.runs.find(run_id).steps]
 
 

@@ -44,7 +44,7 @@ def workflow_schema() -> dict[str, Any]:
 
 @router.post("/plans", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(PlanRequest))
 def plan(body: Body, service: AnyService) -> Response:
-    """Points, blocks, bytes and CPU seconds of a study or a workflow; nothing is kept."""
+    """Points, blocks, bytes and CPU seconds of a study, a workflow, a fit or an optimisation; nothing is kept."""
     return Response(service.plan(body, as_json=True), media_type="application/json")
 
 
