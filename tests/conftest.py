@@ -36,7 +36,7 @@ MODELS_OF_PROCESS = {
     "gw3": ("equilibrium", "kinetostatic", "rollers"),
 }
 MANY = 500
-SHARED = ({"served", "chromium"}, {"client"}, {"simulated"})
+SHARED = ({"served", "chromium"}, {"client", "site"}, {"simulated"})
 """Fixtures of a whole session that cost as much as many tests: a browser and a server, a service, runs of the joint."""
 
 

@@ -22,6 +22,7 @@ from tripod_doe.cli import (
     completion,
     derive,
     diff,
+    docs,
     fit,
     init,
     optimise,
@@ -57,6 +58,7 @@ COMMANDS = {
     "serve": serve.COMMAND,
     "init": init.COMMAND,
     "schema": schema.COMMAND,
+    "docs": docs.COMMAND,
     "completion": completion.COMMAND,
 }
 """All commands by the word that calls them, in the order of the help."""

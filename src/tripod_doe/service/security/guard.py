@@ -31,6 +31,7 @@ API = "/api/v1"
 
 _OPEN = f"{API}/health"
 _WITH_FILES = ("/compare", "/plans", "/price", "/runs", "/extend")  # ends of addresses whose bodies may hold tables
+_PUBLIC = ("/assets/", "/help/")
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
 _HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
@@ -156,11 +157,11 @@ class Guard:
         return response
 
     def _is_open(self, scope: Scope) -> bool:
-        """Whether an address needs no token: the sign of life, scripts and styles, and pages by their key."""
+        """Whether an address needs no token: the sign of life, assets, documentation, pages by their key."""
         place = _place(scope)
         if place == _OPEN:
             return True
-        return scope["method"] in _SAFE and (place.startswith("/assets/") or is_report_address(place, self._settings))
+        return scope["method"] in _SAFE and (place.startswith(_PUBLIC) or is_report_address(place, self._settings))
 
     def _is_token(self, given: str) -> bool:
         return _equal(given, self._settings.token)

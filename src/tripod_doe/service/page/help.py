@@ -1,0 +1,44 @@
+"""The documentation behind the link "Help": the site that the installation brings along, or how to get it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fastapi import APIRouter
+from starlette.responses import FileResponse, Response
+
+from tripod_doe.documentation import BUILD, INSTALL, site_folder
+from tripod_doe.service.page.rendering import show
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.routes.dependencies import AnyService
+
+router = APIRouter(include_in_schema=False)
+
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+"""Of the site: nothing inline, nothing from elsewhere; its search reads pages of the site."""
+
+_KINDS = {
+    ".css": "text/css; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".ipynb": "application/json",
+    ".js": "text/javascript; charset=utf-8",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+}
+
+
+@router.get("/help/{place:path}")
+def help_page(place: str, service: AnyService) -> Response:
+    """A file of the site; it holds nothing of this server's runs, so it needs no token."""
+    site = site_folder()
+    if site is None:
+        return show("help.html", service.settings, root="", install=INSTALL, build=BUILD)
+    path = Path(os.path.normpath(site / (place or "index.html")))
+    if not path.is_relative_to(site) or path.suffix not in _KINDS or not path.is_file():
+        raise RefusedError(404, "the documentation has no such page")
+    headers = {"content-security-policy": _POLICY, "cache-control": "private, max-age=60"}
+    return FileResponse(path, media_type=_KINDS[path.suffix], headers=headers)

@@ -1,0 +1,115 @@
+"""The documentation behind "Help": built without a warning, nothing inline or from elsewhere, no dead link."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from tripod_doe import documentation
+from tripod_doe.cli.main import main
+
+pytest.importorskip("myst_parser")
+ROOT = Path(__file__).parents[2]
+
+LOADED = {("script", "src"), ("img", "src"), ("link", "href"), ("iframe", "src"), ("source", "src"), ("use", "href")}
+"""What a browser fetches by itself."""
+
+
+class Page(HTMLParser):
+    """Addresses, anchors and inline code of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.loaded, self.anchors, self.inline = [], [], set(), []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self.anchors |= {values[name] for name in ("id", "name") if values.get(name)}
+        self.inline += [name for name in values if name == "style" or name.startswith("on")]
+        if tag == "style" or (tag == "script" and "src" not in values):
+            self.inline.append(tag)
+        for name in ("src", "href", "action"):
+            if name in values:
+                (self.loaded if (tag, name) in LOADED else self.links).append(values[name])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site as one command builds it; a warning ends the build."""
+    folder = tmp_path_factory.mktemp("docs")
+    words = ["-m", "sphinx", "-W", "--keep-going", "-q", "-d", folder / "doctrees", ROOT / "docs", folder / "site"]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {path: Page(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")}
+
+
+def test_pages_stand_alone(site, pages):
+    """No inline script or style, which servers may forbid, and nothing that a browser would fetch from elsewhere."""
+    assert {path.name: page.inline for path, page in pages.items() if page.inline} == {}
+    for path, page in pages.items():
+        for address in page.loaded:
+            assert not urlsplit(address).netloc, f"{path}: {address}"
+            assert address.startswith("#") or (path.parent / unquote(urlsplit(address).path)).is_file(), address
+    for path in site.rglob("*.css"):
+        assert not re.findall(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", path.read_text(encoding="utf-8")), path
+
+
+def test_links_lead_somewhere(pages):
+    """Files and anchors of the site; other hosts are not asked."""
+    for path, page in pages.items():
+        for address in page.links:
+            parts = urlsplit(address)
+            if parts.scheme:
+                assert parts.scheme in ("http", "https"), f"{path}: {address}"
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            assert target.is_file(), f"{path}: {address}"
+            if parts.fragment and target in pages:
+                assert unquote(parts.fragment) in pages[target].anchors, f"{path}: {address}"
+
+
+def test_every_page_is_in_the_navigation(pages, site):
+    index = site / "index.html"
+    reached = {(site / urlsplit(link).path).resolve() for link in pages[index].links if not urlsplit(link).scheme}
+    written = {path for path in pages if path.relative_to(site).parts[0] not in ("files", "search.html", "index.html")}
+    assert written <= reached
+
+
+def test_the_service_serves_it_without_a_token(client, site, monkeypatch):
+    monkeypatch.setattr(documentation, "_SITE", site)
+    answer = client.get("/help/")
+    assert answer.text == (site / "index.html").read_text(encoding="utf-8")
+    assert "script-src 'self';" in answer.headers["content-security-policy"]
+    assert client.get("/help/_static/styles/furo.css").headers["content-type"].startswith("text/css")
+    for place in ("nothing.html", "..%2f..%2fcli%2fmain.py", "_static", "objects.inv", "/etc/passwd"):
+        assert client.get(f"/help/{place}").status_code == 404, place
+
+
+def test_where_it_is_not_built_a_page_says_how_to_get_it(client, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(documentation, "_SITE", tmp_path)
+    answer = client.get("/help/explanation/models.html", headers={"accept": "text/html"})
+    assert documentation.BUILD in answer.text
+    assert main(["docs"]) == 2
+    assert documentation.BUILD in capsys.readouterr().err
+
+
+def test_the_command_names_its_first_page(site, monkeypatch, capsys):
+    monkeypatch.setattr(documentation, "_SITE", site)
+    assert main(["docs"]) == 0
+    assert Path(capsys.readouterr().out.strip()) == site / "index.html"
+
+
+def test_pages_of_the_service_lead_to_it(api):
+    assert 'href="/help/"' in api.client.get("/", headers={"accept": "text/html"}).text
