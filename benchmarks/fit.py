@@ -33,6 +33,14 @@ RANGES = {
 }
 """Bounds of the unknowns; hidden values lie in the middle half of each."""
 
+KNOWN = {
+    "needle_length_mm": (8.0, 11.0),
+    "bearing_radial_clearance_mm": (0.008, 0.03),
+    "needle_axial_clearance_mm": (0.1, 0.4),
+    "groove_radius_ratio": (1.006, 1.02),
+}
+"""What is known of a joint and differs between joints, where the fitted model is not the hidden one."""
+
 RECORDS = 8
 ANGLES, TORQUES, SPEEDS = [4.0, 8.0, 12.0], [50.0, 150.0, 300.0], [600.0]
 
@@ -41,6 +49,13 @@ def hidden_joint(random: np.random.Generator, names: list[str]) -> dict[str, flo
     """Hidden values of the unknowns."""
     part = {name: 0.25 + 0.5 * random.random() for name in names}
     return {name: low + part[name] * (high - low) for name, (low, high) in RANGES.items() if name in names}
+
+
+def known_joint(random: np.random.Generator, options: argparse.Namespace) -> dict[str, float]:
+    """Geometry of a joint, as its drawing states it."""
+    if options.truth == options.model:
+        return {}
+    return {name: round(low + (high - low) * random.random(), 3) for name, (low, high) in KNOWN.items()}
 
 
 def operating_points(random: np.random.Generator) -> list[tuple[float, float, float]]:
@@ -70,10 +85,11 @@ def write_rig(
     return True
 
 
-def fit_text(names: list[str], options: argparse.Namespace, zero: bool) -> str:
+def fit_text(names: list[str], options: argparse.Namespace, zero: bool, known: dict[str, float]) -> str:
     """The fit file."""
     error = "0" if options.truth == options.model else '"recorded"'
     lines = ["[fit]", 'name = "rig"', f"model_error = {error}", "[base]", f'model = "{options.model}"']
+    lines += [f"{name} = {value}" for name, value in known.items()]
     for name in names:
         low, high = RANGES[name]
         lines += [f"[unknowns.{name}]", f"low = {low}", f"high = {high}"]
@@ -96,11 +112,13 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
     random = np.random.default_rng([options.seed, number])
     names = list(RANGES)[: 4 if "2" in options.orders.split(",") else 2]
     truth, points, zero = hidden_joint(random, names), operating_points(random), bool(number % 2)
+    known = known_joint(random, options)
+    joint = truth | known
     with TemporaryDirectory() as place:
         folder = Path(place)
-        if not write_rig(folder, options.truth, truth, points, number, zero):
+        if not write_rig(folder, options.truth, joint, points, number, zero):
             return None
-        (folder / "fit.toml").write_text(fit_text(names, options, zero))
+        (folder / "fit.toml").write_text(fit_text(names, options, zero, known))
         started = time.process_time()
         result = td.fit(folder / "fit.toml", folder / "out", workers=0, progress=False).result
         row: dict[str, Any] = {"rig": number, "cpu_s": time.process_time() - started, "points": result.attrs["points"]}
@@ -115,7 +133,7 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
             best = int(np.nanargmin(result["next"].values))
             point = tuple(float(result[f"candidate_{name}"][best]) for name in make_rig.OPERATING)
             row["promised"] = float(result["next"][best])
-            if write_rig(folder, options.truth, truth, [*points, point], number, zero):
+            if write_rig(folder, options.truth, joint, [*points, point], number, zero):
                 again = td.fit(folder / "fit.toml", folder / "out", workers=0, progress=False).result
                 row["gained"] = half_width(again, names[1]) / half_width(result, names[1])
     return row

@@ -19,8 +19,8 @@ from multifidelity import ishigami as leveled
 from scipy.stats import norm
 
 from tripod_doe.analyses.comparison.comparison import compare
-from tripod_doe.analyses.comparison.measurement import Measurement
 from tripod_doe.analyses.multifidelity.estimates import estimate
+from tripod_doe.analyses.records.measurement import Measurement
 from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
 from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices

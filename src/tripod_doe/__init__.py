@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tripod_doe.analyses.comparison.comparison import compare
-    from tripod_doe.analyses.comparison.measurement import read_measurement
     from tripod_doe.analyses.comparison.model_point import model_point
     from tripod_doe.analyses.contribution.contribution import contribution_shares
     from tripod_doe.analyses.diff.diff import diff
     from tripod_doe.analyses.findings import find
+    from tripod_doe.analyses.records.measurement import read_measurement
     from tripod_doe.analyses.sensitivity.morris import morris_effects
     from tripod_doe.analyses.sensitivity.sobol import sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
@@ -65,7 +65,7 @@ _HOME = {
     "optimise": "workflow.optimise",
     "plan": "study.plan",
     "query": "study.query.query",
-    "read_measurement": "analyses.comparison.measurement",
+    "read_measurement": "analyses.records.measurement",
     "run": "workflow.run",
     "run_workflow": "workflow.chain",
     "simulate": "study.simulate",

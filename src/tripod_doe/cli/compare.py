@@ -18,7 +18,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         metavar="MEASUREMENT.csv",
         type=Path,
         nargs="*",
-        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho; several give an overview",
+        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho; several give an overview; joint "
+        "angle, torque and speed that a record states choose its point",
     )
     parser.add_argument(
         "--table",
@@ -33,14 +34,26 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         metavar="NAME=HEADING",
         action="append",
         default=[],
-        help="the column that is thrust_n, rotation_deg, time_s or tacho; may be repeated",
+        help="the column that is thrust_n, rotation_deg, time_s, tacho, joint_angle_deg, torque_n_m or speed_rpm, with "
+        "its unit in brackets behind it where the file has none; may be repeated",
     )
     parser.add_argument(
         "--pulses-per-revolution",
         metavar="N",
         type=int,
+        help="rising edges of tacho per revolution; if omitted, they are inferred and stated",
+    )
+    parser.add_argument(
+        "--pattern",
+        metavar="NAME",
+        help="names of the files with fields for parameters, for instance rig_{joint_angle_deg}deg_{torque_n_m}Nm.csv",
+    )
+    parser.add_argument(
+        "--sign",
+        type=int,
+        choices=(1, -1),
         default=1,
-        help="rising edges of tacho per revolution (default 1)",
+        help="-1 where the force is positive away from the intermediate shaft",
     )
     parser.add_argument(
         "--reference-angle",
@@ -66,17 +79,20 @@ def _run(options: argparse.Namespace) -> int:
     if options.table or options.out or len(options.measurements) != 1:
         return _run_many(options)
     from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
-    from tripod_doe.analyses.comparison.measurement import read_measurement
-    from tripod_doe.analyses.comparison.model_point import model_point
+    from tripod_doe.analyses.comparison.overview import RecordRow, point_of_record, with_stated_values
     from tripod_doe.analyses.comparison.page import write_comparison
-    from tripod_doe.analyses.comparison.record_file import parse_column
     from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
+    from tripod_doe.analyses.records.headings import parse_column
+    from tripod_doe.analyses.records.measurement import read_measurement
     from tripod_doe.study.results.result_cube import opened_cube
 
+    path, columns = options.measurements[0], dict(map(parse_column, options.column))
+    measurement = read_measurement(path, options.pulses_per_revolution, columns, options.pattern, sign=options.sign)
     with opened_cube(options.cube) as cube:
-        point = model_point(cube, options.select, options.nearest).load()
-    columns = dict(map(parse_column, options.column))
-    measurement = read_measurement(options.measurements[0], options.pulses_per_revolution, columns)
+        row = with_stated_values(cube, RecordRow(path), measurement, options.select)
+        point, simulated = point_of_record(cube, row, options.select, options.nearest)
+    if simulated:
+        print("the cube lacks the point of this record, which is simulated", file=sys.stderr)
     comparison = compare(measurement, point, options.reference_angle, parse_speeds(options.speeds))
     print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
     if options.output is not None:
@@ -88,7 +104,7 @@ def _run_many(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.comparison import parse_speeds
     from tripod_doe.analyses.comparison.overview import RecordRow, compare_records, overview_rows, read_table
     from tripod_doe.analyses.comparison.overview_page import overview_json, overview_text, write_overview
-    from tripod_doe.analyses.comparison.record_file import parse_column
+    from tripod_doe.analyses.records.headings import parse_column
     from tripod_doe.study.results.result_cube import opened_cube
 
     if options.output:
@@ -106,6 +122,9 @@ def _run_many(options: argparse.Namespace) -> int:
             options.pulses_per_revolution,
             options.reference_angle,
             parse_speeds(options.speeds),
+            options.pattern,
+            options.sign,
+            options.nearest,
         )
         study = str(cube.attrs.get("title", options.cube))
     print(overview_json(overview_rows(records)) if options.format == "json" else overview_text(records))

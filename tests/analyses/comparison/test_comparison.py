@@ -13,16 +13,11 @@ from measured import Recorder
 
 import tripod_doe as td
 from tripod_doe.analyses.comparison.comparison import compare
-from tripod_doe.analyses.comparison.measurement import (
-    Measurement,
-    edge_times,
-    pulse_numbers,
-    read_measurement,
-    rotation_from_tachometer,
-)
 from tripod_doe.analyses.comparison.model_point import model_point
-from tripod_doe.analyses.comparison.order_tracking import resample, track_orders
 from tripod_doe.analyses.comparison.sentences import find_in_comparison
+from tripod_doe.analyses.records.measurement import Measurement, read_measurement, rotation_from_tachometer
+from tripod_doe.analyses.records.order_tracking import resample, track_orders
+from tripod_doe.analyses.records.tachometer import edge_times, mended
 
 KNOWN = {0: (2.0, 0.0), 2: (4.0, 40.0), 3: (14.0, -75.0), 9: (1.3, 120.0)}
 
@@ -146,7 +141,7 @@ def test_missing_pulses_are_counted(measure):
     # a cubic spline over a gap of three turns still follows a linear run-up: only the edges' own error is left
     error = np.abs(complex_of(track(got)).mean(axis=0) - complex_orders(KNOWN))
     assert error.max() < 14 * 3 * 1.4 * np.radians(180 / 850)
-    assert pulse_numbers(np.array([0.0, 1, 2, 4, 5, 6, 9, 10])).tolist() == [0, 1, 2, 4, 5, 6, 9, 10]
+    assert mended(np.array([0.0, 1, 2, 4, 5, 6, 9, 10])).numbers.tolist() == [0, 1, 2, 4, 5, 6, 9, 10]
 
 
 @pytest.mark.parametrize("rpm", [(0, 600), (600, 0)])

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.quantities import number
 from tripod_doe.report.charts.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS
 
@@ -44,7 +45,9 @@ def _waveform(comparison: xr.Dataset) -> Chart:
         _over_rotation(axes, "thrust force (N)")
     caption = (
         "Thrust force over one revolution: measured mean over "
-        f"{comparison.attrs['revolutions_compared']} revolutions with its standard deviation (band), and model."
+        f"{comparison.attrs['revolutions_compared']} revolutions with its standard deviation (band), and model. "
+        "The measured force is shown about the mean of the model; its own is "
+        f"{number(comparison.attrs['preload_n'], 3)} N higher, with the preload of the sensor."
     )
     return Chart("waveform", "Thrust force over one revolution", caption, figure, data)
 

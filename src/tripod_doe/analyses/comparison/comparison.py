@@ -10,14 +10,13 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from tripod_doe.analyses.comparison.measurement import Measurement, read_measurement
 from tripod_doe.analyses.comparison.model_point import (
     common_speeds,
     complex_orders,
@@ -27,9 +26,10 @@ from tripod_doe.analyses.comparison.model_point import (
     model_waveform,
     orders_at_speeds,
 )
-from tripod_doe.analyses.comparison.order_tracking import CELLS, resample, track_orders
 from tripod_doe.analyses.comparison.plausibility import alignment_doubts, record_doubts
 from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.records.measurement import Measurement, read_measurement
+from tripod_doe.analyses.records.order_tracking import CELLS, resample, track_orders
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
@@ -51,7 +51,10 @@ class ComparisonSettings(BaseModel):
     measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
     select: list[str] = Field([], description="name=value of each factor, so that one point is left")
     nearest: bool = Field(False, description="take the nearest value where none matches")
-    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    pulses_per_revolution: int | None = Field(
+        None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
+    )
+    sign: Literal[1, -1] = Field(1, description="-1 where the force is positive away from the intermediate shaft")
     columns: dict[str, str] = Field({}, description="headings of the file by our names of the columns")
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
     speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
@@ -69,7 +72,7 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
         raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
     point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
     path = folder.file(settings.measurement, "measurement")
-    measurement = read_measurement(path, settings.pulses_per_revolution, settings.columns)
+    measurement = read_measurement(path, settings.pulses_per_revolution, settings.columns, sign=settings.sign)
     return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
 
 
@@ -120,7 +123,8 @@ def compare(
     Returns:
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
-        amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
+        amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust about the mean of the
+        model and without drift (attribute ``preload_n``: what was taken off), its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
         ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of the cube's speeds.
         The attribute ``doubts`` holds sentences on units or pulses that are probably wrong, one per line. Phases of
@@ -161,10 +165,17 @@ def compare(
     shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
     variables = _order_variables(each, model, scatter, factor, shared)
     compared = _within(measurement, chosen["revolution"].values)
-    variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
+    drift = float(tracked.attrs["drift_n_per_revolution"])
+    turned = (measurement.rotation_deg - measurement.rotation_deg[0]) / 360
+    level = float(each.mean(axis=0)[0].real - model[0].real)  # what was there before the joint turned
+    middle = float(chosen["revolution"].mean()) - 0.5
+    variables |= _angle_variables(
+        measurement.rotation_deg + shift, compared - level - drift * (turned - middle), point, each, model, factor
+    )
     attrs = _provenance(measurement, point) | {
         "alignment": alignment,
         "shift_deg": shift,
+        "preload_n": level,
         "confidence_level": confidence,
         "revolutions_compared": each.shape[0],
         "doubts": "\n".join(
@@ -191,6 +202,8 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
         "columns": measurement.columns,
         "lost_samples": measurement.lost_samples,
         "lost_pulses": measurement.lost_pulses,
+        "extra_pulses": measurement.extra_pulses,
+        "remarks": "\n".join(measurement.remarks),
         "point": json.dumps(factors),
         "point_units": json.dumps(
             {name: point[name].attrs["units"] for name in factors if "units" in point[name].attrs}
@@ -301,7 +314,7 @@ def _angle_variables(
     envelope = np.abs(beat)
     along = (beats * np.conj(beat) / np.maximum(envelope, 1e-300)).real.std(axis=0, ddof=1)
     rows = {
-        "measured_thrust": (mean, "measured thrust force, mean over revolutions"),
+        "measured_thrust": (mean, "measured thrust force about the model's mean, without drift, mean over revolutions"),
         "measured_thrust_scatter": (np.where(count > 1, spread, np.nan), "its standard deviation between revolutions"),
         "model_thrust": (model_waveform(point, model, wave), "thrust force of the model"),
         "measured_envelope": (envelope, "envelope of the measured orders 2, 3 and 4"),

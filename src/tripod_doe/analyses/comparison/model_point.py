@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.comparison.order_tracking import CELLS
+from tripod_doe.analyses.records.order_tracking import CELLS
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes

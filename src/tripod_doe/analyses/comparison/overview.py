@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,11 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import compare
-from tripod_doe.analyses.comparison.measurement import read_measurement
 from tripod_doe.analyses.comparison.model_point import model_point, model_scatter
 from tripod_doe.analyses.diff.definitions import fixed_parameters, parsed_study
 from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.analyses.fit.model_error import model_error
+from tripod_doe.analyses.records.measurement import Measurement, read_measurement
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
@@ -29,8 +29,14 @@ from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.simulate import simulate
 
 AGREES, DIFFERS, NOT_COMPARED = "agrees", "differs", "not compared"
-"""Verdicts: within the uncertainty of measurement and model together, beyond it, or without one of both."""
+"""Verdicts: within the uncertainty of measurement and model together, beyond it, or without one of both.
 
+The mean force is not compared, as it holds the preload of the sensor.
+"""
+
+_SAME = 0.01  # relative: how near a measured value may be to one of the cube that was aimed at
+_STEADY = 0.05  # relative change of speed below which a record has one
+_TURNS = 2  # revolutions from which its speed is known
 _NORMAL = 1.96  # half width of an interval of 95 % over its standard deviation
 
 
@@ -118,9 +124,12 @@ def compare_records(
     rows: Sequence[RecordRow],
     select: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
-    pulses_per_revolution: int = 1,
+    pulses_per_revolution: int | None = None,
     reference_angle_deg: float | None = None,
     speeds_rpm: tuple[float, float] | None = None,
+    pattern: str | None = None,
+    sign: float = 1.0,
+    nearest: bool = False,
 ) -> list[ComparedRecord]:
     """Compare records with the points of a cube.
 
@@ -128,7 +137,8 @@ def compare_records(
         cube: The cube.
         rows: The records.
         select: ``name=value`` of factors that all records share.
-        columns, pulses_per_revolution: As `read_measurement` takes them.
+        columns, pulses_per_revolution, pattern, sign: As `read_measurement` takes them.
+        nearest: Take the nearest point for what neither the table nor the record says.
         reference_angle_deg, speeds_rpm: As `compare` takes them.
 
     Returns:
@@ -137,8 +147,12 @@ def compare_records(
     compared = []
     for row in rows:
         try:
-            point, simulated = _point(cube, row, select)
-            measurement = read_measurement(row.path, pulses_per_revolution, columns or {})
+            speed = row.values.get("speed_rpm")
+            measurement = read_measurement(
+                row.path, pulses_per_revolution, columns, pattern, None if speed is None else float(speed), sign
+            )
+            row = with_stated_values(cube, row, measurement, select)
+            point, simulated = point_of_record(cube, row, select, nearest)
             comparison = compare(measurement, point, reference_angle_deg, speeds_rpm)
             error = _computed_error(cube, row, comparison, point)
         except CubeError:
@@ -150,20 +164,62 @@ def compare_records(
     return compared
 
 
-def _point(cube: xr.Dataset, row: RecordRow, select: Sequence[str]) -> tuple[xr.Dataset, bool]:
+def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measurement, select: Sequence[str]) -> RecordRow:
+    """A record with what it states of its operating point, where the table and the selection say nothing.
+
+    A value within a hundredth of one of the cube is that value. The speed is that of its revolutions; where the cube
+    has several speeds around it, each revolution is compared at its own.
+    """
+    known = {*row.values, *(text.partition("=")[0] for text in select)}
+    of_joint = str(cube.attrs.get("source", "")).endswith("simulator joint")
+    factors, fixed = factors_of(cube), fixed_parameters(cube)
+    stated = {**measurement.operating, **_own_speed(measurement)}
+    values: dict[str, float | str] = {}
+    for name, value in stated.items():
+        if name in known or not (name in factors or of_joint):
+            continue
+        levels = np.unique(cube[name].values if name in factors else [fixed.get(name, _default(name))]).astype(float)
+        if name == "speed_rpm" and levels.size > 1 and levels[0] <= value <= levels[-1]:
+            continue
+        near = float(levels[np.argmin(np.abs(levels - value))])
+        values[name] = near if abs(near - value) <= _SAME * abs(value) else value
+    return replace(row, values={**values, **row.values}) if values else row
+
+
+def _own_speed(measurement: Measurement) -> dict[str, float]:
+    """Mean speed of a record that does not run up; nothing where its time is not known."""
+    angle, time = measurement.rotation_deg, measurement.time_s
+    if time is None or angle.size < 2 or not angle[-1] > angle[0] + _TURNS * 360:
+        return {}
+    whole = np.arange(angle[0], angle[-1], 360.0)
+    speed = 60 / np.diff(np.interp(whole, angle, time))
+    return {"speed_rpm": float(speed.mean())} if np.ptp(speed) < _STEADY * speed.mean() else {}
+
+
+def _default(name: str) -> float:
+    default = JOINT_PARAMETERS[name].default
+    return float(default) if isinstance(default, int | float) else math.nan
+
+
+def point_of_record(
+    cube: xr.Dataset, row: RecordRow, select: Sequence[str] = (), nearest: bool = False
+) -> tuple[xr.Dataset, bool]:
     """The model at the operating point of a record, and whether it was simulated for that."""
     factors, fixed = factors_of(cube), fixed_parameters(cube)
-    moved = [name for name, value in row.values.items() if name not in factors and not _equal(fixed.get(name), value)]
+    moved = [
+        name
+        for name, value in row.values.items()
+        if name not in factors and not _equal(fixed.get(name, JOINT_PARAMETERS[name].default), value)
+    ]
     own = [f"{name}={value}" for name, value in row.values.items() if name in factors]
     given = {text.partition("=")[0] for text in own}
     try:
         if moved:
             raise InputError(f"the cube has another {moved[0]}")
-        return model_point(
-            cube, [*own, *(text for text in select if text.partition("=")[0] not in given)]
-        ).load(), False
+        rest = [text for text in select if text.partition("=")[0] not in given]
+        return model_point(cube, [*own, *rest], nearest and not own).load(), False
     except InputError:
-        if not str(cube.attrs.get("source", "")).endswith("simulator joint"):
+        if not row.values or not str(cube.attrs.get("source", "")).endswith("simulator joint"):
             raise
         known = _parameters(cube, row, select)
         if set(factors) - known.keys() - {"replicate"}:
@@ -219,6 +275,8 @@ def _row(record: ComparedRecord, order: int) -> OverviewRow:
         float(own[name]) for name in ("measured_amplitude", "measured_amplitude_uncertainty", "model_amplitude")
     )
     error = float(record.computed_error[order])
+    if order == 0:  # the preload of the sensor is in it
+        return OverviewRow(record.name, order, measured, unsure, computed, error, NOT_COMPARED)
     allowed = math.hypot(unsure, error if math.isfinite(error) else 0.0)
     verdict = AGREES if abs(measured - computed) <= allowed else DIFFERS
     return OverviewRow(record.name, order, measured, unsure, computed, error, verdict)

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.analyses.comparison.measurement import Measurement
-from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.analyses.records.measurement import Measurement
+from tripod_doe.analyses.records.spectrum import FEWEST_CYCLES, cycle_amplitudes
+from tripod_doe.array_types import ComplexArray
 from tripod_doe.errors import option
 from tripod_doe.quantities import number
 
-_MOST_SAMPLES = 2**18
-_FEWEST_CYCLES = 3  # of an oscillation in the record, below which it may be drift
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
 _DEAD = 1e-6  # part of the model's strongest order below which a record does not oscillate
 _NEAR = 0.04  # relative: how near a ratio must be to the one that explains it
@@ -32,14 +31,14 @@ def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
     """
     order = 1 + int(np.argmax(np.abs(model[1:])))
     expected = float(np.abs(model[order]))
-    orders, amplitude = _spectrum(measurement.rotation_deg, measurement.thrust_n)
+    orders, amplitude = cycle_amplitudes(measurement.rotation_deg, measurement.thrust_n)
     if not expected or not amplitude.size:
         return []
     if not amplitude.max() > _DEAD * expected:
         level = float(np.nanmean(measurement.thrust_n))
         return [f"Check the force: the record stays at {number(level)} N, as a channel without a signal does."]
     at = int(np.argmax(amplitude))
-    strongest, width = float(orders[at]), float(orders[0] / _FEWEST_CYCLES)
+    strongest, width = float(orders[at]), float(orders[0] / FEWEST_CYCLES)
     own = amplitude[np.abs(orders - order) <= max(2 * width, _NEAR * order)].max(initial=0.0)
     doubts = []
     if own < _WEAK * amplitude[at]:
@@ -97,7 +96,7 @@ def _eccentricity(measurement: Measurement) -> float:
     """How far the angle runs ahead and behind once per revolution of even turning, deg; 0 where no time is known."""
     angle, time = measurement.rotation_deg, measurement.time_s
     turns = np.arange(np.ceil(angle[0] / 360), angle[-1] / 360) * 360
-    if time is None or turns.size < _FEWEST_CYCLES:
+    if time is None or turns.size < FEWEST_CYCLES:
         return 0.0
     from scipy.interpolate import CubicSpline
 
@@ -138,17 +137,3 @@ def _angle_doubts(measurement: Measurement, strongest: float, order: int) -> lis
         if abs(strongest / (order * factor) - 1) < _NEAR:
             return [f"{start} times, as if rotation_deg were in {unit}; write the heading as rotation [{unit}]."]
     return []
-
-
-def _spectrum(rotation_deg: FloatArray, thrust_n: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cycles per revolution and amplitudes of the whole record, also between whole orders (Hann window)."""
-    there = np.isfinite(thrust_n)
-    angle, force = rotation_deg[there], thrust_n[there]
-    count = min(angle.size, _MOST_SAMPLES)
-    if count < 2 * _FEWEST_CYCLES or not angle[-1] > angle[0]:
-        return np.array([]), np.array([])
-    even = np.interp(np.linspace(angle[0], angle[-1], count), angle, force)
-    window = np.hanning(count)
-    amplitude = 2 * np.abs(np.fft.rfft((even - even.mean()) * window)) / window.sum()
-    cycles = np.arange(amplitude.size) / ((angle[-1] - angle[0]) / 360)
-    return cycles[_FEWEST_CYCLES:], amplitude[_FEWEST_CYCLES:]

@@ -116,6 +116,7 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         ("revolutions_left_out", "revolution", "left out for a gap wider than 14.4 deg or too few samples"),
         ("lost_samples", "sample", "without a number"),
         ("lost_pulses", "pulse", "of the tachometer missing and interpolated"),
+        ("extra_pulses", "edge", "of the tachometer, which were bounces or spikes"),
     )
     if "model_error" in attrs:
         off = number(100 * attrs["model_error"], 2)
@@ -125,9 +126,10 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         sentences.append(
             f"The force drifts by {number(drift, 2)} N per revolution; what this adds to the orders is subtracted."
         )
+    sentences += str(attrs.get("remarks", "")).splitlines()
     if attrs.get("columns"):
         sentences.append(f"Columns: {attrs['columns']}.")
-    lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]
+    lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs.get(key)]
     return sentences + ([f"Lost: {', '.join(lost)}."] if lost else [])
 
 

@@ -46,7 +46,10 @@ class RecordsTable(Table):
     orders: list[int] = Field([2, 3], min_length=1, description="rotating orders that are fitted")
     waveform: bool = Field(False, description="fit the orders 1 to 12, which are the waveform without its mean")
     columns: dict[str, str] = Field({}, description="headings of the files by our names of the columns")
-    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    pattern: str | None = Field(None, description="names of the files with fields, rig_{joint_angle_deg}deg.csv")
+    pulses_per_revolution: int | None = Field(
+        None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
+    )
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the zero of the records")
     sign: Literal[1, -1, "free"] = Field(1, description="sign of the force; free if it is not known")
     force_scale_error: float = Field(0.0, ge=0, lt=1, description="relative uncertainty of the force sensor's scale")

@@ -11,19 +11,21 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from tripod_doe.analyses.comparison.measurement import read_measurement
 from tripod_doe.analyses.comparison.model_point import complex_orders
-from tripod_doe.analyses.comparison.order_tracking import track_orders
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.analyses.records.measurement import Measurement, read_measurement
+from tripod_doe.analyses.records.order_tracking import track_orders
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.quantities import number
 from tripod_doe.simulator import Parameter, Value
 from tripod_doe.study.definition.study_folder import StudyFolder
 
-_SPEED = "speed_rpm"
+_ANGLE, _TORQUE, _SPEED = "joint_angle_deg", "torque_n_m", "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
 _PRIOR = 8  # degrees of freedom for which the usual scatter of all records counts in each of them
+_APART = 0.05  # relative: how far a record may be from a base value
 _FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
 _OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
 """Keys of [records] that a column of the table may give for each record."""
@@ -40,6 +42,7 @@ class RigRecord:
     labels: Mapping[str, str]  # other columns of the table, as text
     reference_angle_deg: float | None  # None where the record is aligned by an order
     sign: float | None  # of the force; None where it is not known
+    remarks: tuple[str, ...] = ()  # sentences on what was assumed when it was read
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ def read_records(request: FitRequest, parameters: Mapping[str, Parameter]) -> li
     records, wrong = list[RigRecord](), list[str]()
     for row in asked:
         try:
-            records.append(_read(request, row))
+            records.append(_read(request, row, parameters))
         except InputError as error:
             wrong.append(str(error))
     if wrong:
@@ -172,33 +175,67 @@ def _own(key: str, text: str) -> Any:
         raise InputError(f"{key} = {text!r}: expected a number") from error
 
 
-def _read(request: FitRequest, asked: _Asked) -> RigRecord:
+def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter]) -> RigRecord:
     """One record: its file, over revolutions."""
     table = request.file.records
     settings = {key: getattr(table, key) for key in _OWN} | dict(asked.own)
-    measured = read_measurement(asked.path, settings["pulses_per_revolution"], table.columns)
+    speed = {**request.file.base, **asked.parameters}.get(_SPEED)
+    measured = read_measurement(
+        asked.path,
+        settings["pulses_per_revolution"],
+        table.columns,
+        table.pattern,
+        float(speed) if isinstance(speed, int | float) else None,
+    )
     try:
         tracked = track_orders(measured.rotation_deg, measured.thrust_n, measured.time_s)
+        own = _stated(request, asked, measured, parameters)
     except InputError as error:
         raise InputError(f"{asked.path}: {error}") from error
-    parameters = dict(asked.parameters)
-    if _SPEED not in {*parameters, *request.file.base, *request.file.unknowns}:
-        if "speed_rpm" not in tracked:
+    if _SPEED not in {*asked.parameters, *request.file.base, *request.file.unknowns}:
+        if _SPEED in tracked:
+            own[_SPEED] = float(tracked[_SPEED].mean())
+        elif _SPEED not in own:
             raise InputError(
                 f"{asked.path}: its speed is not known: give speed_rpm in [base] or in the table of records, or a "
                 "column time_s"
             )
-        parameters[_SPEED] = float(tracked["speed_rpm"].mean())
     sign = settings["sign"]
     return RigRecord(
         name=asked.path.name,
         orders=complex_orders(tracked),
         angle_error_deg=measured.angle_error_deg,
-        parameters=parameters,
+        parameters=own,
         labels=asked.labels,
         reference_angle_deg=settings["reference_angle_deg"],
         sign=None if sign == "free" else float(sign),
+        remarks=measured.remarks,
     )
+
+
+def _stated(
+    request: FitRequest, asked: _Asked, measured: Measurement, parameters: Mapping[str, Parameter]
+) -> dict[str, Value]:
+    """Parameters of a record: those of the table, else what the record states beyond base values and unknowns."""
+    own = dict(asked.parameters)
+    for name, value in measured.operating.items():
+        if name in own or name in request.file.unknowns:
+            continue
+        known = request.file.base.get(name)
+        if known is None:
+            own[name] = parameters[name].check(value)
+        elif isinstance(known, int | float) and abs(known - value) > _APART * abs(value):
+            raise InputError(
+                f"it states {name} = {number(value)}, [base] {known:g}; remove {name} from [base], and records that "
+                "state none need a table"
+            )
+    for name in (_ANGLE, _TORQUE):
+        if name not in {*own, *request.file.base, *request.file.unknowns}:
+            raise InputError(
+                f"its {name} is not known: give it in [base], in the table of records, in the first lines or a column "
+                'of the file, or in its name with pattern = "NAME" in [records]'
+            )
+    return own
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import amplitude_and_phase
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.quantities import count_of
 from tripod_doe.simulator import Value
 
 _RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
@@ -74,13 +75,26 @@ def fit_dataset(
     for name in dict.fromkeys(name for record in records for name in record.parameters):
         values = [record.parameters.get(name, np.nan) for record in records]
         coordinates[name] = ("record", values, _of_parameter(name))
-    attrs = _attributes(request, models, solution, error)
+    attrs = _attributes(request, models, solution, error) | {"remarks": _remarks(records)}
     if following is not None:
         more, places = _candidates(following, len(orders))
         variables |= more
         coordinates |= places
         attrs |= {"next_unknown": following.unknown, "next_within": following.within}
     return xr.Dataset(variables, coordinates, attrs)
+
+
+def _remarks(records: Sequence[RigRecord]) -> str:
+    """What was assumed when the records were read, a line each; what several have in common once."""
+    by_text: dict[str, list[str]] = {}
+    for record in records:
+        for remark in record.remarks:
+            by_text.setdefault(remark, []).append(record.name)
+    lines = []
+    for text, names in by_text.items():
+        of = f"{names[0]}: " if len(names) == 1 else f"{count_of(len(names), 'record')}: "
+        lines.append(of + text)
+    return "\n".join(lines)
 
 
 def _meaning(unit: str, meaning: str) -> dict[str, str]:

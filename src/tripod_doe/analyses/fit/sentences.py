@@ -39,7 +39,7 @@ def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
     sentences += _combined(fit)
     sentences += _next_sentences(fit)
     sentences += _correlated(fit)
-    return sentences + list(_cautions(fit))
+    return [*sentences, *_cautions(fit), *str(fit.attrs.get("remarks", "")).splitlines()]
 
 
 def _unit(name: str) -> str:

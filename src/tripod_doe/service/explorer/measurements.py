@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
-from tripod_doe.analyses.comparison.measurement import read_measurement
 from tripod_doe.analyses.comparison.model_point import model_point
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
+from tripod_doe.analyses.records.measurement import read_measurement
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars

@@ -1,0 +1,251 @@
+"""Headings that recorders give to columns: names in several languages, with their units.
+
+A heading is known by our name (``thrust_n``), by a usual name (``Time``, ``Zeit/s``, ``Axial force [kN]``), or by words
+within a longer one (``CH3 Axialkraft Gehäuse (N)``).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from tripod_doe.errors import InputError, closest, option
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a column can be."""
+
+    telling: tuple[str, ...]  # names that also count within a longer heading
+    plain: tuple[str, ...]  # names that count alone
+    units: Mapping[str, float]  # factors to our unit, by units without spaces, dots and case
+
+
+_TURN = 180 / math.pi
+_FORCE = {"n": 1.0, "kn": 1e3, "dan": 10.0, "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665}
+_ANGLE = {
+    "deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "grad": 1.0, "rad": _TURN, "mrad": _TURN / 1e3,
+    "rev": 360.0, "revs": 360.0, "turns": 360.0, "umdr": 360.0,
+}  # fmt: skip
+_TIME = {"s": 1.0, "sec": 1.0, "sek": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0,
+         "hh:mm:ss": 1.0, "hh:mm": 1.0, "h:m:s": 1.0}  # fmt: skip
+_MOMENT = {
+    "nm": 1.0, "knm": 1e3, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2, "lbfft": 1.3558179483314, "lbft": 1.3558179483314,
+    "ftlb": 1.3558179483314, "ftlbf": 1.3558179483314,
+}  # fmt: skip
+_SPEED = {
+    "rpm": 1.0, "1/min": 1.0, "u/min": 1.0, "r/min": 1.0, "rev/min": 1.0, "tr/min": 1.0, "min-1": 1.0, "/min": 1.0,
+    "upm": 1.0, "1/s": 60.0, "s-1": 60.0, "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
+}  # fmt: skip
+ROLES = {
+    "thrust_n": Role(
+        ("thrust", "axial force", "axial thrust", "axialkraft", "axialkraefte", "schubkraft", "kraft axial",
+         "force axiale", "fuerza axial", "forza assiale", "gaf", "generated axial force"),
+        ("force", "kraft", "fax", "f ax", "f axial", "effort axial"),
+        _FORCE,
+    ),
+    "rotation_deg": Role(
+        ("rotation angle", "angle of rotation", "shaft angle", "drehwinkel", "wellenwinkel", "rotationswinkel",
+         "angle de rotation", "encoder angle", "angular position"),
+        ("rotation", "angle", "phi", "winkel", "encoder"),
+        _ANGLE,
+    ),
+    "time_s": Role(("time", "zeit", "messzeit", "temps", "tiempo", "tempo"), ("t", "timestamp", "x time"), _TIME),
+    "tacho": Role(
+        ("tacho", "tachometer", "tach", "keyphasor", "drehzahlimpuls", "drehzahlpuls", "impulse", "trigger",
+         "drehzahlgeber", "speed pulse", "pulse train", "lichtschranke", "nullimpuls", "index pulse"),
+        ("pulse", "pulses", "impuls", "impulse", "marker", "z pulse", "once per rev"),
+        {},
+    ),
+    "joint_angle_deg": Role(
+        ("joint angle", "articulation angle", "bending angle", "operating angle", "beugewinkel", "gelenkwinkel",
+         "knickwinkel", "angle de brisure", "deflection angle"),
+        ("articulation", "theta", "beta"),
+        _ANGLE,
+    ),
+    "torque_n_m": Role(
+        ("torque", "drehmoment", "moment of torsion", "couple", "coppia"),
+        ("moment", "m", "md", "par", "last", "load torque"),
+        _MOMENT,
+    ),
+    "speed_rpm": Role(
+        ("speed", "shaft speed", "rotational speed", "rotation speed", "drehzahl", "vitesse de rotation"),
+        ("rpm", "n", "vitesse", "velocidad"),
+        _SPEED,
+    ),
+}  # fmt: skip
+"""Columns of a record by our name of each; the last three say where the joint was, and may stand elsewhere."""
+
+OPERATING = ("joint_angle_deg", "torque_n_m", "speed_rpm")
+"""Roles that may be a column, but need not."""
+
+_LEVELS = {"v", "mv", "ttl"}
+"""Units of a tachometer's signal, also where it is called speed."""
+
+_OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
+_COMPOUND = 7  # letters from which a name is known within a longer word, as in Antriebsdrehmoment
+_BRACKETS = re.compile(r"^(.*?)\s*(?:\[\s*(.*?)\s*\]|<\s*(.*?)\s*>|\(\s*(.*?)\s*\))\s*$")
+_APART = re.compile(r"\s+in\s+|[\s/,;:_]+")
+
+
+def plain_words(text: str) -> str:
+    """A name without case, accents and signs between its words."""
+    text = text.casefold().replace("ä", "ae").replace("ö", "oe").replace("ü", "ue")
+    text = "".join(sign for sign in unicodedata.normalize("NFD", text) if not unicodedata.combining(sign))
+    return " ".join(re.findall(r"[^\W_]+", text))
+
+
+def unit_key(unit: str) -> str:
+    """A unit as the tables of units hold it."""
+    return re.sub(r"[\s.·⋅*^]", "", unit.replace("⁻¹", "-1").replace("μ", "µ")).casefold()
+
+
+KNOWN_UNITS = {unit for role in ROLES.values() for unit in role.units}
+_OTHER_UNITS = set(
+    "v mv a ma - -- % 1 k °c degc °f bar mbar kpa mpa pa g m/s m/s2 mm µm um m w kw # count".split()  # noqa: SIM905
+)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a field below a heading is a unit that some column of a record may have."""
+    return unit_key(text.strip().strip("[]()<>").strip()) in KNOWN_UNITS | _OTHER_UNITS
+
+
+def name_and_unit(role: str, heading: str) -> tuple[str, str]:
+    """Name and unit of a heading for a role; no unit where it names none.
+
+    What stands in square brackets is a unit; in round ones, or at the end, it is one if the role knows it.
+    """
+    units = ROLES[role].units
+    if (match := _BRACKETS.match(heading)) is not None:
+        own = match[2] or match[3] or ""
+        if own or not match[4]:
+            return match[1], own
+        return (match[1], match[4]) if unit_key(match[4]) in units else (f"{match[1]} {match[4]}", "")
+    for apart in _APART.finditer(heading):
+        if apart.start() and unit_key(heading[apart.end() :]) in units:
+            return heading[: apart.start()], heading[apart.end() :]
+    return heading, ""
+
+
+def unit_factor(role: str, heading: str) -> float:
+    """What values under a heading are multiplied by: 1 where it names no unit.
+
+    Raises:
+        InputError: If it names a unit that the role does not know.
+    """
+    units = ROLES[role].units
+    if not units or heading == role:
+        return 1.0
+    unit = name_and_unit(role, heading)[1]
+    if unit == "mN":
+        return 1e-3
+    if unit and unit_key(unit) not in units:
+        raise InputError(f"the unit of {heading!r} is not known; known are {', '.join(units)}")
+    return units[unit_key(unit)] if unit else 1.0
+
+
+def _rank(role: str, heading: str) -> tuple[int, int] | None:
+    """How well a heading names a role, the better the smaller, and by how many letters; None if it does not."""
+    if heading == role:
+        return _OWN, 0
+    for name in (plain_words(heading), plain_words(name_and_unit(role, heading)[0])):
+        if name in ROLES[role].telling:
+            return _TELLING, 0
+        if name in ROLES[role].plain:
+            return _PLAIN, 0
+    within = [len(phrase) for phrase in ROLES[role].telling if _holds(name, phrase)]
+    return (_WITHIN, -max(within)) if within else None
+
+
+def _holds(name: str, phrase: str) -> bool:
+    edge = "" if len(phrase) >= _COMPOUND and " " not in phrase else r"\b"
+    return re.search(f"{edge}{re.escape(phrase)}{edge}", name) is not None
+
+
+def roles_of(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, int]:
+    """Position of every column that is known, by our name of it.
+
+    Args:
+        headings: Those of the file.
+        given: Headings by our names, as the user wrote them.
+
+    Raises:
+        InputError: If a given heading is not there, or two headings name a role alike.
+    """
+    positions = {role: given_position(role, heading, headings) for role, heading in given.items()}
+    free = [place for place in range(len(headings)) if place not in positions.values()]
+    claims = {place: _claims(headings[place]) for place in free}
+    for role in ROLES.keys() - positions.keys():
+        ranked = [(claims[place][role], place) for place in free if role in claims[place]]
+        best = min((rank for rank, _ in ranked), default=None)
+        places = [place for rank, place in ranked if rank == best]
+        if len(places) > 1 and role not in OPERATING:
+            names = " or ".join(repr(headings[i]) for i in places)
+            hint = option("column", f"{role}={headings[places[0]]}")
+            raise InputError(f"{names} may be {role}: choose one, for instance {hint}")
+        if len(places) == 1:
+            positions[role] = places[0]
+    return {role: positions[role] for role in ROLES if role in positions}
+
+
+def _claims(heading: str) -> dict[str, tuple[int, int]]:
+    """Roles that a heading may name; words within it count for the role of the longest ones."""
+    ranks = {role: rank for role in ROLES if (rank := _rank(role, heading)) is not None}
+    if "speed_rpm" in ranks and unit_key(name_and_unit("speed_rpm", heading)[1]) in _LEVELS:
+        return {"tacho": ranks["speed_rpm"]}
+    best = min(ranks.values(), default=None)
+    exact = {role: rank for role, rank in ranks.items() if rank[0] != _WITHIN}
+    return exact or {role: rank for role, rank in ranks.items() if rank == best}
+
+
+def given_position(role: str, given: str, headings: Sequence[str]) -> int:
+    """Position of the heading that a user named: as it is written, or without its unit, case and signs."""
+    if given in headings:
+        return headings.index(given)
+    for form in (_without_unit, plain_words):
+        places = [place for place, heading in enumerate(headings) if form(heading) == form(given)]
+        places = places or [
+            place for place, heading in enumerate(headings) if form(_without_unit(heading)) == form(given)
+        ]
+        if len(places) == 1:
+            return places[0]
+        if places:
+            raise InputError(
+                f"{option('column', f'{role}={given}')}: several headings have this name: "
+                + ", ".join(repr(headings[place]) for place in places)
+            )
+    raise InputError(
+        f"{option('column', f'{role}={given}')}: no such heading{closest(given, headings)}; the file has "
+        + ", ".join(headings)
+    )
+
+
+def _without_unit(heading: str) -> str:
+    match = _BRACKETS.match(heading)
+    return match[1] if match else heading
+
+
+def unit_given(heading: str, given: str | None) -> str:
+    """A heading with the unit that the user wrote behind it, where it names another one or none."""
+    match = _BRACKETS.match(given or "")
+    return (
+        heading
+        if match is None or given == heading
+        else f"{_without_unit(heading)} [{match[2] or match[3] or match[4]}]"
+    )
+
+
+def parse_column(text: str) -> tuple[str, str]:
+    """Our name of a column and its heading in a file, from ``NAME=HEADING``.
+
+    Raises:
+        InputError: If the text has another form.
+    """
+    name, equals, heading = (part.strip() for part in text.partition("="))
+    if not equals or not heading or name.replace("-", "_") not in ROLES:
+        raise InputError(f"{option('column', text)}: write NAME=HEADING, a NAME of {', '.join(ROLES)}")
+    return name.replace("-", "_"), heading

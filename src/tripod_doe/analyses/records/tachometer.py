@@ -1,0 +1,224 @@
+"""Rotation angle from a tachometer: its edges are found, cleaned of bounces, and those that are missing are counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.errors import InputError
+
+_LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
+_OUTLIERS = (0.0, 0.001, 0.01, 0.05)  # parts of the samples, above and below, that may be spikes beyond the range
+_MANY = 3  # times as many pulses, with which a narrower range is believed
+_NEIGHBOURS = 5  # intervals whose median is the local time between pulses
+_BOUNCE = 0.25  # of the time between pulses, below which a second edge is a bounce
+_EARLY = 0.04  # of the time between pulses, from which an edge with a bounce behind it is doubted
+_WINDOW = 15  # edges around one, for the time between pulses among bounces
+_RARE = 10  # edges among which one may be a spike
+_LOOSE = 1.5  # times the next interval, from which the first or last one may hide a pulse
+_UNEVEN = 0.3  # part of an interval by which it may differ from a whole multiple of its neighbours
+_RAGGED = 0.15  # part of an interval by which half of them may differ from whole multiples
+_MOST_CUT = 0.5  # of the time of a record, that may lie beyond pulses that cannot be mended
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Pulses of a tachometer."""
+
+    times: FloatArray  # instants of the edges in s, shape (edge,)
+    numbers: IntArray  # of the edges, the first 0; missing pulses are counted, shape (edge,)
+    extra: int = 0  # edges that were dropped: bounces and spikes
+
+    @property
+    def lost(self) -> int:
+        """Number of missing pulses."""
+        return int(self.numbers[-1]) + 1 - self.numbers.size
+
+
+def find_pulses(time_s: FloatArray, tacho: FloatArray) -> Pulses:
+    """Pulses of a tachometer, mended.
+
+    Edges that follow another one closely are bounces; an edge between two others that are whole pulses apart without
+    it is a spike. Where an interval stays uneven, the longer part of the record on one side of it is kept.
+
+    Args:
+        time_s, tacho: Time in s and tachometer in any unit, shape (sample,).
+
+    Raises:
+        InputError: If there are less than two pulses, or most of the record lies beyond irregular ones.
+    """
+    best, problem = None, InputError("")
+    for part in _OUTLIERS:
+        edges = edge_times(time_s, tacho, part)
+        try:
+            if edges.size < 2:
+                raise _no_edges(edges.size)
+            pulses = mended(edges)
+        except InputError as error:
+            problem = problem if str(problem) else error
+            continue
+        if best is None or pulses.times.size > _MANY * best.times.size:
+            best = pulses
+    if best is None:
+        raise problem
+    return best
+
+
+def _no_edges(count: int) -> InputError:
+    return InputError(
+        f"{count or 'no'} rising edge{'s' if count != 1 else ''} in tacho; give a pulse or square wave with at least "
+        "one rising edge per revolution, or a column rotation_deg"
+    )
+
+
+def edge_times(time_s: FloatArray, tacho: FloatArray, outliers: float = 0.0) -> FloatArray:
+    """Instants in s at which a pulse train or square wave rises through the middle of its range.
+
+    A rise counts when it goes from below 35 % to above 65 % of the range, so that noise up to 15 % makes no edge.
+
+    Args:
+        time_s, tacho: Time in s and tachometer in any unit, shape (sample,).
+        outliers: Part of the samples at both ends that does not count for the range.
+
+    Returns:
+        ndarray, shape (edge,)
+    """
+    low, high = (float(end) for end in np.quantile(tacho, [outliers, 1 - outliers])) if tacho.size else (0.0, 0.0)
+    state = np.where(tacho > low + _HIGH * (high - low), 1, 0) - np.where(tacho < low + _LOW * (high - low), 1, 0)
+    decided = np.flatnonzero(state)
+    rising = np.flatnonzero(np.diff(state[decided]) > 0)
+    before, after = decided[rising], decided[rising + 1]
+    part = np.clip(((low + high) / 2 - tacho[before]) / (tacho[after] - tacho[before]), 0, 1)
+    return np.asarray(time_s[before] + part * (time_s[after] - time_s[before]), float)
+
+
+def mended(edges: FloatArray) -> Pulses:
+    """Pulses from edges: without bounces, spikes and loose ends, with the missing ones counted.
+
+    Args:
+        edges: Instants in s, at least two, shape (edge,).
+
+    Raises:
+        InputError: If most of the record lies beyond pulses that cannot be mended.
+    """
+    found = edges.size
+    edges = _without_spikes(_in_place(_without_bounces(edges), edges))
+    extra = found - edges.size
+    edges = _without_loose_ends(edges)
+    ratio, whole = _ratios(edges)
+    uneven = np.flatnonzero(_is_uneven(ratio, whole))
+    ragged = float(np.median(np.abs(ratio - whole))) > _RAGGED
+    if not uneven.size and not ragged:
+        return Pulses(edges, np.concatenate([[0], np.cumsum(whole)]), extra)
+    bounds = np.concatenate([[-1], uneven, [edges.size - 1]])
+    longest = int(np.argmax(edges[bounds[1:]] - edges[bounds[:-1] + 1]))
+    first, last = bounds[longest] + 1, bounds[longest + 1]
+    if ragged or edges[last] - edges[first] < (1 - _MOST_CUT) * (edges[-1] - edges[0]):
+        at, interval = int(np.argmax(np.abs(ratio - whole))), np.diff(edges)
+        raise InputError(
+            f"the pulses of tacho are irregular: {interval[at]:.4g} s between those at {edges[at]:.6g} s and "
+            f"{edges[at + 1]:.6g} s, where their neighbours are {interval[at] / ratio[at]:.4g} s apart; clean the "
+            "tachometer signal or cut the record there"
+        )
+    return Pulses(edges[first : last + 1], np.concatenate([[0], np.cumsum(whole[first:last])]), extra)
+
+
+def _without_bounces(edges: FloatArray) -> FloatArray:
+    """Edges without those that follow another one within a quarter of the time between pulses.
+
+    Bounces may be more than pulses. So the time between pulses is the median of neighbouring intervals weighted by
+    their lengths, which short ones hardly move.
+    """
+    while edges.size > 3:
+        interval = np.diff(edges)
+        width = min(_WINDOW, interval.size) | 1
+        padded = np.pad(interval, width // 2, mode="symmetric" if interval.size > width // 2 else "edge")
+        near = np.sort(np.lib.stride_tricks.sliding_window_view(padded, width)[: interval.size], axis=1)
+        half = np.cumsum(near, axis=1) >= near.sum(axis=1, keepdims=True) / 2
+        usual = np.take_along_axis(near, np.argmax(half, axis=1)[:, None], axis=1)[:, 0]
+        short = interval < _BOUNCE * usual
+        kept = np.concatenate([[True], ~short])
+        if kept.all():
+            break
+        edges = edges[kept]
+    return edges
+
+
+def _in_place(kept: FloatArray, edges: FloatArray) -> FloatArray:
+    """Edges where a spike that a pulse follows closely is replaced by that pulse."""
+    kept = kept.copy()
+    for at in range(1, kept.size - 1):
+        middle, near = (kept[at - 1] + kept[at + 1]) / 2, _BOUNCE * (kept[at + 1] - kept[at - 1]) / 2
+        early = middle - kept[at]
+        if _EARLY * near / _BOUNCE < early < near:
+            behind = edges[(edges > kept[at]) & (edges < kept[at] + near)]
+            if behind.size and (off := np.abs(behind - middle)).min() < early / 2:
+                kept[at] = behind[int(np.argmin(off))]
+    return kept
+
+
+def _without_spikes(edges: FloatArray) -> FloatArray:
+    """Edges without those between two others that are whole pulses apart, where the intervals beside them are not."""
+    for _ in range(edges.size // _RARE):
+        ratio, whole = _ratios(edges)
+        off = np.abs(ratio - whole) + (whole < 1)
+        both = ratio[:-1] + ratio[1:]
+        joined = np.abs(both - np.rint(both))
+        gain = np.where(np.rint(both) >= 1, np.maximum(off[:-1], off[1:]) - joined, -1.0)
+        gain[~(_is_uneven(ratio, whole)[:-1] | _is_uneven(ratio, whole)[1:]) | (joined > _UNEVEN)] = -1.0
+        if gain.max() <= 0:
+            break
+        best = int(np.argmax(gain))
+        edges = np.delete(edges, best + 1)
+    return edges
+
+
+def _ratios(edges: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Intervals over the median of their neighbours, and the whole numbers of pulses that they are."""
+    from scipy.ndimage import median_filter
+
+    interval = np.diff(edges)
+    ratio = interval / median_filter(interval, size=_NEIGHBOURS, mode="nearest")
+    return ratio, np.rint(ratio).astype(np.int64)
+
+
+def _is_uneven(ratio: FloatArray, whole: IntArray) -> IntArray:
+    return np.asarray((whole < 1) | (np.abs(ratio - whole) > _UNEVEN))
+
+
+def _without_loose_ends(edges: FloatArray) -> FloatArray:
+    """Edges without a first or last interval much longer than the next one.
+
+    At the ends of a record a missing pulse and a start from rest look alike, so neither is counted.
+    """
+    while edges.size > 3 and edges[1] - edges[0] > _LOOSE * (edges[2] - edges[1]):
+        edges = edges[1:]
+    while edges.size > 3 and edges[-1] - edges[-2] > _LOOSE * (edges[-2] - edges[-3]):
+        edges = edges[:-1]
+    return edges
+
+
+def angle_between_pulses(pulses: Pulses, time_s: FloatArray, pulses_per_revolution: int) -> FloatArray:
+    """Rotation angle in deg at some times between the first and the last pulse, 0 at the first.
+
+    A cubic spline runs through the instants of the edges, at 360/n deg each: constant acceleration is followed
+    exactly, ripple within the time between two pulses is not seen. Computed order tracking after Fyfe and Munck,
+    Mechanical Systems and Signal Processing 11 (1997) 187-205.
+
+    Raises:
+        InputError: If the angle runs backwards, as pulses are too few for the changes of speed.
+    """
+    from scipy.interpolate import CubicSpline
+
+    angle: Callable[[FloatArray], FloatArray] = CubicSpline(
+        pulses.times, pulses.numbers * (360.0 / pulses_per_revolution)
+    )
+    rotation = angle(time_s)
+    if np.any(np.diff(rotation) < 0):
+        raise InputError(
+            "the angle between tachometer pulses runs backwards; the record needs more pulses per revolution"
+        )
+    return rotation

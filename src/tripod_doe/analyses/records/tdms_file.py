@@ -1,0 +1,59 @@
+"""TDMS files of National Instruments, read with npTDMS where it is installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tripod_doe.errors import InputError
+
+_MARK = b"TDSm"
+
+
+def is_tdms(path: Path) -> bool:
+    """Whether a file begins as a TDMS file does."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(_MARK)) == _MARK
+    except OSError:
+        return False
+
+
+def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]:
+    """Headings with their units, columns, and properties as lines ``name: value``.
+
+    Channels of the group with the most values are read; those that are shorter end in gaps. Without a channel of time,
+    the increment of the waveform gives it.
+
+    Raises:
+        InputError: If npTDMS is not installed, or the file cannot be read or has no channels.
+    """
+    try:
+        import nptdms
+    except ImportError as error:
+        raise InputError("a TDMS file: install the reader with pip install 'tripod-doe[tdms]', or export it") from error
+    try:
+        file = nptdms.TdmsFile.read(path)
+    except Exception as error:  # whatever a damaged file makes of its reader
+        raise InputError(f"cannot read this TDMS file: {error}") from error
+    groups = [group for group in file.groups() if group.channels()]
+    if not groups:
+        raise InputError("this TDMS file has no channels")
+    group = max(groups, key=lambda own: sum(len(channel) for channel in own.channels()))
+    channels = [channel for channel in group.channels() if np.issubdtype(channel.dtype, np.number)]
+    rows = max((len(channel) for channel in channels), default=0)
+    headings, columns = [], []
+    for channel in channels:
+        unit = str(channel.properties.get("unit_string", channel.properties.get("NI_UnitDescription", "")))
+        headings.append(f"{channel.name} [{unit}]" if unit else channel.name)
+        columns.append(
+            pd.Series(np.pad(np.asarray(channel[:], float), (0, rows - len(channel)), constant_values=np.nan))
+        )
+    increment = next((c.properties["wf_increment"] for c in channels if c.properties.get("wf_increment")), None)
+    if increment is not None:
+        headings.append("time_s")
+        columns.append(pd.Series(np.arange(rows) * float(increment)))
+    properties = {**file.properties, **group.properties}
+    return headings, columns, [f"{name}: {value}" for name, value in properties.items()]
