@@ -13,7 +13,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli.main import main
-from tripod_doe.workflow import fit_points
+from tripod_doe.workflow.point_batches import PointBatches
 
 MEASUREMENTS = Path(__file__).parents[2] / "measurements"
 sys.path.append(str(MEASUREMENTS))
@@ -117,7 +117,7 @@ def test_what_it_leaves_in_its_directory(fitted, capsys):
 def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkeypatch):
     """Invariance: stopped in the middle, run again, the result is the same, and no point is computed twice."""
     (rig / "again.toml").write_text(xr.open_dataset(fitted[0] / "fit.nc").attrs["fit"])
-    whole = fit_points.FitPoints._compute
+    whole = PointBatches._compute
 
     def stopped(self, asked, missing):
         whole(self, asked, missing)
@@ -125,7 +125,7 @@ def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkey
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(fit_points.FitPoints, "_compute", stopped)
+        patch.setattr(PointBatches, "_compute", stopped)
         with pytest.raises(KeyboardInterrupt):
             td.fit(rig / "again.toml", tmp_path / "out", workers=0, progress=False)
     assert not (tmp_path / "out" / "fit.nc").exists()

@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import tomlkit
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.atomic_files import replace_text
+from tripod_doe.joint.orders import ORDERS
 from tripod_doe.pages.fit import write_fit_page
 from tripod_doe.simulator import Outcome, check_parameters
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failures import Failure
 from tripod_doe.study.results.directory import ResultDirectory, make_directory
 from tripod_doe.study.results.result_cube import FIT_FILE
-from tripod_doe.workflow.fit_points import FitPoints, points_study
-from tripod_doe.workflow.point_batches import POINTS
+from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
 from tripod_doe.workflow.steps_file import Stages
+
+_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust_amplitude_error")
 
 
 @dataclass(frozen=True)
@@ -74,19 +83,21 @@ def fit(
     directory = make_directory(out)
     place = make_directory(directory / "steps" / POINTS)
     stages = Stages(directory)
-    study = points_study(f"{rig.file.fit.name}: points", rig.base, request.origin, place)
     with Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
-        points = FitPoints(study, kept, execution, retry_failed, progress)
+        points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
+
+        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, FloatArray]:
+            return _orders(points(columns))
 
         def tell(stage: str) -> None:
             stages.begin(stage)
             if progress:
                 print(f"fit: {stage}, {points.count:,} points", file=sys.stderr)
 
-        solution, error = rig.fit(points, tell)
+        solution, error = rig.fit(answers, tell)
         if rig.candidates:
             stages.begin("what to measure next")
-        following = rig.next(points, solution)
+        following = rig.next(answers, solution)
         points.write(f"tripod-doe fit: {points.computed} points computed")
         failures, computed, count = points.failures, points.computed, points.count
     stages.begin("report")
@@ -102,3 +113,25 @@ def fit(
     stages.end()
     write_fit_page(directory, result)
     return FitSummary(directory, computed, count - computed, failures, result)
+
+
+def _points_study(rig: RigFit, folder: Path) -> Study:
+    """The study of all points of a fit, whose table stands in a folder."""
+    content = {
+        "study": {"name": f"{rig.file.fit.name}: points"},
+        "base": rig.base,
+        "design": {"kind": "table", "table": TABLE},
+        "keep": {"outputs": list(_OUTPUTS)},
+    }
+    return parse_study(tomlkit.dumps(content), rig.request.origin, StudyFolder(folder))
+
+
+def _orders(batch: Batch) -> tuple[ComplexArray, FloatArray]:
+    """Complex orders 0 to 12 and the numerical errors that the runs report, in N, shape (point, order) each.
+
+    The orders of a point that failed are NaN.
+    """
+    blank = np.full((batch.points.count, ORDERS.size), np.nan)
+    amplitude, phase, scatter, error = (batch.outputs[name][1] if name in batch.outputs else blank for name in _OUTPUTS)
+    orders = np.where(batch.finished[:, None], amplitude * np.exp(1j * np.radians(phase)), np.nan)
+    return orders, np.hypot(np.nan_to_num(scatter), np.nan_to_num(error))
