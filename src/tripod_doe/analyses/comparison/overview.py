@@ -5,7 +5,6 @@ The operating point of a record stands in a table of records. A point that the c
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,6 +21,7 @@ from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.analyses.records.measurement import Measurement, read_measurement
 from tripod_doe.array_types import FloatArray
+from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
@@ -83,29 +83,20 @@ def read_table(path: Path) -> list[RecordRow]:
     Raises:
         InputError: If it cannot be read, has no column `file`, or a cell is no value of its parameter.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [row for row in csv.reader(stream, strict=True) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot read this table of records: {error}") from error
-    header = [cell.strip() for cell in lines[0]] if lines else []
-    if twice := [name for at, name in enumerate(header) if name in header[:at]]:
-        raise InputError(f"{path}: the column {twice[0]!r} stands there twice")
+    header, lines = read_csv_table(path, str(path))
     if "file" not in header:
         raise InputError(f"{path}: no column 'file'{closest('file', header)}; it names the record of each row")
     rows = []
-    for number, line in enumerate(lines[1:], start=2):
-        if len(line) != len(header):
-            raise InputError(f"{path}: line {number} has {len(line)} fields, the header {len(header)}")
-        cells = dict(zip(header, (cell.strip() for cell in line), strict=True))
+    for number, line in lines.items():
+        if not any(line):  # as spreadsheets leave them
+            continue
+        cells = dict(zip(header, line, strict=True))
         file = path.parent / cells.pop("file")
         try:
             values = {name: _value(name, text) for name, text in cells.items() if name in JOINT_PARAMETERS and text}
         except InputError as error:
             raise InputError(f"{path}: line {number}: {error}") from error
         rows.append(RecordRow(file, values))
-    if not rows:
-        raise InputError(f"{path}: no rows below the header")
     return rows
 
 

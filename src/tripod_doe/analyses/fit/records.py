@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.records.measurement import Measurement, read_measurement
 from tripod_doe.analyses.records.order_tracking import track_orders
 from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Parameter, Value
@@ -106,7 +106,7 @@ def _matching(folder: StudyFolder, pattern: str) -> list[Path]:
 def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterator[_Asked]:
     name = str(request.file.records.table)
     where = f"[records]: table = {name!r}"
-    header, rows = read_csv(request, name, where)
+    header, rows = read_csv_table(request.folder.file(name, "table"), f"{request.origin}: {where}")
     if "file" not in header:
         raise request.fail(where, f"no column 'file'{closest('file', header)}; it names the record of each row")
     for column in header:
@@ -114,8 +114,10 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
             raise request.fail(where, f"{column} is also a base value; remove it from [base]")
         if column in request.file.unknowns:
             raise request.fail(where, f"{column} is also an unknown; remove one of them")
-    for line, row in enumerate(rows, start=2):
-        cells = dict(zip(header, (cell.strip() for cell in row), strict=False))
+    for line, row in rows.items():
+        if not any(row):  # as spreadsheets leave them
+            continue
+        cells = dict(zip(header, row, strict=True))
         try:
             path = _beside(request, name, cells.pop("file"))
             own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
@@ -132,28 +134,6 @@ def _beside(request: FitRequest, table: str, name: str) -> Path:
     if (request.folder.path / near).is_file():
         return request.folder.file(near.as_posix(), "file")
     return request.folder.file(name, "file")
-
-
-def read_csv(request: FitRequest, name: str, where: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a table beside the fit file; every row has a cell for each column.
-
-    Raises:
-        InputError: If it cannot be read, has no rows, or rows of another length.
-    """
-    path = request.folder.file(name, "table")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [row for row in csv.reader(stream, strict=True) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise request.fail(where, f"cannot read {path}: {reason}") from error
-    if len(lines) < 2:
-        raise request.fail(where, "it has no rows below its header")
-    header = [cell.strip() for cell in lines[0]]
-    for line, row in enumerate(lines[1:], start=2):
-        if len(row) != len(header):
-            raise request.fail(where, f"line {line} has {len(row)} fields, the header {len(header)}")
-    return header, lines[1:]
 
 
 def _value(parameter: Parameter, text: str) -> Value:

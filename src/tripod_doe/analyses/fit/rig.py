@@ -18,11 +18,12 @@ from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError, model_error
 from tripod_doe.analyses.fit.next_record import CandidateRows, Gain, gains
-from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_csv, read_records
+from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
 from tripod_doe.analyses.fit.result import Next
 from tripod_doe.analyses.fit.search import Descent, Predict
 from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
 from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.definition.scenes import load_simulator
@@ -100,8 +101,9 @@ class RigFit:
             return []
         if table.table is not None:
             where = f"[next]: table = {table.table!r}"
-            header, lines = read_csv(self.request, table.table, where)
-            rows = [dict(zip(header, map(_number, line), strict=True)) for line in lines]
+            path = self.request.folder.file(table.table, "table")
+            header, lines = read_csv_table(path, f"{self.request.origin}: {where}")
+            rows = [dict(zip(header, map(_number, line), strict=True)) for line in lines.values()]
         else:
             where, names = "[next.at]", list(table.at)
             rows = [

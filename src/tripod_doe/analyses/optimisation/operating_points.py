@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ from pydantic import ValidationError
 
 from tripod_doe.analyses.optimisation.optimisation_file import AtTable, OptimisationRequest
 from tripod_doe.array_types import FloatArray
+from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Parameter, Value
 from tripod_doe.study.definition.study_file import complaints
@@ -79,17 +79,9 @@ def _grid(request: OptimisationRequest, tables: Mapping[str, Any]) -> list[dict[
 
 def _rows(request: OptimisationRequest, table: str, weights: Any) -> tuple[list[dict[str, Value]], Any]:
     """The rows of a CSV file, and the weights that a column of it holds."""
-    path = request.folder.file(table, "table")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            header, *lines = [row for row in csv.reader(stream, strict=True) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"table = {table!r}: cannot read {path}: {reason}") from error
-    if not lines or any(len(line) != len(header) for line in lines):
-        raise InputError(f"table = {table!r}: needs a header, and rows with as many fields as it has")
+    header, lines = read_csv_table(request.folder.file(table, "table"), f"table = {table!r}")
     rows: list[dict[str, Value]] = [
-        {name.strip(): _number(text) for name, text in zip(header, line, strict=True)} for line in lines
+        {name: _number(text) for name, text in zip(header, line, strict=True)} for line in lines.values()
     ]
     if isinstance(weights, str):
         if weights not in rows[0]:
@@ -102,7 +94,7 @@ def _number(text: str) -> float | str:
     try:
         return float(text)
     except ValueError:
-        return text.strip()
+        return text
 
 
 def _checked(row: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Value]:

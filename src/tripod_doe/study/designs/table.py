@@ -2,43 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections import Counter
 
+from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
-from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_file import DesignTable
 from tripod_doe.study.designs.request import Family, Made, Request
-
-
-def _rows(study: Study, design: DesignTable) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the CSV file of a table design."""
-    if design.table is None:
-        raise InputError("a table design needs table = a CSV file")
-    path = study.folder.file(design.table, "table")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            header, *rows = [row for row in csv.reader(stream, strict=True) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"table = {design.table!r}: cannot read {path}: {reason}") from error
-    return [name.strip() for name in header], rows
 
 
 def _table(request: Request) -> Made:
     """A CSV file with a header: one column a factor; fields of a parameter without default may be empty."""
     study, design = request.study, request.table
-    header, rows = _rows(study, design)
-    (name, count), *_ = Counter(header).most_common(1) or [("", 0)]
-    if count > 1:
-        raise InputError(f"table = {design.table!r}: column {name!r} stands there {count} times; keep one of them")
+    if design.table is None:
+        raise InputError("a table design needs table = a CSV file")
+    header, rows = read_csv_table(study.folder.file(design.table, "table"), f"table = {design.table!r}")
     for name in request.factors:
         if name not in header:
             raise InputError(f"table = {design.table!r}: no column {name!r}{closest(name, header)}")
-    if not rows:
-        raise InputError(f"table = {design.table!r}: it has no rows")
     for name in header:
         if name not in study.simulator.parameters:
             raise InputError(
@@ -51,13 +31,9 @@ def _table(request: Request) -> Made:
     for index, name in enumerate(header):
         parameter = study.simulator.parameters[name]
         values = []
-        for line, row in enumerate(rows, start=2):
-            if len(row) != len(header):
-                raise InputError(
-                    f"table = {design.table!r}: line {line} has {len(row)} fields, the header {len(header)}"
-                )
+        for line, row in rows.items():
             try:
-                values.append(_cell(parameter, row[index].strip()))
+                values.append(_cell(parameter, row[index]))
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
         columns[name] = parameter.column(values)

@@ -1,0 +1,40 @@
+"""Tables that people write as CSV files: a header, and rows with a field for each of its columns."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from tripod_doe.errors import InputError
+from tripod_doe.regular_files import refuse_irregular
+
+
+def read_csv_table(path: Path, where: str) -> tuple[list[str], dict[int, list[str]]]:
+    """Read the header and, by their lines in the file, the rows of a table, without spaces around the fields.
+
+    Args:
+        path: The file; empty lines in it are skipped.
+        where: The file or key that names the table, for messages.
+
+    Raises:
+        InputError: If the file cannot be read, names a column twice, has no rows, or a row of another length.
+    """
+    rows: dict[int, list[str]] = {}
+    refuse_irregular(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.reader(stream, strict=True)
+            for row in filter(None, reader):
+                rows[reader.line_num] = [field.strip() for field in row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{where}: cannot read {path}: {reason}") from error
+    header = rows.pop(next(iter(rows), 0), [])
+    if twice := [name for name in header if header.count(name) > 1]:
+        raise InputError(f"{where}: column {twice[0]!r} stands there {header.count(twice[0])} times; keep one of them")
+    if not rows:
+        raise InputError(f"{where}: no rows below the header")
+    for line, row in rows.items():
+        if len(row) != len(header):
+            raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
+    return header, rows

@@ -1,0 +1,37 @@
+"""Tables that people write: what is read of them, and what is refused with line and column."""
+
+from __future__ import annotations
+
+import pytest
+
+from tripod_doe.csv_table import read_csv_table
+from tripod_doe.errors import InputError
+
+
+def test_rows_are_known_by_their_lines(tmp_path):
+    """Exact: a byte order mark, spaces, empty lines and line breaks in quotes change no field and no line number."""
+    (tmp_path / "t.csv").write_bytes(b'\xef\xbb\xbfa, b\r\n\r\n1 ,"x\ny"\r\n,\r\n')
+    assert read_csv_table(tmp_path / "t.csv", "t") == (["a", "b"], {4: ["1", "x\ny"], 5: ["", ""]})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no rows below the header"),
+        ("a\n", "no rows below the header"),
+        ("a,b, a\n1,2,3\n", "column 'a' stands there 2 times; keep one of them"),
+        ("a,b\n\n1\n", "line 3 has 1 fields, the header 2"),
+        ('a\n"1\n', "unexpected end of data"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, text, message):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(InputError, match=f"^the table: .*{message}"):
+        read_csv_table(tmp_path / "t.csv", "the table")
+
+
+def test_a_file_that_is_not_there_or_no_file(tmp_path):
+    with pytest.raises(InputError, match=r"the table: cannot read .*No such file"):
+        read_csv_table(tmp_path / "t.csv", "the table")
+    with pytest.raises(InputError, match="a folder is in the place of this file"):
+        read_csv_table(tmp_path, "the table")
