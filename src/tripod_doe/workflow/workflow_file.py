@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.errors import InputError, near_match
@@ -100,14 +99,7 @@ def parse_workflow(text: str, origin: str) -> WorkflowFile:
     try:
         return WorkflowFile.model_validate(raw)
     except ValidationError as error:
-        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
-
-
-def _known_keys(path: list[str]) -> Iterable[str]:
-    tables: dict[str, type[BaseModel]] = {"workflow": HeadTable, "quick": Overrides}
-    if len(path) > 2:
-        return FactorTable.model_fields
-    return (tables[path[0]] if path else WorkflowFile).model_fields
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, WorkflowFile))) from error
 
 
 def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
@@ -129,7 +121,7 @@ def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
     try:
         checked = model.model_validate(table)
     except ValidationError as error:
-        lines = complaints(error, lambda path: FactorTable.model_fields if path else model.model_fields)
+        lines = complaints(error, model)
         raise InputError("\n".join(f"{origin}: {line.replace('the file', where, 1)}" for line in lines)) from error
     assert isinstance(checked, StudyStep | AnalysisStep | FigureStep | ReportStep)
     for allowed, given, key in _names(checked):

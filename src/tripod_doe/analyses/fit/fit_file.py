@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field
 
-from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.definition.study_file import Scalar, Table, complaints, parse_toml, read_text
-from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.errors import near_match
+from tripod_doe.study.definition.study_file import Scalar, Table
+from tripod_doe.study.definition.table_file import TableFile, read_table_file
 
 
 class HeadTable(Table):
@@ -85,18 +83,7 @@ class FitFile(Table):
         return list(range(1, 13)) if self.records.waveform else sorted(set(self.records.orders))
 
 
-@dataclass(frozen=True)
-class FitRequest:
-    """A fit file with its text and place."""
-
-    file: FitFile  # its tables
-    text: str  # as written
-    origin: str  # where it came from, for messages
-    folder: StudyFolder  # where its files are looked up
-
-    def fail(self, where: str, error: InputError | str) -> InputError:
-        """An error that names this file and the key."""
-        return (error if isinstance(error, InputError) else InputError(error)).at(f"{self.origin}: {where}")
+FitRequest = TableFile[FitFile]
 
 
 def load_fit(path: str | Path, untrusted: bool = False) -> FitRequest:
@@ -105,29 +92,9 @@ def load_fit(path: str | Path, untrusted: bool = False) -> FitRequest:
     Raises:
         InputError: If it cannot be read, or a table, key or value in it is wrong.
     """
-    path = Path(path)
-    text, origin = read_text(path, "fit file"), str(path)
-    raw = parse_toml(text, origin)
-    if "fit" not in raw:
-        kind = next((f"this is a {name} file, not a fit" for name in ("study", "workflow") if name in raw), "")
-        raise InputError(f"{origin}: {kind or 'the file: table [fit] is missing'}")
-    try:
-        file = FitFile.model_validate(raw)
-    except ValidationError as error:
-        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
-    request = FitRequest(file, text, origin, StudyFolder.of(path, untrusted))
+    request = read_table_file(path, FitFile, "fit", untrusted)
     _check(request)
     return request
-
-
-def _known_keys(path: list[str]) -> Iterable[str]:
-    tables: dict[str, type[BaseModel]] = {
-        "fit": HeadTable,
-        "unknowns": UnknownTable,
-        "records": RecordsTable,
-        "next": NextTable,
-    }
-    return (tables.get(path[0], FitFile) if path else FitFile).model_fields
 
 
 def _check(request: FitRequest) -> None:

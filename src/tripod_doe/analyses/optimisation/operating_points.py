@@ -70,7 +70,7 @@ def _grid(request: OptimisationRequest, tables: Mapping[str, Any]) -> list[dict[
         try:
             lists[name] = list(AtTable.model_validate(table).values)
         except ValidationError as error:
-            lines = complaints(error, lambda path: AtTable.model_fields)
+            lines = complaints(error, AtTable)
             raise InputError("\n".join(f"{name}: {line.removeprefix('the file: ')}" for line in lines)) from error
     if (count := math.prod(map(len, lists.values()))) > _MOST:
         raise InputError(f"{count:,} operating points; at most {_MOST:,} are allowed")

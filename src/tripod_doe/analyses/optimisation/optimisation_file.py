@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field
 
 from tripod_doe.errors import InputError
 from tripod_doe.names import check_identifier
-from tripod_doe.study.definition.study_file import (
-    FactorTable,
-    ResponseTable,
-    Scalar,
-    Table,
-    complaints,
-    parse_toml,
-    read_text,
-)
-from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.study_file import FactorTable, ResponseTable, Scalar, Table
+from tripod_doe.study.definition.table_file import TableFile, read_table_file
 
 
 class HeadTable(Table):
@@ -102,20 +92,7 @@ class OptimisationFile(Table):
     search: SearchTable = SearchTable()
 
 
-@dataclass(frozen=True)
-class OptimisationRequest:
-    """An optimisation file with its text and place."""
-
-    file: OptimisationFile  # its tables
-    text: str  # as written
-    origin: str  # where it came from, for messages
-    folder: StudyFolder  # where its files and functions are looked up
-
-    def fail(self, where: str, error: InputError | str) -> InputError:
-        """An error that names this file and the key."""
-        return (error if isinstance(error, InputError) else InputError(error)).at(
-            f"{self.origin}: {where}" if where else self.origin
-        )
+OptimisationRequest = TableFile[OptimisationFile]
 
 
 def load_optimisation(path: str | Path, untrusted: bool = False) -> OptimisationRequest:
@@ -124,35 +101,9 @@ def load_optimisation(path: str | Path, untrusted: bool = False) -> Optimisation
     Raises:
         InputError: If it cannot be read, or a table, key or value in it is wrong.
     """
-    path = Path(path)
-    text, origin = read_text(path, "optimisation file"), str(path)
-    raw = parse_toml(text, origin)
-    if "optimisation" not in raw:
-        kind = next((f"this is a {name} file" for name in ("study", "workflow", "fit") if name in raw), "")
-        raise InputError(f"{origin}: {kind or 'the file: table [optimisation] is missing'}")
-    try:
-        file = OptimisationFile.model_validate(raw)
-    except ValidationError as error:
-        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
-    request = OptimisationRequest(file, text, origin, StudyFolder.of(path, untrusted))
+    request = read_table_file(path, OptimisationFile, "optimisation", untrusted)
     _check(request)
     return request
-
-
-_TABLES: dict[str, type[BaseModel]] = {
-    "optimisation": HeadTable,
-    "variables": VariableTable,
-    "at": AtTable,
-    "responses": ResponseTable,
-    "objectives": ObjectiveTable,
-    "constraints": ConstraintTable,
-    "scatter": FactorTable,
-    "search": SearchTable,
-}
-
-
-def _known_keys(path: list[str]) -> Iterable[str]:
-    return (_TABLES.get(path[0], OptimisationFile) if path else OptimisationFile).model_fields
 
 
 def _check(request: OptimisationRequest) -> None:

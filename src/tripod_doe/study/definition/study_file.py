@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
@@ -302,7 +302,7 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
     try:
         return StudyFile.model_validate(raw)
     except ValidationError as error:
-        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, StudyFile))) from error
 
 
 def _check_names(raw: Mapping[str, Any]) -> None:
@@ -313,14 +313,27 @@ def _check_names(raw: Mapping[str, Any]) -> None:
             check_identifier(name, f"{of}, written [{written}.NAME]")
 
 
-def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> list[str]:
+def complaints(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """Pydantic's complaints about a TOML file, each with table, key, value, reason and a near match.
 
     Args:
         error: The error of pydantic.
-        known: The keys that the table at a path may hold, for near matches.
+        model: All tables of the file, whose keys are near matches.
     """
-    return first_messages(error.errors(include_url=False), lambda item: _complaint(item, known))
+    return first_messages(error.errors(include_url=False), lambda item: _complaint(item, model))
+
+
+def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
+    """Keys that the table at a path may hold; none where any may stand."""
+    while path:
+        field = model.model_fields.get(path[0])
+        annotation = field.annotation if field else None
+        parts = [annotation, *get_args(annotation)]
+        tables = [part for part in parts if isinstance(part, type) and issubclass(part, BaseModel)]
+        if not tables:
+            return []
+        model, path = tables[0], path[2 if get_origin(annotation) is dict else 1 :]
+    return [name for name in model.model_fields if (model, name) != (StudyFile, "designs")]
 
 
 _NEEDED_TABLES = ("study", "workflow", "steps")
@@ -330,7 +343,7 @@ _TYPE = re.compile(r"(float|int|str|bool|dict)(\[.*)?")
 """What pydantic puts into the location of a value that may have several types."""
 
 
-def _complaint(item: ErrorDetails, known: Callable[[list[str]], Iterable[str]]) -> str:
+def _complaint(item: ErrorDetails, model: type[BaseModel]) -> str:
     """One complaint of pydantic; see `complaints`."""
     names = len(item["loc"]) if item["type"] in ("extra_forbidden", "missing") else 2  # a table and a key come first
     location = [str(part) for part in item["loc"]]
@@ -338,7 +351,7 @@ def _complaint(item: ErrorDetails, known: Callable[[list[str]], Iterable[str]]) 
     where, key = ".".join(path[:-1]), path[-1]
     place = f"[{where}]" if where else "the file"
     if item["type"] == "extra_forbidden":
-        return f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
+        return f"{place}: unknown key {key!r}{near_match(key, _keys_at(model, path[:-1]))}"
     if item["type"] == "missing":
         return f"{place}: {f'table [{key}]' if key in _NEEDED_TABLES else key} is missing"
     if item["type"] == "literal_error":
@@ -395,13 +408,6 @@ def _shown(value: object) -> str:
     """A value as a message repeats it: the beginning of a long one."""
     text = repr(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
-
-
-def _known_keys(path: list[str]) -> list[str]:
-    table = path and {"factors": "factors.PARAMETER", "responses": "responses.NAME", "designs": "design"}.get(
-        path[0], path[0]
-    )
-    return list(TABLES[table].model_fields) if table else [key for key in StudyFile.model_fields if key != "designs"]
 
 
 TABLES: Mapping[str, type[Table]] = {

@@ -1,0 +1,57 @@
+"""A TOML file of tables with its text and place, for errors that name file, table, key and value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from pydantic import ValidationError
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition.study_file import Table, complaints, parse_toml, read_text
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+F = TypeVar("F", bound=Table)
+_HEADS = ("study", "workflow", "fit", "optimisation")
+"""Tables by which the kind of a file is known."""
+
+
+@dataclass(frozen=True)
+class TableFile(Generic[F]):
+    """A file with its text and place."""
+
+    file: F  # its tables
+    text: str  # as written
+    origin: str  # where it came from, for messages
+    folder: StudyFolder  # where its files and functions are looked up
+
+    def fail(self, where: str, error: InputError | str) -> InputError:
+        """An error that names this file and the key."""
+        return InputError(str(error)).at(f"{self.origin}: {where}" if where else self.origin)
+
+
+def read_table_file(path: str | Path, model: type[F], head: str, untrusted: bool) -> TableFile[F]:
+    """Read a file and check its form.
+
+    Args:
+        path: The file.
+        model: All its tables.
+        head: The table by which its kind is known.
+        untrusted: For a file from a stranger.
+
+    Raises:
+        InputError: If it cannot be read, or a table, key or value in it is wrong.
+    """
+    path = Path(path)
+    text, origin = read_text(path, f"{head} file"), str(path)
+    raw = parse_toml(text, origin)
+    if head not in raw:
+        wanted = f"{'an' if head[0] in 'aeiou' else 'a'} {head}"
+        kind = next((f"this is a {name} file, not {wanted}" for name in _HEADS if name in raw), "")
+        raise InputError(f"{origin}: {kind or f'the file: table [{head}] is missing'}")
+    try:
+        file = model.model_validate(raw)
+    except ValidationError as error:
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, model))) from error
+    return TableFile(file, text, origin, StudyFolder.of(path, untrusted))
