@@ -20,7 +20,8 @@ from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
-from tripod_doe.report.charts.chart import COLOURS, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.report.charts.chart import Chart
+from tripod_doe.report.charts.orders import agreement, differences
 from tripod_doe.report.responses import ORDINALS, listed, spoken, unit_text
 from tripod_doe.report.templates import render
 
@@ -173,22 +174,7 @@ def _charts(records: Sequence[ComparedRecord], rows: Sequence[OverviewRow]) -> l
 
 
 def _agreement(data: pd.DataFrame) -> Chart:
-    with drawing(4.7, 3.4) as (figure, axes):
-        for which, (order, own) in enumerate(data.groupby("order")):
-            axes.errorbar(
-                own["measured"],
-                own["computed"],
-                xerr=own["measured_error"],
-                yerr=own["computed_error"].fillna(0),
-                fmt=MARKERS[which],
-                color=COLOURS[which],
-                elinewidth=0.8,
-                label=ORDINALS[int(str(order))],
-            )
-        axes.axline((0, 0), slope=1, color=MUTED, lw=0.8)
-        axes.set_xlabel("measured amplitude (N)")
-        axes.set_ylabel("computed amplitude (N)")
-        legend_above(axes, 2)
+    figure = agreement(data, "computed", "computed_error", data.iloc[:0])
     caption = "Computed over measured amplitudes with the 95 % uncertainties of both; the line is agreement."
     return Chart("agreement", "Measured and computed", caption, figure, data)
 
@@ -197,20 +183,6 @@ def _differences(data: pd.DataFrame, name: str) -> Chart:
     shown = data.assign(difference=data["measured"] - data["computed"])
     unsure = np.hypot(shown["measured_error"], shown["computed_error"].fillna(0))
     shown = shown.assign(uncertainty=unsure)[["file", "order", name, "difference", "uncertainty"]]
-    with drawing(4.7, 2.9) as (figure, axes):
-        for which, (order, own) in enumerate(shown.groupby("order")):
-            axes.errorbar(
-                own[name],
-                own["difference"],
-                yerr=own["uncertainty"],
-                fmt=MARKERS[which],
-                color=COLOURS[which],
-                elinewidth=0.8,
-                label=ORDINALS[int(str(order))],
-            )
-        axes.axhline(0, color=MUTED, lw=0.8)
-        axes.set_xlabel(f"{spoken(name)} ({unit_text(JOINT_PARAMETERS[name].unit)})")
-        axes.set_ylabel("measured minus computed (N)")
-        legend_above(axes, 2)
+    figure = differences(shown, name, "difference", "measured minus computed (N)")
     caption = f"Differences over {spoken(name)}, with the 95 % uncertainty of measurement and model together."
     return Chart(f"difference-{name}", f"Differences over {spoken(name)}", caption, figure, shown)

@@ -9,8 +9,9 @@ import xarray as xr
 from tripod_doe.analyses.fit.sentences import candidate_text
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.report.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import ORDINALS, spoken, unit_text
+from tripod_doe.report.charts.chart import COLOURS, INK, Chart, drawing
+from tripod_doe.report.charts.orders import agreement, differences
+from tripod_doe.report.responses import spoken, unit_text
 
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _MOST_CANDIDATES = 20
@@ -60,26 +61,7 @@ def _measured(fit: xr.Dataset) -> Chart:
     """Fitted over measured amplitudes."""
     data = fit[["measured", "measured_error", "fitted", "model_error", "left_out"]].to_dataframe().reset_index()
     data = data[["record", "order", "measured", "measured_error", "fitted", "model_error", "left_out"]]
-    with drawing(4.7, 3.4) as (figure, axes):
-        for which, (order, own) in enumerate(data.groupby("order")):
-            axes.errorbar(
-                own["measured"],
-                own["fitted"],
-                xerr=own["measured_error"],
-                yerr=own["model_error"],
-                fmt=MARKERS[which % len(MARKERS)],
-                color=COLOURS[which % len(COLOURS)],
-                elinewidth=0.8,
-                label=ORDINALS[int(str(order))],
-            )
-        out = data[data["left_out"] == 1]
-        if len(out):
-            axes.plot(out["measured"], out["fitted"], "x", color=INK, ms=8, label="left out")
-        end = float(np.nanmax(data[["measured", "fitted"]].to_numpy()))
-        axes.axline((0, 0), (end, end), color=MUTED, lw=0.8)
-        axes.set_xlabel("measured amplitude (N)")
-        axes.set_ylabel("fitted amplitude (N)")
-        legend_above(axes, 3)
+    figure = agreement(data, "fitted", "model_error", data[data["left_out"] == 1])
     caption = (
         "Fitted over measured amplitudes of all records, with the 95 % uncertainties of both; the line is agreement."
     )
@@ -105,21 +87,7 @@ def _left_over(fit: xr.Dataset) -> list[Chart]:
             }
             parts.append(pd.DataFrame(columns))
         data = pd.concat(parts, ignore_index=True)
-        with drawing(4.7, 2.9) as (figure, axes):
-            for which, (order, own_rows) in enumerate(data.groupby("order")):
-                axes.errorbar(
-                    own_rows[name],
-                    own_rows["residual"],
-                    yerr=own_rows["uncertainty"],
-                    fmt=MARKERS[which % len(MARKERS)],
-                    color=COLOURS[which % len(COLOURS)],
-                    elinewidth=0.8,
-                    label=ORDINALS[int(str(order))],
-                )
-            axes.axhline(0, color=MUTED, lw=0.8)
-            axes.set_xlabel(f"{spoken(name)} ({unit_text(JOINT_PARAMETERS[name].unit)})")
-            axes.set_ylabel("measured minus fitted (N)")
-            legend_above(axes, 3)
+        figure = differences(data, name, "residual", "measured minus fitted (N)")
         caption = f"What is left over {spoken(name)}, with the 95 % uncertainty of measurement and model together."
         charts.append(Chart(f"left-over-{name}", f"What is left over {spoken(name)}", caption, figure, data))
     return charts
