@@ -262,7 +262,6 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
     """Findings of a study or an analysis, as sentences.
 
     Args:
-        name: Name of the study or the analysis.
         data: A study's cube or the result of an analysis; one of an unknown kind has no sentences.
     """
     if is_study(data):

@@ -77,9 +77,6 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
 
     Args:
         cube: A cube with one dimension ``point``.
-        settings: What is done where points failed.
-        kinds: Kinds of designs that the analysis can read.
-        outputs: The outputs that must be there.
 
     Raises:
         InputError: If the design is another one, or too little of it is left.

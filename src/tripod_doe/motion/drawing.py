@@ -14,11 +14,7 @@ _WIDTH, _HEIGHT = 720.0, 340.0
 
 
 def joint_drawing(parameters: Mapping[str, Value]) -> str:
-    """The drawing as SVG, 720 by 340 units; colours follow the page (currentColor), sizes are stated below it.
-
-    Args:
-        parameters: Of the joint; others keep their defaults.
-    """
+    """The drawing as SVG, 720 by 340 units; colours follow the page (currentColor), sizes are stated below it."""
     values = point_values(parameters).point(0)
     reach = values.pitch_radius + values.groove_radius
     scale = min(0.46 * _HEIGHT / reach, 0.2 * _WIDTH / values.roller_radius)

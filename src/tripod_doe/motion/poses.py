@@ -51,12 +51,7 @@ def ideal_spider(values: JointValues[float], phi: FloatArray) -> tuple[FloatArra
 
 
 def poses_of(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> Poses:
-    """Poses of a point that finished.
-
-    Args:
-        parameters: All its parameters.
-        outputs: Its outputs, those of contacts among them, as far as its model has them.
-    """
+    """Poses of a point that finished."""
     values = point_values(parameters).point(0)
     place = _first_turn(outputs["groove_contact_place_mm"], parameters)
     count = len(place)

@@ -16,7 +16,6 @@ def point_in(directory: Path, select: Sequence[str] = (), nearest: bool = False)
     """Values of the one point of a result directory that a selection leaves, as `simulate` takes them.
 
     Args:
-        directory: Result directory of a study of the joint.
         select: ``name=value`` for factors.
         nearest: Take the nearest value where none matches.
 

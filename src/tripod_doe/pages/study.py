@@ -75,7 +75,6 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
     """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
     Args:
-        directory: A result directory.
         findings: What `find` says of its cube, where that is known already.
 
     Returns:
@@ -118,8 +117,6 @@ def make_page(
     """The report as HTML: the same cube and analyses give the same text.
 
     Args:
-        cube: A result cube, with its costs where they are known.
-        analyses: Analyses of it by name.
         files: Files of the result directory, relative to it, to which the page links.
         findings: What `find` says of the cube, where that is known already.
         annotation: What people have written about it.

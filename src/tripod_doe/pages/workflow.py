@@ -230,9 +230,7 @@ def chain_page(
     """The page of a workflow: its answers, a diagram, and one row per step with its state, time and link.
 
     Args:
-        title, question: From the workflow file.
         notice: Notice at the top, for instance that this was a quick run.
-        text: The workflow file.
         answers: By step, the cubes that answer the workflow's question.
         figures: Headings of figures on its report pages by their addresses; claims are linked to them.
     """

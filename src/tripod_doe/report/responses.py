@@ -281,8 +281,6 @@ def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: Floa
 
     Args:
         cube: The cube, whose outputs name the factors that make them zero.
-        response: The response.
-        factor, levels: The factor and its levels, ascending.
 
     Returns:
         0 where the response is known to vanish; NaN where some output does, so that no line may be drawn across; None

@@ -32,9 +32,6 @@ _MOST_PROBLEMS = 20
 def create_app(settings: Settings) -> FastAPI:
     """The application of a server.
 
-    Args:
-        settings: Of the server; its folder must exist.
-
     Returns:
         ``app.state.service`` is its `Service`, which starts and ends with it.
 

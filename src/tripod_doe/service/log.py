@@ -21,11 +21,7 @@ _CONTROL = re.compile(r"[^\S \n\t]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Bounded(logging.Filter):
-    """Passes a limited number of messages a minute.
-
-    Args:
-        clock: Seconds that never run backwards.
-    """
+    """Passes a limited number of messages a minute."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()

@@ -36,9 +36,6 @@ class Service:
 
     All methods may wait for a process or for the disk: call them from a thread, not from the event loop.
 
-    Args:
-        settings: Of the server.
-
     Attributes:
         runs: Looks after the runs.
         extremes: Best and worst points of the runs.

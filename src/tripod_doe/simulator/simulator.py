@@ -72,11 +72,7 @@ class Simulator(ABC):
         raise InputError(f"{self.name}: runs of this scene do not adapt their tolerance; leave [accuracy] out")
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
-        """Points that are known to fail without a run: position, outcome, reason; each point once.
-
-        Args:
-            points: As `simulate` takes them.
-        """
+        """Points that are known to fail without a run: position, outcome, reason; each point once."""
         return []
 
     def recorded_price(self, values: Mapping[str, Value]) -> float | None:
@@ -147,11 +143,7 @@ class Simulator(ABC):
         return None
 
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
-        """Relative numerical error that runs report of the quantity of `model_errors`, shape (point,); None without.
-
-        Args:
-            outputs: Outputs by name, each of shape (point, ...).
-        """
+        """Relative numerical error that runs report of the quantity of `model_errors`, shape (point,); None without."""
         return None
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:

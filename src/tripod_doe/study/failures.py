@@ -75,7 +75,6 @@ def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[st
     """The most frequent failures, one per line, then remedies.
 
     Args:
-        failures: From `common_failures`.
         retried: Whether the study has retries.
     """
     lines = [str(failure) for failure in failures[:_SHOWN]]

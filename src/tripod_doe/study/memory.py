@@ -13,10 +13,6 @@ from tripod_doe.quantities import size
 def refuse_too_many_points(count: int, each: int) -> None:
     """Refuse a list of points that does not fit into the free memory.
 
-    Args:
-        count: Number of points.
-        each: Bytes of a point.
-
     Raises:
         InputError: With the number of points and what they need.
     """
@@ -26,9 +22,6 @@ def refuse_too_many_points(count: int, each: int) -> None:
 
 def refuse_too_much_memory(needed: int, what: str, remedy: str) -> None:
     """Refuse data that does not fit into the free memory.
-
-    Args:
-        needed: Bytes.
 
     Raises:
         InputError: With both numbers.

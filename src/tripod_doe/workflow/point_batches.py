@@ -64,7 +64,6 @@ class PointBatches:
     Args:
         study: A study whose design is the table `TABLE`, which need not be there yet.
         directory: Where they are kept, held by this process.
-        execution: Where they run.
         retry_failed: Whether points that failed in an earlier run are computed again.
         progress: Whether bars are shown.
 

@@ -21,11 +21,7 @@ def claims_charts(claims: xr.Dataset, name: str = "") -> list[Chart]:
 
 
 def claims_chart(claims: xr.Dataset) -> Chart:
-    """One bar per claim, to the right where it holds and to the left where it does not; cut off at 100 %.
-
-    Args:
-        claims: From `tripod_doe.analyses.claims.verdicts.check_claims`.
-    """
+    """One bar per claim, to the right where it holds and to the left where it does not; cut off at 100 %."""
     from matplotlib.patches import Patch
 
     verdicts = [Verdict(int(code)) for code in claims["verdict"].values]

@@ -28,9 +28,6 @@ class ClaimsOverSkewSettings(BaseModel):
 def claims_over_skew(cubes: Mapping[str, xr.Dataset], settings: ClaimsOverSkewSettings) -> xr.Dataset:
     """Decide the claims once for every choice of the skews.
 
-    Args:
-        cubes: Cubes of studies that hold the cases for these skews.
-
     Returns:
         value, error and verdict (claim, skew_deg), of those claims that the cubes decide for at least one choice, with
         statement, place, quantity, unit and limits as of the claims themselves.

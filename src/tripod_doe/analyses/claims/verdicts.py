@@ -67,10 +67,6 @@ _VARIABLES = {
 def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> xr.Dataset:
     """Decide every claim by the points of these cubes, chosen by their parameters.
 
-    Args:
-        cubes: Cubes of studies, whatever their names.
-        settings: Which model decides, and the skews of the cases.
-
     Returns:
         One row per claim. ``verdict`` is holds, does_not_hold, or not_decided: a point that the claim needs is missing
         or did not finish. Missing points are never replaced by others.

@@ -32,11 +32,7 @@ def contribution_figures(result: xr.Dataset, name: str) -> list[Chart]:
 
 
 def contribution_charts(part: Contribution) -> list[Chart]:
-    """Stacked bars for up to three operating points; for many their distribution, and maps over two factors.
-
-    Args:
-        part: Shares of one order or output.
-    """
+    """Stacked bars for up to three operating points; for many their distribution, and maps over two factors."""
     if not part.many:
         return [_bar_chart(part)]
     return [_distribution_chart(part), *_maps(part)]

@@ -27,9 +27,6 @@ class KeyDifference:
 def study_differences(a: str, b: str) -> list[KeyDifference]:
     """Keys in which two study files differ; comments, order and spelling of numbers do not count.
 
-    Args:
-        a, b: Texts of the files.
-
     Raises:
         InputError: If a text is not TOML.
     """

@@ -194,10 +194,6 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     Intervals and probabilities are those of Student's t with the scatter that the terms leave: of a deterministic model
     that is its lack of fit. A design without spare points takes Lenth's pseudo standard error.
 
-    Args:
-        cube: Cube of a factorial, response-surface, sampled or listed design.
-        settings: Which outputs and terms, and the level of the intervals.
-
     Returns:
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
         several outputs also along ``output``, those with further dimensions as ``OUTPUT_effect``, see

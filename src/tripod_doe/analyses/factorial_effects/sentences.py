@@ -28,11 +28,7 @@ def term_text(name: str) -> str:
 
 
 def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
-    """Sentences on the largest effects of each main output, on aliases, and on missing points.
-
-    Args:
-        name: Name of the analysis.
-    """
+    """Sentences on the largest effects of each main output, on aliases, and on missing points."""
     sentences = []
     for _, what, unit, part in effect_parts(result):
         rows = list(

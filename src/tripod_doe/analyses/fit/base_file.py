@@ -18,12 +18,7 @@ _SAMPLES = 256
 
 
 def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
-    """The table [base] with what was known and what was fitted, each fitted value with its interval as a comment.
-
-    Args:
-        result: From `fit_dataset`.
-        base: The table [base] of the fit file.
-    """
+    """The table [base] with what was known and what was fitted, each fitted value with its interval as a comment."""
     lines = [f"# {result.attrs['title']}: the joint as it was fitted, to paste into a study", "[base]"]
     lines += [f"{name} = {json.dumps(value)}" for name, value in base.items()]
     for name in result["unknown"].values.tolist():

@@ -72,9 +72,7 @@ def explore(problem: Problem, robust: Problem, many: int, wanted: int, seed: int
     """Minima of an interpolated model, the best first: by least squares, and by the robust loss, in turn.
 
     Args:
-        problem, robust: The interpolated problem with either loss.
         many, wanted: Descents that are made, and minima that are returned of each loss.
-        seed: Of the starting places.
     """
     found = [each.minima(many, seed)[:wanted] for each in dict.fromkeys((problem, robust))]
     mixed = [descents[at] for at in range(wanted) for descents in found if at < len(descents)]

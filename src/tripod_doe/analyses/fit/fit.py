@@ -72,8 +72,6 @@ def solve(
     """Fit the scalars of a layout to measured orders.
 
     Args:
-        layout, rows: What is fitted to what.
-        predict: The model, or a cheap one.
         finer: The model asked for where `predict` is a cheaper one.
         starts, seed: Descents, and the seed of the places that they begin at.
         robust: Whether records that do not fit the others are left out.

@@ -53,7 +53,6 @@ def verdict(profile: Profile, jacobian: FloatArray, allowed: float) -> str:
     were known. Else it is bounded on one side, or not identified.
 
     Args:
-        profile: Of the scalar.
         jacobian: Whitened, shape (residual, scalar).
         allowed: Growth of chi squared at the ends of an interval.
     """
@@ -73,9 +72,7 @@ def combinations(
     """Known directions among the scalars that are not known one by one, the best known first.
 
     Args:
-        layout: The scalars.
         jacobian: Whitened, shape (residual, scalar).
-        place: The minimum.
         unclear: The scalars whose verdict is a combination.
         allowed: Growth of chi squared at the ends of an interval.
     """

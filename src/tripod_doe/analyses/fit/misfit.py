@@ -56,7 +56,6 @@ class Misfit:
     """Residuals of predictions, and their derivatives.
 
     Args:
-        rows: The measured orders.
         used: Which records count, shape (record,).
         prior: Expected places of the scalars and their deviations, shape (scalar,) each.
     """
@@ -136,7 +135,6 @@ class Misfit:
         """Derivatives of the residuals by the scalars, nuisances projected out, shape (residual, scalar).
 
         Args:
-            compared: The prediction.
             slope: Its derivatives, shape (row, scalar).
         """
         data = -self._whitened((compared.turn * slope.T).T)

@@ -44,7 +44,6 @@ def model_error(
     """Errors at the points of the records.
 
     Args:
-        simulator, columns: The joint, and every parameter at these points.
         orders, amplitude: The fitted orders, and their amplitudes, shape (record, order).
         reported: Numerical error and scatter that the runs report, N, shape (record, order).
         setting: The relative error, or "recorded".

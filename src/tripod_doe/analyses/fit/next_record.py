@@ -44,10 +44,7 @@ def gains(
     """What one more record at each candidate would do to the interval of one scalar.
 
     Args:
-        solution: The fit.
-        orders: The orders of a record.
         candidates: The candidates; a scalar that a new record would have for itself follows those of the fit.
-        scalar: The scalar to narrow.
         aim: Half width that is aimed at, on the unit cube.
     """
     rows = solution.problem.misfit.rows

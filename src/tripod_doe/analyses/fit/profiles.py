@@ -56,8 +56,6 @@ def profile(problem: Problem, best: Descent, scalar: int, allowed: float, covari
     """The profile of one scalar.
 
     Args:
-        problem, best: The problem, and its minimum with derivatives.
-        scalar: Which scalar.
         allowed: Growth of chi squared at the ends of the interval.
         covariance: Of the scalars at the minimum, by which the first step is guessed.
 

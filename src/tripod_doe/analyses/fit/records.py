@@ -58,10 +58,6 @@ class _Asked:
 def read_records(request: FitRequest, parameters: Mapping[str, Parameter]) -> list[RigRecord]:
     """Read all records of a fit.
 
-    Args:
-        request: The fit file.
-        parameters: Parameters of the joint by name.
-
     Raises:
         InputError: For every file that cannot be read or used, and for a table that names what is not known.
     """

@@ -54,13 +54,7 @@ def fit_dataset(
     error: ModelError,
     following: Next | None,
 ) -> xr.Dataset:
-    """Label the result of a fit.
-
-    Args:
-        request, records, names, orders: The fit file, the records with their names, and the orders that were fitted.
-        models: The model asked for, and the one of the search.
-        solution, error, following: The fit, the errors of the model, and the candidates if there are any.
-    """
+    """Label the result of a fit."""
     layout = solution.problem.layout
     variables = _unknowns(layout, solution) | _records(solution, error, len(orders))
     if any(unknown.per != "all" for unknown in layout.unknowns):

@@ -43,9 +43,6 @@ class Problem:
     """Predictions of a model held against measured orders.
 
     Args:
-        layout: The scalars.
-        misfit: The measured orders.
-        predict: The model.
         loss: Largest chi squared of a record that counts in full; the loss of a larger one grows with its root (Huber),
             so that a bad record does not pull the fit. Infinite for least squares.
     """

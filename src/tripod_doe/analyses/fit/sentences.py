@@ -27,11 +27,7 @@ _SHOWN = 3  # combinations and candidates that sentences state
 
 
 def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
-    """Sentences on what the records say, and on what they do not.
-
-    Args:
-        fit: From `fit_dataset`.
-    """
+    """Sentences on what the records say, and on what they do not."""
     names = fit["unknown"].values.tolist()
     known = [name for name in names if _is_known(fit.sel(unknown=name))]
     sentences = _known_sentence(fit, known)

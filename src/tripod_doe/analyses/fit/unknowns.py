@@ -97,8 +97,6 @@ def make_layout(unknowns: Sequence[Unknown], records: Sequence[str], groups: Seq
     """Number the scalars.
 
     Args:
-        unknowns: The unknowns.
-        records: Names of the records.
         groups: For each unknown the group of each record; names of the records where each has its own value, and empty
             for one value in all.
     """

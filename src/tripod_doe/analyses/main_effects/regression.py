@@ -146,7 +146,6 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
 
     Args:
         columns: Values of all factors that vary, shape (point,) each; `separation` must hold for the factor.
-        response: Finite values, shape (point,).
         error: Its numerical error: smaller changes are none.
     """
     own, others = _basis(columns[factor]), _others(columns, factor)

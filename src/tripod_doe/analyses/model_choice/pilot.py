@@ -26,11 +26,7 @@ from tripod_doe.study.study_points import StudyPoints
 
 
 def finished_in_pilot(directory: Path) -> NDArray[np.void]:
-    """Fingerprints of the points that finished in a pilot, shape (point,); none where there is no pilot.
-
-    Args:
-        directory: The pilot's result directory.
-    """
+    """Fingerprints of the points that finished in a pilot, shape (point,); none where there is no pilot."""
     keys = [block.keys[block.result.outcome == Outcome.FINISHED] for block in _blocks(directory)]
     return np.concatenate([np.array([], "V16"), *keys])
 
@@ -41,7 +37,6 @@ def pilot_results(asked: StudyPoints, missing: IntArray, directory: Path) -> Ite
     Args:
         asked: The study, with what was chosen for its points.
         missing: Indices of the points that are to be run, each different one once.
-        directory: The pilot's result directory.
     """
     study = asked.study
     waiting = {asked.keys[index].tobytes(): int(index) for index in missing}

@@ -65,7 +65,6 @@ def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], auto: Aut
     """Choose a candidate for every point.
 
     Args:
-        measured: Errors and prices from a pilot.
         columns: Factors of the points, each of shape (point,).
 
     Returns:

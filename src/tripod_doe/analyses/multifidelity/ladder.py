@@ -106,10 +106,6 @@ class Ladder:
 def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str]) -> Ladder:
     """The models of a cube with their samples; one with a failed point is left out in all models.
 
-    Args:
-        settings: What is done where points failed.
-        outputs: The outputs that must be there.
-
     Raises:
         InputError: If the design is another one, or too few samples of the truth are left.
     """

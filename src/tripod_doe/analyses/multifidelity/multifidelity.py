@@ -178,9 +178,6 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     Multifidelity Monte Carlo with control variates (Peherstorfer, Willcox and Gunzburger 2016), for the indices as Qian
     and others (2018); see `estimates` and `quantiles`.
 
-    Args:
-        settings: Outputs, probabilities, and the level of the intervals.
-
     Returns:
         mean, variance, with their half widths and gains, quantile, quantile_low, quantile_high (probability, ...),
         distribution (share, ...), S1 and ST with theirs (factor, ...), correlation (model, ...), samples and price

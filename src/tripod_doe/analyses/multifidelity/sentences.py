@@ -17,11 +17,7 @@ def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:
 
 
 def find_in_multifidelity(result: xr.Dataset, name: str) -> list[str]:
-    """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped.
-
-    Args:
-        name: Name of the analysis.
-    """
+    """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped."""
     sentences = []
     truth = str(result.attrs["truth"])
     for part in multifidelity_parts(result):

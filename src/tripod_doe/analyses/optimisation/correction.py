@@ -18,7 +18,6 @@ def corrected(archive: Archive, rows: IntArray, fine: Judged) -> Judged:
     """All candidates of a search as the better model would judge them.
 
     Args:
-        archive: Candidates as the model of the search judged them.
         rows: Those that the better model judged, too.
         fine: Its judgement, in the order of `rows`.
 

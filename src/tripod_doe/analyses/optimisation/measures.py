@@ -113,9 +113,7 @@ def judged(
     """Judge candidates.
 
     Args:
-        objectives, constraints: Their tables.
         values: Every quantity that they name, by output and order.
-        ends: How the points ended.
         weights: Of the operating points; they add up to one.
         quantile: Share of the joints of a sample for which a value must hold; points that failed count as the worst of
             them.
@@ -175,7 +173,6 @@ def _quantile(values: FloatArray, share: float, high: bool) -> FloatArray:
 
     Args:
         values: Shape (candidate, joint).
-        share: Share of the joints.
         high: Whether large values are bad.
     """
     if values.shape[1] == 1:

@@ -80,7 +80,6 @@ class Problem:
 
         Args:
             units: Candidates on the unit cube, shape (candidate, variable).
-            sample: Of the scatter.
             model: Their model; empty where there is one only.
         """
         candidates, joints, places = len(units), self.joints(sample), self.operating.count
@@ -99,9 +98,6 @@ class Problem:
         """The study of all points; its design is a table.
 
         Args:
-            origin: For messages.
-            folder: Where its table stands.
-            table: Name of the table.
             keep: Outputs that it keeps besides those that are judged.
         """
         head, names, rules = self.request.file.optimisation, self._varied, self.request.folder
@@ -147,13 +143,7 @@ class Problem:
         labels: Mapping[str, Any],
         sample: Sample,
     ) -> Judged:
-        """Objectives and constraints of candidates from the answers of their points, in the order of `columns`.
-
-        Args:
-            study, points, ends: The study, the points of the candidates, and how they ended.
-            outputs, labels: Outputs by name with their dimensions, and labels along these.
-            sample: Of the scatter.
-        """
+        """Objectives and constraints of candidates from the answers of their points, in the order of `columns`."""
         finished = ~ends.failed.ravel()
         own = {each.response.name: each for each in response_values(study, points, outputs, labels, finished)}
         columns = study.simulator.columns(study.base, points.at(slice(None)), points.count)

@@ -33,10 +33,8 @@ class Search:
     """A search with one objective or several.
 
     Args:
-        variables: What may be chosen.
         signs: 1 for an objective to minimise, -1 for one to maximise.
         constraints: Number of constraints.
-        population, seed: Of the algorithm.
         start: A candidate of the first generation, on the unit cube; None without one.
     """
 
@@ -134,7 +132,6 @@ class Polish:
     """Steps in one variable at a time from the best candidate, halved where none is better: for a single objective.
 
     Args:
-        variables: What may be chosen.
         best: Where it starts, on the unit cube.
 
     Attributes:

@@ -206,7 +206,6 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
     """The index of the strongest factors over nested subsamples; None where there is only one size.
 
     Args:
-        key, name: Name of the chart, and of the analysis.
         part: Indices of one output, as `sensitivity_parts` gives them, with dimension ``samples``.
     """
     index = RANKED[kind]

@@ -86,7 +86,6 @@ def borgonovo_delta(cube: xr.Dataset, settings: DeltaSettings | None = None) -> 
 
     Args:
         cube: Cube of a sampled design; its factors may be correlated.
-        settings: Outputs, and at which level a factor counts as resolved.
 
     Returns:
         delta (factor, and the dimensions of the output), and chance, the largest delta of factors without effect; see

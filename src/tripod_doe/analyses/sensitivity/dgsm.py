@@ -67,9 +67,6 @@ def derivative_measures(cube: xr.Dataset, settings: DgsmSettings | None = None) 
 
     A total Sobol' index is at most dgsm (Sobol' and Kucherenko 2009); over quantiles this holds for any distribution.
 
-    Args:
-        settings: Which outputs, and the level of the intervals.
-
     Returns:
         vi, vi_conf, dgsm, dgsm_conf (factor, and the dimensions of the output); see `method.apply`.
 

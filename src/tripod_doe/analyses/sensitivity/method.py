@@ -60,10 +60,6 @@ class Method:
 def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
     """Analyse all chosen outputs of a cube by one method.
 
-    Args:
-        cube: Cube of a design that the method can read.
-        settings: Which outputs, and what counts as enough.
-
     Returns:
         The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
         ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; beside other outputs, those with

@@ -82,9 +82,6 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     Effects are per whole range of a factor, in the unit of the output; estimators of Campolongo (2007). Of a group of
     factors there is only mu_star.
 
-    Args:
-        settings: Which outputs, and the level of the intervals.
-
     Returns:
         mu, mu_star, mu_star_conf, sigma (factor, and the dimensions of the output); see `method.apply`.
 

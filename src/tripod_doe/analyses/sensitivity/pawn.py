@@ -98,7 +98,6 @@ def pawn_indices(cube: xr.Dataset, settings: PawnSettings | None = None) -> xr.D
 
     Args:
         cube: Cube of a sampled design; its factors may be correlated.
-        settings: Outputs, number of slices, and at which level a factor counts as resolved.
 
     Returns:
         median, mean, maximum, minimum (factor, and the dimensions of the output), and chance, the largest median of

@@ -66,7 +66,6 @@ def rbd_fast_indices(cube: xr.Dataset, settings: RbdFastSettings | None = None) 
 
     Args:
         cube: Cube of an rbd-fast, latin-hypercube, sobol or halton design of independent factors.
-        settings: Which outputs, and the level of the intervals.
 
     Returns:
         S1, S1_conf (factor, and the dimensions of the output); see `method.apply`.

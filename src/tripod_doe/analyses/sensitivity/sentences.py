@@ -24,12 +24,7 @@ _HEADS = {
 
 
 def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
-    """Sentences on the strongest factors of each main output, then on the points and on what failed.
-
-    Args:
-        result: Its indices.
-        name: Name of the analysis.
-    """
+    """Sentences on the strongest factors of each main output, then on the points and on what failed."""
     kind = kind_of(result)
     sentences = []
     parts = sensitivity_parts(result)

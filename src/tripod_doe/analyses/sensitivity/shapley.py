@@ -127,7 +127,6 @@ def shapley_effects(cube: xr.Dataset, settings: ShapleySettings | None = None) -
 
     Args:
         cube: Cube of a latin-hypercube or rbd-fast design of at most ten factors, correlated or not.
-        settings: Which outputs, and the level of the intervals.
 
     Returns:
         shapley, shapley_conf (factor, and the dimensions of the output); see `method.apply`. They add up to one.

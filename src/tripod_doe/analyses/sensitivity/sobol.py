@@ -84,7 +84,6 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
 
     Args:
         cube: Cube of a saltelli design; N (2 D + 2) points, or N (D + 2) without second order.
-        settings: Which outputs, and the level of the intervals.
 
     Returns:
         S1, S1_conf, ST, ST_conf (factor, and the dimensions of the output) and S2, S2_conf (factor, factor_2, ...); see

@@ -129,7 +129,6 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
     Args:
         cube: Cube of a grid or product over ``method``, ``step_s`` or ``relative_tolerance``, and other numeric
             factors.
-        settings: Output that is compared, and the limit of its relative error.
 
     Returns:
         Per method and case: ``border_low`` and ``border_high``, the last step up to which all runs are good and the

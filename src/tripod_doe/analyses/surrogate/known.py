@@ -56,9 +56,7 @@ class Foreknown:
 
         Args:
             columns: Values of the factors, shape (point,) each.
-            values: Components, shape (point, component).
             marks: Which of them vanish, and their parity.
-            seed: Of the division into folds.
         """
         places, best = self.places(columns), self
         error = polynomial_error(places, values, seed, best.of(columns, *marks))

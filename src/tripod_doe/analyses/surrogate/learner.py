@@ -97,7 +97,6 @@ def learn(places: FloatArray, values: FloatArray, seed: int, folds: int = 5, kno
     Args:
         places: Inputs from -1 to 1, shape (point, input).
         values: Shape (point, component).
-        seed: Of the division into folds.
         folds: Parts of the points, each predicted by a fit to the others.
         known: Zeros and symmetries, which the surrogates then have exactly. Components that vanish are given over the
             envelope, their errors are not.

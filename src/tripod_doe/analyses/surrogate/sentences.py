@@ -13,11 +13,7 @@ _NEARLY_ALL = 99.9  # percent
 
 
 def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
-    """Sentences on the surrogate of each main output, and on the quantiles that it gives.
-
-    Args:
-        name: Name of the analysis.
-    """
+    """Sentences on the surrogate of each main output, and on the quantiles that it gives."""
     words = str(result["chosen"].attrs["flag_meanings"]).split()
     sentences = []
     for _, what, unit, part in main_outputs(result, "error_rms"):

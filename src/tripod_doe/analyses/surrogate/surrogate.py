@@ -64,7 +64,6 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
 
     Args:
         cube: Cube of a sampled, factorial or listed design.
-        settings: Which outputs, and the number of folds.
 
     Returns:
         error_rms, error_largest, predicted_part and the flag chosen, with the dimensions of the output, and with

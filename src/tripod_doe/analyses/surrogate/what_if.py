@@ -107,11 +107,8 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
     """The surrogate of the main outputs as variables and one attribute of a result.
 
     Args:
-        sample: The points to learn from.
         tables: The outputs that are asked for; with thrust_amplitude and its phases in the cube, the waves of the
             orders.
-        cube: The cube of the points.
-        seed: Of the division into folds.
     """
     components, values = _components(tables, cube, sample.rows)
     marks = [each.vanishes for each in components], [each.parity for each in components]

@@ -18,11 +18,7 @@ def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
 
 
 def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
-    """Sentences on quantiles, limits and gains of each main output.
-
-    Args:
-        name: Name of the analysis.
-    """
+    """Sentences on quantiles, limits and gains of each main output."""
     sentences = []
     for _, what, unit, part in tolerance_parts(result):
         sentences += [*_quantiles(what, part, unit, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]

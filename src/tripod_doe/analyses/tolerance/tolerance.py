@@ -173,7 +173,6 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     Args:
         cube: Cube of a sampled design whose factors have the distributions of the manufacture. Where factors are
             correlated, halving one leaves the others as they are, given its value.
-        settings: Outputs, probabilities and limits.
 
     Returns:
         quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its

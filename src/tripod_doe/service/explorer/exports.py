@@ -71,9 +71,6 @@ def study_of(cube: xr.Dataset) -> dict[str, Any]:
 def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     """A study file whose points are those that a view shows, for the variable that it shows.
 
-    Args:
-        data: Its slice, as `seen` gives it.
-
     Returns:
         TOML; the study itself where the view shows more points than a list should name, or no points of a study.
     """

@@ -22,9 +22,6 @@ Form = TypeVar("Form", bound=BaseModel)
 def read_form(body: bytes, form: type[Form], nesting: int) -> Form:
     """Read a body that has a form.
 
-    Args:
-        form: What it must be.
-
     Raises:
         RefusedError: 413 if it is nested too deep, 422 if it is no JSON or does not fit the form.
     """

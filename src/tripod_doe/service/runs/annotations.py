@@ -29,11 +29,7 @@ class AnnotationFiles:
         self._due = 0.0
 
     def changed(self, runs: Iterable[tuple[Run, Path]]) -> Iterator[Run]:
-        """Runs whose file has changed since the last look, as it is now; nothing where that was just now.
-
-        Args:
-            runs: Runs with their directories.
-        """
+        """Runs whose file has changed since the last look, as it is now; nothing where that was just now."""
         if time.monotonic() < self._due:
             return
         self._due = time.monotonic() + _PAUSE

@@ -20,12 +20,7 @@ log = logging.getLogger(__name__)
 
 
 class Bin:
-    """The runs in the bin; their rows stay in the table, marked, and their directories where they were.
-
-    Args:
-        folder: The folder of all runs.
-        table: Their table.
-    """
+    """The runs in the bin; their rows stay in the table, marked, and their directories where they were."""
 
     def __init__(self, folder: Path, table: RunTable) -> None:
         self._folder, self._table = folder, table

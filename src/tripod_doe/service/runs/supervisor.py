@@ -55,9 +55,6 @@ def _logged(what: str) -> Iterator[None]:
 class Supervisor:
     """The runs of a folder.
 
-    Args:
-        settings: Where the folder is, and how runs are started.
-
     Raises:
         InputError: If the table of runs cannot be opened.
     """

@@ -22,11 +22,7 @@ _MOST = 200  # sessions at the same time: the oldest ends for a new one
 
 
 class Sessions:
-    """Browsers that have shown the token.
-
-    Args:
-        clock: Seconds that never run backwards.
-    """
+    """Browsers that have shown the token."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

@@ -77,8 +77,6 @@ def build_cube(
     """Assemble cube and cost from finished blocks; points without a block are flagged as not_run.
 
     Args:
-        study, points: The study and its points.
-        keys: Fingerprints of the points.
         blocks: Finished blocks, the newest last; other points in them are ignored.
 
     Returns:
@@ -103,7 +101,6 @@ def part_of_cube(
     """Cube and cost of some points, without attributes.
 
     Args:
-        study, points: The study and these points of it.
         results: Finished blocks, the newest last, each with the rows to use and their places among the points.
         models: The summary to which the models of the points are added.
     """

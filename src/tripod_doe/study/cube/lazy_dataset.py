@@ -69,7 +69,6 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
     """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
 
     Args:
-        path: The file.
         chunks: As in `xarray.open_dataset`; None leaves Dask out.
         by_number: Whether points of a list can be selected by their numbers.
 

@@ -47,7 +47,6 @@ def check_auto_model(
     """Check the accuracy that an automatic choice of the model must meet.
 
     Args:
-        accuracy: Allowed relative errors by quantity.
         confidence, budget: See `AutoModel`.
         floor: See `Accuracy`.
         taken: Parameters that the study sets itself; the choice leaves them alone.

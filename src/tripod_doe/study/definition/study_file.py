@@ -317,7 +317,6 @@ def complaints(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """Pydantic's complaints about a TOML file, each with table, key, value, reason and a near match.
 
     Args:
-        error: The error of pydantic.
         model: All tables of the file, whose keys are near matches.
     """
     return first_messages(error.errors(include_url=False), lambda item: _complaint(item, model))
@@ -385,7 +384,6 @@ def said_of(complaint: ErrorDetails, key: str) -> str:
     """The reason why pydantic refuses a value.
 
     Args:
-        complaint: One of `ValidationError.errors`.
         key: The key as a file has it.
     """
     if complaint["type"] == "list_type":

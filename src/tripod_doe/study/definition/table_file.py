@@ -35,10 +35,8 @@ def read_table_file(path: str | Path, model: type[F], head: str, untrusted: bool
     """Read a file and check its form.
 
     Args:
-        path: The file.
         model: All its tables.
         head: The table by which its kind is known.
-        untrusted: For a file from a stranger.
 
     Raises:
         InputError: If it cannot be read, or a table, key or value in it is wrong.

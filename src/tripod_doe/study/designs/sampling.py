@@ -61,7 +61,6 @@ def sampled(
     """A sampled design.
 
     Args:
-        sample: Its points on the unit cube.
         uncorrelated, grouped: See `Family`.
         block: See `Family`; the points of a sample if omitted.
         bounded: Whether distributions with infinite tails are refused.

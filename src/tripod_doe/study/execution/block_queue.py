@@ -22,7 +22,6 @@ class BlockQueue:
     """Points to compute.
 
     Args:
-        waiting: Indices of the points.
         block: Points per block; None sizes blocks by the duration of the finished ones.
         seconds: Smallest duration of a block to aim at.
         kinds: Number of the kind of each waiting point (its model and method), shape (waiting,); None where all are

@@ -19,11 +19,7 @@ _LONGEST_FOLDER = 70  # bytes: names of sockets have 107, of which multiprocessi
 
 
 def start_child(module: str, *words: str) -> subprocess.Popen[str]:
-    """Start a module as a program with piped standard input and output.
-
-    Args:
-        module: Full name of the module.
-    """
+    """Start a module as a program with piped standard input and output."""
     return subprocess.Popen(
         command(module, *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment(), text=True
     )

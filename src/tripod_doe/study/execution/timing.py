@@ -26,7 +26,6 @@ def time_points(study: Study, seconds: float) -> list[float]:
     """CPU seconds per point, for points spread over the design.
 
     Args:
-        study: The study to time.
         seconds: Time after which timing stops, compilation not counted; the measurements until then are returned.
     """
     folder = {"path": str(study.folder.path), "trusted": study.folder.trusted}

@@ -37,7 +37,6 @@ def read_user_code(function: str, folder: Path) -> UserCode:
 
     Args:
         function: ``package.module:function``.
-        folder: The study's folder.
     """
     module = function.partition(":")[0]
     files = {

@@ -95,7 +95,6 @@ def taken(labels: Variable, left: IntArray | None, count: int, selection: Select
     Args:
         left: Positions among which they are looked for; None for all.
         selection: What is wanted.
-        nearest: Whether the nearest label is taken where none matches.
     """
     if left is None and labels.is_counted:
         left = _around(selection, count)

@@ -71,7 +71,6 @@ def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> A
     """An annotation with some of its values changed.
 
     Args:
-        before: The annotation so far.
         changes: New values of name, owner, tags and note.
         place: Where they come from, for messages.
 

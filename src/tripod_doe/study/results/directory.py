@@ -109,7 +109,6 @@ class ResultDirectory:
         """Refuse a study that differs from the study of the results, unless it only grew.
 
         Args:
-            asked: The study and its points.
             done: Fingerprints of the points with results; by default of the points in the journal.
 
         Raises:
@@ -169,7 +168,6 @@ class ResultDirectory:
         """Indices of the points to compute, each different one once.
 
         Args:
-            asked: The study and its points.
             retry_failed: Whether failed points count as missing.
         """
         there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
@@ -212,7 +210,6 @@ class ResultDirectory:
         """Make cube and costs from all finished blocks, write them, and open them.
 
         Args:
-            asked: The study and its points.
             action: The action, for the history of the files.
 
         Raises:

@@ -36,7 +36,6 @@ def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | Non
     Args:
         data: The variable first, over `x` and `y`; beside it the outcome and its detail, from which cells without a
             number are hatched: failed ones, and in grey dots those still to come.
-        x, y: Names of dimensions.
         limits: Values at both ends of the colours, to be the same from one slice to the next; those of the data
             otherwise.
 

@@ -33,7 +33,6 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
 
     Args:
         data: The variable first, over the dimensions of the design; beside it the outcome and its detail.
-        x, colour: Names of coordinates or other variables of the same dimensions.
 
     Returns:
         A figure for Plotly; more than 4000 points are drawn as their density.
