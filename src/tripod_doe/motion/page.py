@@ -146,11 +146,7 @@ def _text(array: FloatArray) -> str:
 
 
 def write_page(page: str, file: Path, flag: str) -> None:
-    """Write a page to the file that an option names.
-
-    Raises:
-        InputError: If it cannot be written.
-    """
+    """Write a page to the file that an option names; InputError if it cannot be written."""
     try:
         file.write_text(page, encoding="utf-8")
     except OSError as error:

@@ -99,11 +99,7 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
-    """The analyses of a result directory by their names.
-
-    Raises:
-        CubeError: If one is damaged or of another study.
-    """
+    """The analyses of a result directory by their names; CubeError if one is damaged or of another study."""
     return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
 
 

@@ -270,11 +270,7 @@ class Service:
         return path_within(directory, "steps", step)
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
-        """The result of an analysis of a run, or of a study step.
-
-        Raises:
-            RefusedError: 404 if there is none of this name.
-        """
+        """The result of an analysis of a run, or of a study step; RefusedError 404 if there is none of this name."""
         if self.runs.find(run_id).is_search and step is None:
             made = {name: Path(path) for name, path in self.analysis_files(run_id).items()}
         else:

@@ -227,11 +227,7 @@ class Expression:
         return NamedArray(result.dims, _truth(result.data), result.labels)
 
     def numbers(self, source: Source) -> NamedArray:
-        """Evaluate a formula, in float64.
-
-        Raises:
-            InputError: If its result is a text, or values cannot be combined.
-        """
+        """Evaluate a formula, in float64; InputError if its result is a text, or values cannot be combined."""
         result = self._evaluated(source)
         if not np.issubdtype(np.asarray(result.data).dtype, np.number) and result.data.dtype != np.bool_:
             raise InputError(f"{self.text!r}: its result is a text, not a number")

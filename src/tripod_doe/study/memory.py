@@ -21,11 +21,7 @@ def refuse_too_many_points(count: int, each: int) -> None:
 
 
 def refuse_too_much_memory(needed: int, what: str, remedy: str) -> None:
-    """Refuse data that does not fit into the free memory.
-
-    Raises:
-        InputError: With both numbers.
-    """
+    """Refuse data that does not fit into the free memory; InputError with both numbers."""
     if needed > (free := _free_memory()):
         raise InputError(f"{what} needs about {size(needed)} of memory, {size(free)} are free: {remedy}")
 

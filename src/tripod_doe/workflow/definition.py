@@ -77,11 +77,7 @@ class Workflow:
     quick: bool  # whether the overrides of [quick] are in force
 
     def needed_for(self, name: str) -> list[str]:
-        """A step and all that it needs, in order.
-
-        Raises:
-            InputError: If there is no such step.
-        """
+        """A step and all that it needs, in order; InputError if there is no such step."""
         if name not in self.steps:
             raise InputError(f"{option('only', name)}: no such step in {self.origin}{near_match(name, self.steps)}")
         needed = {name}

@@ -19,11 +19,7 @@ _EVERY = 0.5  # seconds between two states of a stage
 
 
 def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
-    """Replace the states of the steps.
-
-    Raises:
-        StorageError: If they cannot be written.
-    """
+    """Replace the states of the steps; StorageError if they cannot be written."""
     replace_text(directory / STEPS, json.dumps(list(steps)))
 
 

@@ -65,11 +65,7 @@ class Point:
         return self.parameters.get(name, known.default if known else None)
 
     def output(self, name: str) -> xr.DataArray:
-        """An output of it.
-
-        Raises:
-            MissingPointError: If the cube does not keep it.
-        """
+        """An output of it; MissingPointError if the cube does not keep it."""
         if name not in self.data or bool(self.data[name].isnull().all()):
             raise MissingPointError(f"the cube has no {name}")
         return self.data[name]

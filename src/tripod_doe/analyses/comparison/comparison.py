@@ -77,11 +77,7 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
 
 
 def parse_speeds(text: str | None) -> tuple[float, float] | None:
-    """A range of speeds in rpm from ``LOW:HIGH``; None for no text.
-
-    Raises:
-        InputError: If the text has another form.
-    """
+    """A range of speeds in rpm from ``LOW:HIGH``; None for no text (InputError if the text has another form)."""
     if text is None:
         return None
     try:

@@ -68,11 +68,7 @@ def _values(attributes: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def parsed_study(text: str) -> dict[str, Any]:
-    """The tables of a study file.
-
-    Raises:
-        InputError: If the text is not TOML.
-    """
+    """The tables of a study file; InputError if the text is not TOML."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:

@@ -55,11 +55,7 @@ def knee_of(front: xr.Dataset) -> int:
 
 
 def base_of(front: xr.Dataset, candidate: int) -> str:
-    """The [base] of a candidate of a stored front, to paste into a study.
-
-    Raises:
-        InputError: If there is no such candidate.
-    """
+    """The [base] of a candidate of a stored front, to paste into a study; InputError if there is no such candidate."""
     count = front.sizes["candidate"]
     if not 0 <= candidate < count:
         raise InputError(f"candidate = {candidate}: the front has {count:,}, counted from 0")

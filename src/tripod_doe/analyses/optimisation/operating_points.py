@@ -41,11 +41,7 @@ class OperatingPoints:
 
 
 def operating_points(request: OptimisationRequest, parameters: Mapping[str, Parameter]) -> OperatingPoints:
-    """The operating points of a file.
-
-    Raises:
-        InputError: If a parameter, a value, a weight or the table is wrong.
-    """
+    """The operating points of a file; InputError if a parameter, a value, a weight or the table is wrong."""
     at = request.file.at
     weights: Any = at.get("weights")
     try:

@@ -126,11 +126,7 @@ def _is_number(value: Value) -> bool:
 
 
 def make_variables(request: OptimisationRequest, simulator: Simulator, base: Mapping[str, Value]) -> Variables:
-    """The variables of a file.
-
-    Raises:
-        InputError: If a parameter is unknown, or a bound, value or formula wrong.
-    """
+    """The variables of a file; InputError if a parameter is unknown, or a bound, value or formula wrong."""
     chosen: list[Variable] = []
     followers: list[Follower] = []
     full = simulator.effective(base) if not request.file.optimisation.function else dict(base)

@@ -130,11 +130,7 @@ class Case:
 
 
 def read_cases(cubes: Mapping[str, xr.Dataset]) -> list[Case]:
-    """Sort the points of all cubes into cases.
-
-    Raises:
-        InputError: If a cube has no costs, or none of the quantities.
-    """
+    """Sort the points of all cubes into cases; InputError if a cube has no costs, or none of the quantities."""
     return [case for name, cube in cubes.items() for case in _cases_of(name, cube)]
 
 

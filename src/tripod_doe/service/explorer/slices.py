@@ -37,11 +37,7 @@ def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
 
 
 def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
-    """One point of a cube by its number.
-
-    Raises:
-        InputError: If there is none of this number.
-    """
+    """One point of a cube by its number; InputError if there is none of this number."""
     design = design_of(cube)
     shape = tuple(cube.sizes[dim] for dim in design)
     count = int(np.prod(shape))

@@ -48,11 +48,7 @@ class Bin:
             self._runs[run.id] = binned
 
     def take(self, run_id: str) -> Run:
-        """Take a run out of the bin.
-
-        Raises:
-            RefusedError: 404 if it is not there.
-        """
+        """Take a run out of the bin; RefusedError 404 if it is not there."""
         with self._lock:
             if run_id not in self._runs:
                 raise RefusedError(404, f"{run_id[:100]}: no run of this id in the bin")

@@ -53,11 +53,7 @@ def _logged(what: str) -> Iterator[None]:
 
 
 class Supervisor:
-    """The runs of a folder.
-
-    Raises:
-        InputError: If the table of runs cannot be opened.
-    """
+    """The runs of a folder; InputError if the table of runs cannot be opened."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -304,11 +300,7 @@ class Supervisor:
             self.events.forget(run_id)
 
     def restore(self, run_id: str) -> Run:
-        """Take a run out of the bin.
-
-        Raises:
-            RefusedError: 404 if it is not there.
-        """
+        """Take a run out of the bin; RefusedError 404 if it is not there."""
         with self._lock:
             run = self._bin.take(run_id)
             there = self._runs | {run_id: run}

@@ -214,11 +214,7 @@ class RunTable:
         )
 
     def remove(self, id: str) -> None:
-        """Forget a run.
-
-        Raises:
-            StorageError: If the disk is full or fails.
-        """
+        """Forget a run; StorageError if the disk is full or fails."""
         self._write("DELETE FROM run WHERE id = ?", (id,))
 
     def _write(self, statement: str, values: tuple[Any, ...]) -> None:

@@ -97,11 +97,7 @@ def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn errors of reading a file into a `CubeError`.
-
-    Raises:
-        CubeError: If the file is missing or damaged.
-    """
+    """Turn errors of reading a file into a `CubeError`; CubeError if the file is missing or damaged."""
     if not path.exists():
         raise CubeError(f"{path}: there is no such file")
     try:

@@ -110,11 +110,7 @@ def _points_together(responses: Collection[Response], outputs: Outputs) -> int:
 
 
 def refuse_unknown_outputs(study: Study, names: Collection[str]) -> None:
-    """Refuse formulas that use what a function does not return.
-
-    Raises:
-        InputError: With the key and near names.
-    """
+    """Refuse formulas that use what a function does not return; InputError with the key and near names."""
     if study.simulator.outputs:
         return
     for response in study.responses:

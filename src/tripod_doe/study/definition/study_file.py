@@ -225,11 +225,7 @@ class StudyFile(Table):
 
 
 def read_text(path: Path, what: str) -> str:
-    """The text of a TOML file.
-
-    Raises:
-        InputError: If it cannot be read or is not UTF-8.
-    """
+    """The text of a TOML file; InputError if it cannot be read or is not UTF-8."""
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors mark UTF-8 by three bytes in front
     except (OSError, UnicodeDecodeError) as error:
@@ -270,11 +266,7 @@ def _refuse_large_numbers(value: Any, place: str) -> None:
 
 
 def tables_in(path: Path) -> set[str]:
-    """Names of the tables of a TOML file, by which its kind is known.
-
-    Raises:
-        InputError: If it cannot be read.
-    """
+    """Names of the tables of a TOML file, by which its kind is known; InputError if it cannot be read."""
     return set(parse_toml(read_text(path, "file"), str(path)))
 
 

@@ -19,11 +19,7 @@ def _grid(request: Request) -> Made:
 
 
 def grid_levels(factors: Mapping[str, Factor]) -> dict[str, Column]:
-    """The levels of a grid along each of its dimensions.
-
-    Raises:
-        InputError: If a factor has the same level twice.
-    """
+    """The levels of a grid along each of its dimensions; InputError if a factor has the same level twice."""
     levels = {name: axis_levels(factor) for name, factor in factors.items()}
     for name, values in levels.items():
         if len(set(values.tolist())) < len(values):

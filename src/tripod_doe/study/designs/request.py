@@ -78,11 +78,7 @@ def column_of(factor: Factor, values: Iterable[Any]) -> Column:
 
 
 def levels_of(factor: Factor) -> Column:
-    """The levels of a factor in file order.
-
-    Raises:
-        InputError: If it has none.
-    """
+    """The levels of a factor in file order; InputError if it has none."""
     if factor.values is None:
         raise InputError(
             f"[factors.{factor.parameter.name}]: this design needs levels; give values, or low, high and count"

@@ -40,11 +40,7 @@ def salib_problem(tables: Mapping[str, FactorTable]) -> dict[str, Any]:
 
 
 def samples_of(table: DesignTable) -> int:
-    """Number of samples of a design.
-
-    Raises:
-        InputError: If it is missing.
-    """
+    """Number of samples of a design; InputError if it is missing."""
     if table.samples is None:
         raise InputError(f"a {table.kind} design needs samples")
     return table.samples

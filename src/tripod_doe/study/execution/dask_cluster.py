@@ -42,11 +42,7 @@ class DaskWorkers:
         return self._client is not None and self._client.done()
 
     def executor(self, study: Study) -> OnDask:
-        """Wait for the workers and let them run blocks of a study.
-
-        Raises:
-            InputError: If no scheduler answers.
-        """
+        """Wait for the workers and let them run blocks of a study; InputError if no scheduler answers."""
         self.start(study)
         assert self._client is not None
         client = self._client.result()

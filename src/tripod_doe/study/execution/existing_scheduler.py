@@ -36,11 +36,7 @@ class TlsFiles:
     key: Path | None = None  # its key; None where it stands in the file of the certificate
 
     def security(self) -> Security:
-        """The credentials for a client of Dask.
-
-        Raises:
-            InputError: If a file cannot be used.
-        """
+        """The credentials for a client of Dask; InputError if a file cannot be used."""
         from distributed.security import Security
 
         files = {"tls_ca_file": self.ca_file, "tls_cert": self.cert, "tls_key": self.key}
@@ -97,11 +93,7 @@ class ExistingScheduler:
         return option("scheduler", self.address) if self.address else option("scheduler_file", str(self.file))
 
     def connect(self) -> Client:
-        """A client of the scheduler.
-
-        Raises:
-            InputError: If none answers, or the file cannot be read.
-        """
+        """A client of the scheduler; InputError if none answers, or the file cannot be read."""
         from distributed import Client
 
         address = self._read_address()

@@ -172,11 +172,7 @@ def _reason(check: Callable[[], object]) -> str:
 
 
 def counted(key: str, note: str | None) -> int:
-    """The number in a note, 0 where it is not there.
-
-    Raises:
-        DamagedRowError: If it is none: a checksum shows accidents only.
-    """
+    """The number in a note, 0 where it is not there; DamagedRowError if it is none: a checksum shows accidents only."""
     if note is not None and not (note.isascii() and note.isdigit() and len(note) <= _MOST_DIGITS):
         raise DamagedRowError(f"note {key!r} is no number")
     return int(note or 0)

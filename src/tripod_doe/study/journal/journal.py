@@ -181,11 +181,7 @@ class Journal:
         return again, [ends for _, ends in numbered], Mark(newest, repairs)
 
     def check(self) -> None:
-        """Read the whole journal.
-
-        Raises:
-            CubeError: If any of it is damaged.
-        """
+        """Read the whole journal; CubeError if any of it is damaged."""
         with self._reading("its structure"):
             if reason := damage(self.path):
                 raise self._damaged(reason)

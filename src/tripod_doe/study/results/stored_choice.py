@@ -25,11 +25,7 @@ CHOICE = "choice.nc"
 
 
 def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
-    """The choice that a directory holds, None where there is none.
-
-    Raises:
-        InputError: If it was made for another accuracy.
-    """
+    """The choice that a directory holds, None where there is none; InputError if it was made for another accuracy."""
     if not (directory / CHOICE).exists():
         return None
     frozen, auto = read_dataset(directory / CHOICE), auto_model_of(study)

@@ -40,11 +40,7 @@ class ResultFolder(StudyFolder):
     record: Mapping[str, Any] = field(default_factory=dict)  # of the function, as `RecordedFunction` takes it
 
     def file(self, name: str, key: str) -> Path:
-        """The copy of a table.
-
-        Raises:
-            InputError: If there is none.
-        """
+        """The copy of a table; InputError if there is none."""
         try:
             return StudyFolder(self.path / _TABLES, trusted=False).file(_copy_name(name), key)
         except InputError as error:

@@ -11,11 +11,7 @@ from tripod_doe.study.results.result_cube import open_cube
 
 
 def refuse_without_zarr() -> None:
-    """Refuse the export where it is not installed.
-
-    Raises:
-        InputError: With the command that installs it.
-    """
+    """Refuse the export where it is not installed; InputError with the command that installs it."""
     if importlib.util.find_spec("zarr") is None:
         raise InputError(f"{option('export', 'zarr')}: zarr is not installed; pip install 'tripod-doe[zarr]'")
 
