@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tripod_doe.analyses.records.measurement import read_measurement
     from tripod_doe.analyses.sensitivity.morris import morris_effects
     from tripod_doe.analyses.sensitivity.sobol import sobol_indices
+    from tripod_doe.client import Service, ServiceRun, connect
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.motion.page import view
     from tripod_doe.pages.study import write_report
@@ -49,9 +50,12 @@ _HOME = {
     "Parameter": "simulator",
     "Plan": "study.plan",
     "RunSummary": "workflow.run",
+    "Service": "client",
+    "ServiceRun": "client",
     "StorageError": "errors",
     "Study": "study.definition.study",
     "TripodDoeError": "errors",
+    "connect": "client",
     "compare": "analyses.comparison.comparison",
     "contribution_shares": "analyses.contribution.contribution",
     "diff": "analyses.diff.diff",
@@ -87,11 +91,14 @@ __all__ = [
     "Parameter",
     "Plan",
     "RunSummary",
+    "Service",
+    "ServiceRun",
     "StorageError",
     "Study",
     "TripodDoeError",
     "WorkflowSummary",
     "compare",
+    "connect",
     "contribution_shares",
     "derive",
     "diff",
@@ -117,9 +124,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("tripod-doe")
     if name not in _HOME:
         raise AttributeError(f"module 'tripod_doe' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"tripod_doe.{_HOME[name]}"), name)
+    found = getattr(importlib.import_module(f"tripod_doe.{_HOME[name]}"), name)
+    checked = importlib.import_module("tripod_doe.argument_types").with_checked_arguments
+    return globals().setdefault(name, found if isinstance(found, type) else checked(found))
 
 
 def __dir__() -> list[str]:

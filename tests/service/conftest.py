@@ -5,7 +5,7 @@ import signal
 
 import pytest
 from server_process import Server, runs_in
-from service_client import ADDRESS, TOKEN, Asked
+from service_client import ADDRESS, READ_TOKEN, TOKEN, Asked
 from starlette.testclient import TestClient
 
 from tripod_doe.service.app import create_app
@@ -15,7 +15,7 @@ from tripod_doe.service.settings import Settings
 
 @pytest.fixture(scope="session")
 def settings(tmp_path_factory):
-    return Settings(tmp_path_factory.mktemp("service"), token=TOKEN, workers=0)
+    return Settings(tmp_path_factory.mktemp("service"), token=TOKEN, read_token=READ_TOKEN, workers=0)
 
 
 @pytest.fixture(scope="session")

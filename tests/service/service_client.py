@@ -9,6 +9,7 @@ from starlette.testclient import TestClient
 ADDRESS = "http://127.0.0.1:8811"
 API = "/api/v1"
 TOKEN = "a-token-of-these-tests"
+READ_TOKEN = "a-token-that-only-reads"
 
 COAST = """
     [study]

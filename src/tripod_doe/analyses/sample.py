@@ -81,6 +81,8 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
     Raises:
         InputError: If the design is another one, or too little of it is left.
     """
+    if "study" not in cube.attrs:
+        raise InputError("this cube has no study; an analysis needs the cube of a run")
     file = parse_file(cube.attrs["study"], "the study in the cube")
     design = file.design
     if design.kind not in kinds:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.errors import InputError
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -34,6 +35,12 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         type=Path,
         help="file with the token; made if it is not there (default: a new token at each start)",
     )
+    parser.add_argument(
+        "--read-token-file",
+        metavar="FILE",
+        type=Path,
+        help="file with a second token, whose holders read everything and change nothing; made if it is not there",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -43,6 +50,12 @@ def _run(options: argparse.Namespace) -> int:
     settings = Settings(options.folder, options.host, options.port, options.workers, options.read_only, options.demo)
     if options.token_file is not None:
         settings = replace(settings, token=read_token(options.token_file))
+    if options.read_token_file is not None:
+        settings = replace(settings, read_token=read_token(options.read_token_file))
+    if settings.read_token == settings.token:
+        raise InputError(
+            f"--read-token-file {options.read_token_file}: this is the token of the owner; name another file"
+        )
     serve(settings)
     return DONE
 

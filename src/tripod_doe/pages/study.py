@@ -71,7 +71,7 @@ _ALWAYS = {"setting", "provenance"}  # the others only where there is something 
 _FILES = ("cube.nc", "cost.nc", "study.toml")
 
 
-def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path:
+def write_report(directory: str | Path, findings: Sequence[str] | None = None) -> Path:
     """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
     Args:

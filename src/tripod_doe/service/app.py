@@ -17,7 +17,8 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.page import assets, help, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
-from tripod_doe.service.routes import reports, results, runs, studies, views
+from tripod_doe.service.routes import reports, results, runs, shares, studies, views
+from tripod_doe.service.security.access import Accesses
 from tripod_doe.service.security.guard import API, Guard
 from tripod_doe.service.security.sessions import Sessions
 from tripod_doe.service.service import Service
@@ -59,11 +60,12 @@ def create_app(settings: Settings) -> FastAPI:
         root_path_in_servers=False,  # it belongs to the page
     )
     app.state.service, app.state.sessions = service, sessions
-    for module in (runs, studies, results, reports, views):  # what is asked for most is looked for first
+    for module in (runs, studies, results, reports, views, shares):  # what is asked for most is looked for first
         app.include_router(module.router, prefix=API)
     for part in (assets, help, run_pages, study_editor):
         app.include_router(part.router)
-    app.add_middleware(Guard, settings=settings, sessions=sessions, refusal_answer=refusal_answer)
+    accesses = Accesses(settings, service.shares)
+    app.add_middleware(Guard, settings=settings, accesses=accesses, sessions=sessions, refusal_answer=refusal_answer)
     _add_error_answers(app)
     return app
 
@@ -72,7 +74,9 @@ def _add_error_answers(app: FastAPI) -> None:
     """Every error is a list of problems, never a traceback."""
 
     def answer(request: Request, refusal: RefusedError) -> Response:
-        return refusal_answer(request, refusal, request.app.state.service.settings, request.scope["root_path"])
+        access = request.scope.get("access")
+        settings = access.settings if access else request.app.state.service.settings
+        return refusal_answer(request, refusal, settings, request.scope["root_path"])
 
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, RefusedError)

@@ -6,20 +6,23 @@ import logging
 import shutil
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.names import path_within
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import STUDY, main_file
 from tripod_doe.service.runs.extremes import Extremes
+from tripod_doe.service.runs.one_run import OneRun
 from tripod_doe.service.runs.result_directory import result_directories
 from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
 from tripod_doe.service.runs.table import Run
 from tripod_doe.service.security.delivered_files import check_delivered
+from tripod_doe.service.security.shares import Shares
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError, WorkerPool
 
@@ -39,6 +42,8 @@ class Service:
     Attributes:
         runs: Looks after the runs.
         extremes: Best and worst points of the runs.
+        shares: Links that open one run.
+        is_open: Whether who asks may still do so.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -48,8 +53,23 @@ class Service:
         self._planning = WorkerPool(1, settings.limits)
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
+        self.shares = Shares(settings.folder)
+        self.is_open: Callable[[], bool] = lambda: True
         self.extremes = Extremes(self._find_extremes)
         self._started = self._closed = False
+
+    def seen_by(self, settings: Settings, is_open: Callable[[], bool]) -> Service:
+        """The service as a reader sees it: it changes nothing, and holds one run where the settings name one.
+
+        Args:
+            settings: Of this reader.
+            is_open: Whether the reader may still ask.
+        """
+        seen = copy(self)
+        seen.settings, seen.is_open = settings, is_open
+        if settings.only_run:
+            seen.runs = cast("Supervisor", OneRun(self.runs, settings.only_run))
+        return seen
 
     def start(self) -> None:
         """Read the table of runs, and start workers; a second call does nothing."""

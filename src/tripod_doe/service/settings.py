@@ -13,6 +13,9 @@ from pathlib import Path
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.limits import Limits
 
+FIRST_PART = "/s-"
+"""How the first part of the addresses of pages begins; the rest is a key."""
+
 _SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 4096
 
 
@@ -28,6 +31,8 @@ class Settings:
     read_only: bool = False  # whether all changes are refused, and nothing is run
     demo: bool = False  # whether a small finished study is put into the list
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)  # what a client must know
+    read_token: str = field(default="", repr=False)  # of clients who only read; empty without any
+    only_run: str = ""  # the one run that a link opens; empty for all others
     limits: Limits = field(default_factory=Limits)  # what it takes
     key: str = field(default_factory=lambda: secrets.token_urlsafe(16), repr=False)  # of its addresses; see `sessions`
     cookie: str = field(default_factory=lambda: f"tripod_doe_{secrets.token_hex(4)}")  # its name: ports share cookies
@@ -35,7 +40,7 @@ class Settings:
     @property
     def root(self) -> str:
         """First part of the addresses of its pages."""
-        return f"/s-{self.key}"
+        return f"{FIRST_PART}{self.key}"
 
 
 def read_token(path: Path) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -94,11 +94,11 @@ class Plan:
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
 
 
-def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False) -> Plan:
+def plan(study: Study | Mapping[str, Any] | str | Path, timing: bool = True, recorded: bool = False) -> Plan:
     """Count the points of a study and time a few of them, for at most ten seconds.
 
     Args:
-        study: A study or its file. Nothing is written and no cluster is started.
+        study: A study, its file or its tables as a dict. Nothing is written and no cluster is started.
         timing: Whether to time points, in a process of its own.
         recorded: Whether recorded prices stand in where nothing is timed.
     """

@@ -14,6 +14,7 @@ from tqdm import tqdm
 from tripod_doe.array_types import IntArray
 from tripod_doe.quantities import count_of, duration
 from tripod_doe.study.study_points import StudyPoints
+from tripod_doe.workflow.notebook import LiveProgress
 
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left
 _FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
@@ -22,7 +23,7 @@ _PRICED = 10_000  # points, each of which stands for those up to the next one
 
 
 class Progress:
-    """Points that are done, printed on standard error.
+    """Points that are done, printed on standard error, or shown in a notebook.
 
     On a terminal a bar is drawn. A log gets a line after half a minute, and then whenever the time since the start has
     doubled, at least every ten minutes: a run of a day takes some 150 lines.
@@ -34,6 +35,8 @@ class Progress:
 
     def __init__(self, total: int, shown: bool, work: Callable[[int], float] = float) -> None:
         self._total, self._done, self._at_first, self._work = total, 0, 0, work
+        self._live = LiveProgress.of_this_cell(total) if shown else None
+        shown = shown and self._live is None
         self._bar = tqdm(
             total=total, unit="point", disable=None if shown else True, file=sys.stderr, smoothing=0.05, bar_format=_BAR
         )  # None: only on a terminal
@@ -57,6 +60,8 @@ class Progress:
         self._done += points
         self._bar.set_postfix_str(self._left(now).removeprefix(", "), refresh=False)
         self._bar.update(points)
+        if self._live:
+            self._live.show(self._done, self._left(now))
         passed = now - self._started
         if self._logged and passed >= self._next_line and self._done < self._total:
             share = f"{100 * self._done / self._total:.0f} %"

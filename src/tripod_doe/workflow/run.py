@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,9 @@ from tripod_doe.analyses.registry import findings_of
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.names import path_within
 from tripod_doe.pages.study import read_analyses, write_report
+from tripod_doe.quantities import count_of
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.responses import refuse_unknown_outputs
 from tripod_doe.study.definition.study import Study, load_study
@@ -38,6 +41,7 @@ from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
+from tripod_doe.workflow.notebook import summary_html
 from tripod_doe.workflow.progress import Progress, work_of
 
 
@@ -72,10 +76,18 @@ class RunSummary:
         """Whether all points are there, none failed unexpectedly, and all analyses could be made."""
         return self.complete and not self.failures and not any(self.analyses.values())
 
+    def _repr_html_(self) -> str:
+        """The run as a notebook shows it."""
+        count = f"{count_of(self.computed, 'point')} computed, {self.reused:,} reused"
+        problems = [f"{label}: {count_of(number, 'point')}" for label, number in self.failed.items()]
+        problems += [f"analysis {name} failed: {reason}" for name, reason in self.analyses.items() if reason]
+        sentences = [*self.answers, *self.findings, *self.model_notes]
+        return summary_html(count, sentences, problems, self.directory)
+
 
 def run(
-    study: Study | str | Path,
-    out: str | Path,
+    study: Study | Mapping[str, Any] | str | Path,
+    out: str | Path | None = None,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -94,8 +106,8 @@ def run(
     """Run the missing points of a study, then make cube, costs, analyses and report.
 
     Args:
-        study: The study, or its file.
-        out: Result directory; made if it is not there.
+        study: The study, its file, or its tables as a dict.
+        out: Result directory; made if it is not there. If omitted, it is ``results/NAME`` with the name of the study.
         workers: Worker processes, at most as many as this machine has processors; 0 runs everything in this process;
             None takes this process where that is faster than a start of workers, and two workers otherwise.
         scheduler: Address of an existing Dask scheduler to use instead.
@@ -137,8 +149,8 @@ def run(
 
 def run_on(
     execution: Execution,
-    study: Study | str | Path,
-    out: str | Path,
+    study: Study | Mapping[str, Any] | str | Path,
+    out: str | Path | None = None,
     *,
     retry_failed: bool = False,
     fail_fast: bool = False,
@@ -152,7 +164,7 @@ def run_on(
     asked = StudyPoints(study, make_points(study))
     if refuse_impossible:
         asked.refuse_impossible()
-    with ResultDirectory(out, take_over) as directory:
+    with ResultDirectory(out or results_of(study.file.study.name), take_over) as directory:
         if study.auto_model:
             asked = _choose_models(asked, directory, execution, progress, take_over)
         piloted = 0
@@ -177,6 +189,11 @@ def run_on(
         seconds=execution.seconds if piloted + computed else 0.0,
         complete=computed == left,
     )
+
+
+def results_of(name: str) -> Path:
+    """The usual result directory of a study by its name."""
+    return path_within(Path("results"), re.sub(r"[^\w-]+", "_", name).strip("_") or "study")
 
 
 def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, **counts: Any) -> RunSummary:

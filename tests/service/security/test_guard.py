@@ -137,20 +137,21 @@ def test_addresses_from_an_earlier_server_lead_on(client, settings):
 def test_sessions_end_with_time_and_with_the_server():
     now = [0.0]
     sessions = Sessions(lambda: now[0])
-    value = sessions.open()
-    assert sessions.is_open(value)
-    assert not sessions.is_open(value + "x")
+    value = sessions.open("owner")
+    assert sessions.is_open(value, "owner")
+    assert not sessions.is_open(value + "x", "owner")
+    assert not sessions.is_open(value, "reader")
     now[0] = LIFETIME - 1.0
-    other = sessions.open()
+    other = sessions.open("owner")
     now[0] = LIFETIME + 1.0
-    assert not sessions.is_open(value)
-    assert sessions.is_open(other)
+    assert not sessions.is_open(value, "owner")
+    assert sessions.is_open(other, "owner")
     sessions.close()
-    assert not sessions.is_open(other)
-    assert not sessions.is_open(sessions.open())
+    assert not sessions.is_open(other, "owner")
+    assert not sessions.is_open(sessions.open("owner"), "owner")
     kept = Sessions(lambda: 0.0)
-    first = [kept.open() for _ in range(1000)]
-    assert sum(map(kept.is_open, first)) == 200
+    first = [kept.open("owner") for _ in range(1000)]
+    assert sum(kept.is_open(value, "owner") for value in first) == 200
 
 
 @pytest.mark.parametrize("by", ["token", "cookie"])

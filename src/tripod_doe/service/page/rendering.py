@@ -59,7 +59,8 @@ def _templates() -> Environment:
 def show(template: str, settings: Settings, here: str = "", root: str | None = None, **values: Any) -> HTMLResponse:
     """A whole page; `root` is empty for who has no session."""
     root = settings.root if root is None else root
-    pages = [page for page in _PAGES if not (settings.read_only and page[0] == "/new")]
+    pages = [page for page in _PAGES if not (settings.read_only and page[0] in ("/new", "/compare"))]
+    pages = [] if settings.only_run else pages
     text = part(template, pages=pages, here=here, root=root, read_only=settings.read_only, **values)
     return HTMLResponse(text, headers={"content-security-policy": POLICY})
 

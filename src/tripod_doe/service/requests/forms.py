@@ -69,6 +69,20 @@ class RunChange(_Form):
     note: str | None = Field(None, description="note in Markdown")
 
 
+class ShareRecord(BaseModel):
+    """A link that opens one run."""
+
+    id: str
+    created: str
+    expires: str
+
+
+class NewShare(ShareRecord):
+    """A link that was just made."""
+
+    address: str = Field(description="what to hand on; its secret is not kept")
+
+
 class StudyText(_Form):
     """The text of a study file."""
 

@@ -11,6 +11,7 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.table import State
+from tripod_doe.service.security.access import OWNER
 from tripod_doe.service.service import Service
 
 
@@ -33,7 +34,8 @@ CHANGES = errors_at(403, 408, 409, 415)
 
 
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
-    return request.app.state.service
+    service, access = request.app.state.service, request.scope.get("access")
+    return service if access is None or access.name == OWNER else service.seen_by(access.settings, access.is_open)
 
 
 async def _body(request: Request) -> bytes:
@@ -56,7 +58,7 @@ AnyService = Annotated[Service, Depends(_service)]
 
 async def _writing_service(service: AnyService) -> Service:
     if service.settings.read_only:
-        raise RefusedError(403, "this server was started with --read-only: it changes nothing")
+        raise RefusedError(403, "this server, or this token, only reads: it changes nothing")
     return service
 
 

@@ -114,6 +114,8 @@ async def watch_run(
 async def _stream(service: AnyService, run_id: str | None, last_event_id: str | None) -> AsyncIterator[ServerSentEvent]:
     events = service.runs.events
     async for event in events.watch(run_id, last_event_id, _HEARTBEAT):
+        if not service.is_open():  # a link that was revoked meanwhile
+            return
         if event is None:
             yield ServerSentEvent(comment="still here")
         elif event.text is None:

@@ -8,7 +8,6 @@ changes the page that sends the request.
 from __future__ import annotations
 
 import asyncio
-import hmac
 import ipaddress
 import re
 import socket
@@ -21,8 +20,8 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
+from tripod_doe.service.security.access import Access, Accesses
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS
-from tripod_doe.service.security.report_keys import is_report_address
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
 from tripod_doe.service.settings import Settings
 
@@ -32,6 +31,7 @@ API = "/api/v1"
 _OPEN = f"{API}/health"
 _WITH_FILES = ("/compare", "/plans", "/price", "/runs", "/extend")  # ends of addresses whose bodies may hold tables
 _PUBLIC = ("/assets/", "/help/")
+_TOKENS = ("token", "share")
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
 _HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
@@ -61,16 +61,18 @@ class Guard:
 
     Args:
         refusal_answer: (request, refusal, settings, root) -> answer, a page where a person asked for one.
+        accesses: Who may ask.
     """
 
     def __init__(
         self,
         app: ASGIApp,
         settings: Settings,
+        accesses: Accesses,
         sessions: Sessions,
         refusal_answer: Callable[[HTTPConnection, RefusedError, Settings, str], Response],
     ) -> None:
-        self._app, self._settings, self._sessions = app, settings, sessions
+        self._app, self._settings, self._accesses, self._sessions = app, settings, accesses, sessions
         self._refusal_answer = refusal_answer
         self._hosts = allowed_hosts(settings.host)
         self._any_address = settings.host in _ANYWHERE
@@ -87,11 +89,12 @@ class Guard:
             if not scope["path"].isprintable():  # no name of anything holds one
                 raise RefusedError(404, "the address holds a control character")
             inside = self._enter(scope)
-            if response := self._welcome(scope):
+            if response := self._welcome(scope, inside):
                 await response(scope, receive, send)
                 return
-            if not self._is_open(scope):
-                self._check_credentials(scope["method"], headers, inside)
+            scope["access"] = self._access(scope, headers, inside)
+            if scope["access"] is None and not self._is_open(scope):
+                raise _unknown()
             if scope["method"] not in _SAFE:
                 self._check_change(scope, headers)
                 receive = _again(await self._body(scope, headers, receive))
@@ -130,61 +133,61 @@ class Guard:
                 return
         raise RefusedError(400, "Host: this server is not called by this name; use the address that it printed")
 
-    def _enter(self, scope: Scope) -> bool:
-        """Take the first part from the address of a page; gives whether the address has it."""
-        inside = _equal("/" + scope["path"][1:].partition("/")[0], self._settings.root)
-        scope["root_path"] = self._settings.root if inside else ""
+    def _enter(self, scope: Scope) -> Access | None:
+        """Take the first part from the address of a page; gives to whom it belongs."""
+        inside = self._accesses.by_first_part("/" + scope["path"][1:].partition("/")[0])
+        scope["root_path"] = inside.settings.root if inside else ""
         return inside
 
-    def _welcome(self, scope: Scope) -> Response | None:
-        """The way in: an address of a page with the right token begins a session, and goes on without the token."""
+    def _welcome(self, scope: Scope, inside: Access | None) -> Response | None:
+        """The way in: an address of a page with a right token begins a session, and goes on without the token."""
         place = _place(scope)
         if scope["method"] != "GET" or place.startswith(API):
             return None
         words = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True, separator="&")
-        if not place:
-            return RedirectResponse(f"{self._settings.root}/", 303)
-        given = [value for name, value in words if name == "token"]
-        if not given or not self._is_token(given[0]):
+        if not place or (place == "/" and inside and inside.settings.only_run):
+            return RedirectResponse(f"{inside.settings.root}{_start(inside)}" if inside else "/", 303)
+        given = [value for name, value in words if name in _TOKENS]
+        access = self._accesses.by_token(given[0]) if given else None
+        if access is None:
             return None
-        rest = urlencode([(name, value) for name, value in words if name != "token"])
-        root = self._settings.root
-        path = f"{root}/{place.lstrip('/')}"
+        rest = urlencode([(name, value) for name, value in words if name not in _TOKENS])
+        root = access.settings.root
+        path = f"{root}{_start(access)}" if access.settings.only_run else f"{root}/{place.lstrip('/')}"
         response = RedirectResponse(f"{path}?{rest}" if rest else path, 303)
-        response.set_cookie(
-            self._settings.cookie, self._sessions.open(), LIFETIME, httponly=True, samesite="strict", path=root
-        )
+        session = self._sessions.open(access.name)
+        response.set_cookie(self._settings.cookie, session, LIFETIME, httponly=True, samesite="strict", path=root)
         return response
 
     def _is_open(self, scope: Scope) -> bool:
-        """Whether an address needs no token: the sign of life, assets, documentation, pages by their key."""
+        """Whether an address needs no token: the sign of life, assets, documentation."""
         place = _place(scope)
-        if place == _OPEN:
-            return True
-        return scope["method"] in _SAFE and (place.startswith(_PUBLIC) or is_report_address(place, self._settings))
+        return place == _OPEN or (scope["method"] in _SAFE and place.startswith(_PUBLIC))
 
-    def _is_token(self, given: str) -> bool:
-        return _equal(given, self._settings.token)
+    def _access(self, scope: Scope, headers: Headers, inside: Access | None) -> Access | None:
+        """Who asks: by a token, by the key in the address of a report's page, or by a session; None for nobody.
 
-    def _has_session(self, headers: Headers) -> bool:
-        pairs = (pair.partition("=") for pair in headers.get("cookie", "").split(";"))
-        return any(name.strip() == self._settings.cookie and self._sessions.is_open(value) for name, _, value in pairs)
-
-    def _check_credentials(self, method: str, headers: Headers, inside: bool) -> None:
-        """Ask for the token, or for a session by its cookie and the first part of the address together."""
+        Raises:
+            RefusedError: 403 for what is not open to who asks.
+        """
+        method, place = scope["method"], _place(scope)
         kind, _, given = headers.get("authorization", "").partition(" ")
-        if kind.lower() == "bearer" and self._is_token(given.strip()):
-            return
-        if not kind and inside and self._has_session(headers):
-            if method in _SAFE or "origin" in headers or "sec-fetch-site" in headers:
-                return
-            raise RefusedError(403, "Origin: a change by cookie must say from which page it comes")
-        raise RefusedError(
-            401,
-            "a token is needed: open the address that the server printed at its start, or send "
-            "'Authorization: Bearer TOKEN'",
-            headers={"www-authenticate": "Bearer"},
-        )
+        access = self._accesses.by_token(given.strip()) if kind.lower() == "bearer" else None
+        if access is None and method in _SAFE:
+            access = self._accesses.by_report(place)
+        if access is None and not kind and inside and self._has_session(headers, inside):
+            if method not in _SAFE and "origin" not in headers and "sec-fetch-site" not in headers:
+                raise RefusedError(403, "Origin: a change by cookie must say from which page it comes")
+            access = inside
+        if access is not None and not self._is_open(scope):
+            access.check(method, place)
+        return access
+
+    def _has_session(self, headers: Headers, inside: Access) -> bool:
+        """Whether the cookie is of a session of the access to which the first part of the address belongs."""
+        pairs = (pair.partition("=") for pair in headers.get("cookie", "").split(";"))
+        values = [value for name, _, value in pairs if name.strip() == self._settings.cookie]
+        return any(self._sessions.is_open(value, inside.name) for value in values)
 
     def _check_change(self, scope: Scope, headers: Headers) -> None:
         origin, site = headers.get("origin"), headers.get("sec-fetch-site")
@@ -223,13 +226,23 @@ class Guard:
         return bytes(body)
 
 
+def _start(access: Access) -> str:
+    """Where somebody comes in: at the list of runs, or at the only one."""
+    return f"/runs/{access.settings.only_run}" if access.settings.only_run else "/"
+
+
+def _unknown() -> RefusedError:
+    return RefusedError(
+        401,
+        "a token is needed: open the address that the server printed at its start, or send "
+        "'Authorization: Bearer TOKEN'",
+        headers={"www-authenticate": "Bearer"},
+    )
+
+
 def _place(scope: Scope) -> str:
     """The address of a request without the first part of pages."""
     return str(scope["path"]).removeprefix(scope["root_path"])
-
-
-def _equal(given: str, secret: str) -> bool:
-    return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), secret.encode())
 
 
 def _is_address(name: str) -> bool:

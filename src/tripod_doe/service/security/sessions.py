@@ -22,29 +22,31 @@ _MOST = 200  # sessions at the same time: the oldest ends for a new one
 
 
 class Sessions:
-    """Browsers that have shown the token."""
+    """Browsers that have shown a token."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._ends: dict[bytes, float] = {}  # by a hash: no comparison of secrets takes more time for a better guess
+        # end and access by a hash: no comparison of secrets takes more time for a better guess
+        self._ends: dict[bytes, tuple[float, str]] = {}
         self._closed = False
         self._lock = threading.Lock()
 
-    def open(self) -> str:
-        """Begin a session; gives the value of its cookie."""
+    def open(self, access: str) -> str:
+        """Begin a session of an access, by its name; gives the value of its cookie."""
         value = secrets.token_urlsafe(32)
         with self._lock:
             now = self._clock()
-            self._ends = {key: end for key, end in self._ends.items() if end > now}
+            self._ends = {key: end for key, end in self._ends.items() if end[0] > now}
             if len(self._ends) >= _MOST:
                 del self._ends[next(iter(self._ends))]
             if not self._closed:
-                self._ends[_hash(value)] = now + LIFETIME
+                self._ends[_hash(value)] = now + LIFETIME, access
         return value
 
-    def is_open(self, value: str) -> bool:
-        """Whether a cookie's value belongs to an open session."""
-        return self._ends.get(_hash(value), self._clock()) > self._clock()
+    def is_open(self, value: str, access: str) -> bool:
+        """Whether a cookie's value belongs to an open session of an access."""
+        ends, of = self._ends.get(_hash(value), (0.0, ""))
+        return of == access and ends > self._clock()
 
     def close(self) -> None:
         """End all sessions, and begin no more."""

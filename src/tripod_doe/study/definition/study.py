@@ -26,6 +26,7 @@ from tripod_doe.study.definition.study_file import (
     parse_file,
     parse_toml,
     read_text,
+    toml_text,
 )
 from tripod_doe.study.definition.study_folder import StudyFolder
 
@@ -68,17 +69,20 @@ class Study:
         return kind(f"{self.origin}: {where}: {error}")
 
 
-def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
-    """Read and check a study file.
+def load_study(study: str | Path | Mapping[str, Any], folder: StudyFolder | None = None) -> Study:
+    """Read and check a study.
 
     Args:
-        path: The file.
-        folder: Where its files and functions are looked up; its own folder if omitted, without restriction.
+        study: Its file, or its tables as a dict: ``{"study": {"name": "..."}, "factors": {...}}``.
+        folder: Where its files and functions are looked up; its own folder if omitted, or the current one of a dict,
+            without restriction.
 
     Raises:
         InputError: If the file cannot be read, or a table, key or value in it is wrong.
     """
-    path = Path(path)
+    if isinstance(study, Mapping):
+        return parse_study(toml_text(study), folder=folder)
+    path = Path(study)
     return parse_study(read_text(path, "study file"), str(path), folder or StudyFolder.of(path))
 
 

@@ -265,6 +265,35 @@ def _refuse_large_numbers(value: Any, place: str) -> None:
         _refuse_large_numbers(inner, place)
 
 
+def toml_text(tables: Mapping[str, Any]) -> str:
+    """Tables of a program as the text of a file; arrays become lists, and None leaves a key out.
+
+    Raises:
+        InputError: For a key that is no text, or a value that TOML cannot hold.
+    """
+    import tomlkit  # files are read without it
+
+    return tomlkit.dumps(_plain(tables, ""))
+
+
+def _plain(value: Any, key: str) -> Any:
+    """A value with the types of TOML; see `toml_text`."""
+    if isinstance(value, Mapping):
+        for name in value:
+            if not isinstance(name, str):
+                raise InputError(f"{key or 'the study'}: the key {_shown(name)} is no text")
+        inside = {name: item for name, item in value.items() if item is not None}
+        return {name: _plain(item, f"{key}.{name}" if key else name) for name, item in inside.items()}
+    if isinstance(value, Path):
+        return str(value)
+    value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy, xarray or pandas
+    if isinstance(value, list | tuple | range):
+        return [_plain(item, key) for item in value]
+    if not isinstance(value, str | bool | int | float):
+        raise InputError(f"{key} = {_shown(value)}: expected a number, a text or a list, not a {type(value).__name__}")
+    return value
+
+
 def tables_in(path: Path) -> set[str]:
     """Names of the tables of a TOML file, by which its kind is known; InputError if it cannot be read."""
     return set(parse_toml(read_text(path, "file"), str(path)))

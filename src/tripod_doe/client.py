@@ -1,0 +1,378 @@
+"""A service in Python: `connect` gives an object with the verbs of this package, computed where the service runs.
+
+It needs an address and a token only, and uses the standard library: `urllib` follows no redirection here and asks no
+proxy for this machine, so that the token goes to the named server and nowhere else.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from http.client import HTTPException
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.error import HTTPError, URLError
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
+from urllib.request import HTTPRedirectHandler, OpenerDirector, ProxyHandler, Request, build_opener
+
+from tripod_doe.errors import CubeError, InputError, TripodDoeError
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import parse_toml, read_text, toml_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_API = "/api/v1"
+_LOCAL = ("127.0.0.1", "localhost", "::1")
+_SECONDS = 120.0  # a simulated point may take that long
+_PAUSE = 0.5  # seconds between two questions about a run
+_TRIES = 5  # where the service is busy
+
+StudyLike = Mapping[str, Any] | str | Path
+
+
+def connect(url: str, token: str | None = None) -> Service:
+    """Connect to a service that ``tripod-doe serve`` started.
+
+    Args:
+        url: Its address; the printed one holds the token, too.
+        token: Its token, or a read-only one.
+
+    Raises:
+        InputError: If nothing answers there, or the token is wrong.
+
+    Examples:
+        >>> service = td.connect("http://127.0.0.1:8811", token="...")  # doctest: +SKIP
+        >>> service.run("studies/thrust_map.toml").query("thrust_amplitude", ["order=3"])  # doctest: +SKIP
+    """
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise InputError(f"url = {url.partition('?')[0]!r}: expected an address such as http://127.0.0.1:8811")
+    words = dict(parse_qsl(parts.query))
+    token = token or words.get("token") or words.get("share")
+    if not token:
+        raise InputError("token: missing; the server printed an address with it at its start")
+    service = Service(f"{parts.scheme}://{parts.netloc}", token)
+    service.runs(most=1)
+    return service
+
+
+class _NoRedirection(HTTPRedirectHandler):
+    """Another server must not get the token."""
+
+    def redirect_request(self, *words: Any, **named: Any) -> None:
+        """Follow nothing: the answer is an error."""
+
+
+class Service:
+    """A service with the verbs of this package.
+
+    Args:
+        url: Scheme, host and port.
+        token: What it asks for.
+    """
+
+    def __init__(self, url: str, token: str) -> None:
+        self.url, self._token = url, token
+        proxies = [ProxyHandler({})] if urlsplit(url).hostname in _LOCAL else []
+        self._opener: OpenerDirector = build_opener(_NoRedirection(), *proxies)
+
+    def __repr__(self) -> str:
+        return f"<service at {self.url}>"
+
+    def run(self, study: StudyLike, *, wait: bool = True, progress: bool = True) -> ServiceRun:
+        """Submit a study, a workflow, a fit or an optimisation.
+
+        Args:
+            study: Its file, sent with the files beside it that it names; or the tables of a study as a dict.
+            wait: Whether to wait for its end.
+            progress: Whether to show the progress meanwhile.
+        """
+        key = {"Idempotency-Key": secrets.token_urlsafe(16)}  # sent again, it is the same run
+        run = ServiceRun(self, self.ask("POST", "/runs", submission(study), headers=key))
+        return run.wait(progress=progress) if wait else run
+
+    def plan(self, study: StudyLike, timing: bool = True) -> dict[str, Any]:
+        """Count and price the points of a study or a workflow; nothing of it runs."""
+        return self.ask("POST", "/plans", {**submission(study), "timing": timing})
+
+    def simulate(self, scene: str = "joint", **parameters: Any) -> xr.Dataset:
+        """Simulate one point there; see `tripod_doe.simulate`."""
+        import xarray as xr
+
+        record = self.ask("POST", "/simulate", {"scene": scene, **parameters})
+        outputs = {n: output for n, output in load_simulator(scene).outputs.items() if record.get(n) is not None}
+        data = {
+            name: (output.dims, _floats(record[name]), {"units": output.unit, "long_name": output.meaning})
+            for name, output in outputs.items()
+        }
+        texts = {name: record[name] for name in ("outcome", "outcome_detail")}
+        attributes = {name: record[name] for name in ("parameters", "cost", "model_notes")}
+        return xr.Dataset(data | texts, record["coordinates"], attributes)
+
+    def runs(self, text: str = "", *, tag: Sequence[str] = (), most: int | None = None) -> list[ServiceRun]:
+        """Runs, the newest first: all, or those whose name, question, note, tags or factors hold the words of a text.
+
+        Args:
+            most: How many at most; all if omitted, else up to one page.
+        """
+        page = {"page": 1} if most else {}
+        records = self.ask("GET", "/runs", query={"text": text, "tag": list(tag), **page})
+        return [ServiceRun(self, record) for record in records[:most]]
+
+    def find(self, name: str) -> ServiceRun:
+        """The newest run with this id or name."""
+        runs = self.runs()
+        for run in runs:
+            if name in (run.id, run.name):
+                return run
+        raise InputError(f"{self.url}: no run {name!r} among {len(runs):,}")
+
+    def ask(
+        self,
+        method: str,
+        path: str,
+        body: Mapping[str, Any] | None = None,
+        *,
+        query: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Any:
+        """Ask the interface below ``/api/v1``; the answer is read if it is JSON.
+
+        Raises:
+            InputError: If the request is refused, with the reasons, or nothing answers.
+            TripodDoeError: If the service fails.
+        """
+        words = [(n, v) for n, v in (query or {}).items() if v not in (None, "", [], ())]
+        address = f"{self.url}{_API}{path}" + (f"?{urlencode(words, doseq=True)}" if words else "")
+        data = None if body is None else json.dumps(body, default=_plain).encode()
+        request = Request(address, data, dict(headers or {}), method=method)
+        if data is not None:
+            request.add_header("Content-Type", "application/json")
+        request.add_unredirected_header("Authorization", f"Bearer {self._token}")
+        again = method == "GET" or headers is not None
+        status, kind, answer = self._sent(request, _TRIES if again else 1)
+        if status >= 400:
+            raise _refused(status, answer, path)
+        return json.loads(answer or b"null") if kind == "application/json" else answer
+
+    def _sent(self, request: Request, tries: int) -> tuple[int, str, bytes]:
+        """Status, type and body of an answer, asked for again while the service is busy."""
+        for left in reversed(range(tries)):
+            try:
+                with self._opener.open(request, timeout=_SECONDS) as answer:
+                    return answer.status, answer.headers.get_content_type(), answer.read()
+            except HTTPError as error:
+                with error:
+                    if error.code != 503 or not left:
+                        return error.code, error.headers.get_content_type(), error.read()
+            except (URLError, HTTPException, OSError) as error:
+                reason = getattr(error, "reason", None) or error
+                raise InputError(f"{self.url}: no answer ({reason}); is the server running?") from None
+            time.sleep(_PAUSE)
+        raise AssertionError
+
+
+@dataclass
+class ServiceRun:
+    """A run of a service; what it says of itself is as fresh as the latest question about it."""
+
+    service: Service
+    record: dict[str, Any]  # as the service describes it
+
+    @property
+    def id(self) -> str:
+        """Its id."""
+        return self.record["id"]
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.record["name"]
+
+    @property
+    def state(self) -> str:
+        """What it does: queued, running, stopping, stopped, finished or failed."""
+        return self.record["state"]
+
+    @property
+    def points(self) -> dict[str, int]:
+        """Points by what became of them: total, finished, failed, missing."""
+        return self.record["points"]
+
+    def refresh(self) -> ServiceRun:
+        """Ask for its state again."""
+        return self._take(self._ask("GET", ""))
+
+    def wait(self, *, progress: bool = True) -> ServiceRun:
+        """Wait for its end.
+
+        Raises:
+            TripodDoeError: If it fails.
+        """
+        from tripod_doe.workflow.progress import Progress
+
+        with Progress(self.points["total"], progress) as shown:
+            done = 0
+            while True:
+                now = self.points["total"] - self.points["missing"]
+                if now > done:
+                    shown.add(now - done)
+                    done = now
+                if self.state in ("finished", "stopped", "failed"):
+                    break
+                time.sleep(_PAUSE)
+                self.refresh()
+        if self.state == "failed":
+            raise TripodDoeError(f"{self.name}: {self.record['message']}")
+        return self
+
+    def stop(self) -> ServiceRun:
+        """Stop it; what is finished is kept."""
+        return self._take(self._ask("POST", "/stop"))
+
+    def resume(self) -> ServiceRun:
+        """Run what is missing."""
+        return self._take(self._ask("POST", "/resume"))
+
+    def retry_failed(self) -> ServiceRun:
+        """Run failed points again."""
+        return self._take(self._ask("POST", "/retry-failed"))
+
+    def extend(self, study: StudyLike) -> ServiceRun:
+        """Run a study that grew on its results."""
+        return self._take(self._ask("POST", "/extend", submission(study)))
+
+    def annotate(self, **changes: Any) -> ServiceRun:
+        """Change its name, owner, tags or note."""
+        return self._take(self._ask("PATCH", "", changes))
+
+    def share(self, days: int = 14) -> str:
+        """Make a link that opens this run for reading, and nothing else."""
+        return self._ask("POST", f"/shares?days={days}")["address"]
+
+    def delete(self) -> None:
+        """Put it into the bin."""
+        self._ask("DELETE", "")
+
+    def restore(self) -> ServiceRun:
+        """Take it out of the bin."""
+        return self._take(self._ask("POST", "/restore"))
+
+    def query(
+        self,
+        variable: str,
+        select: Mapping[str, Any] | Sequence[str] = (),
+        nearest: bool = False,
+        where: str | None = None,
+    ) -> xr.Dataset:
+        """Choose cells of one variable; see `tripod_doe.query`."""
+        texts = [f"{n}={_choice(v)}" for n, v in select.items()] if isinstance(select, Mapping) else list(select)
+        asked = {"variable": variable, "select": texts, "where": where, "format": "netcdf"}
+        return _dataset(self._ask("GET", "/query", query=asked | ({"nearest": "true"} if nearest else {})))
+
+    def open_cube(self) -> xr.Dataset:
+        """Its cube; while it runs, with the points that are finished."""
+        return _dataset(self._ask("GET", "/cube.nc"))
+
+    def analysis(self, name: str) -> xr.Dataset:
+        """The result of one of its analyses."""
+        return _dataset(self._ask("GET", f"/analysis/{quote(name, safe='')}.nc"))
+
+    def diff(self, other: ServiceRun) -> dict[str, Any]:
+        """What differs between two runs."""
+        return self._ask("GET", f"/diff/{quote(other.id, safe='')}")
+
+    def report(self) -> str:
+        """Its report as HTML."""
+        return self._ask("GET", "/report/").decode()
+
+    def _ask(self, method: str, path: str, body: Mapping[str, Any] | None = None, **words: Any) -> Any:
+        return self.service.ask(method, f"/runs/{quote(self.id, safe='')}{path}", body, **words)
+
+    def _take(self, record: dict[str, Any]) -> ServiceRun:
+        self.record = record
+        return self
+
+    def __repr__(self) -> str:
+        done = self.points["total"] - self.points["missing"]
+        return f"<run {self.name!r}: {self.state}, {done:,} of {self.points['total']:,} points>"
+
+    def _repr_html_(self) -> str:
+        """The run as a notebook shows it."""
+        total, missing = self.points["total"], self.points["missing"]
+        return (
+            f"<p><strong>{escape(self.name)}</strong> {escape(self.state)} "
+            f'<progress value="{total - missing}" max="{total}" aria-label="points"></progress> '
+            f"{total - missing:,} of {total:,} points, {self.points['failed']:,} failed</p>"
+        )
+
+
+def submission(study: StudyLike) -> dict[str, Any]:
+    """A study, workflow, fit or optimisation as the service takes it: its text and the files that it names."""
+    if isinstance(study, Mapping):
+        return {"study": toml_text(study)}
+    path = Path(study)
+    text, files = read_text(path, "study file"), dict[str, str]()
+    tables = parse_toml(text, str(path))
+    _attach(tables, path.parent, files)
+    kind = next((kind for kind in ("workflow", "fit", "optimisation") if kind in tables), "study")
+    return {kind: text, "files": files}
+
+
+def _attach(value: Any, folder: Path, files: dict[str, str]) -> None:
+    """Add the files of a folder whose plain names stand in some tables, and those that they name."""
+    if isinstance(value, str) and Path(value).name == value and value not in files and (folder / value).is_file():
+        files[value] = read_text(folder / value, "file")
+        if value.endswith(".toml"):
+            _attach(parse_toml(files[value], value), folder, files)
+    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _attach(inner, folder, files)
+
+
+def _choice(value: Any) -> str:
+    """A selection as a query has it: a value, a list or a range."""
+    if isinstance(value, slice):
+        return f"{value.start}:{value.stop}"
+    items = value if isinstance(value, list | tuple) else [value]
+    return ",".join(str(item.item() if hasattr(item, "item") else item) for item in items)
+
+
+def _plain(value: Any) -> Any:
+    """A value of NumPy for JSON."""
+    if not hasattr(value, "tolist"):
+        raise InputError(f"{value!r}: expected a number, a text or a list, not a {type(value).__name__}")
+    return value.tolist()
+
+
+def _floats(value: Any) -> Any:
+    """Numbers with NaN in place of None."""
+    if isinstance(value, list):
+        return [_floats(item) for item in value]
+    return float("nan") if value is None else value
+
+
+def _dataset(data: bytes) -> xr.Dataset:
+    """A netCDF file that arrived, in memory."""
+    from tripod_doe.study.results.result_cube import open_cube
+
+    with tempfile.TemporaryDirectory(prefix="tripod-doe-") as folder:
+        path = Path(folder) / "answer.nc"
+        path.write_bytes(data)
+        return open_cube(path)
+
+
+def _refused(status: int, answer: bytes, path: str) -> TripodDoeError:
+    """The error behind an answer."""
+    try:
+        problems = json.loads(answer)["errors"]
+        text = "\n".join(": ".join(filter(None, [p.get("key"), p["message"]])) for p in problems)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        text = f"{path}: the server answered {status}"
+    kinds: Mapping[int, Callable[[str], TripodDoeError]] = {404: CubeError, 409: CubeError}
+    return TripodDoeError(text) if status >= 500 else kinds.get(status, InputError)(text)

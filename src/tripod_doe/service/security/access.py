@@ -1,0 +1,97 @@
+"""Who asks, and what is open to them: the owner, readers with a token of their own, and links to one run.
+
+Each has a first part of its addresses of its own, since who knows that of another could make a browser send the other's
+cookie to a server of theirs (`sessions`). Keys to pages of reports depend on it, too, and end with it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.security.report_keys import is_report_address
+from tripod_doe.service.security.shares import Shares
+from tripod_doe.service.settings import FIRST_PART, Settings
+
+OWNER, READER = "owner", "reader"
+
+_SAFE = ("GET", "HEAD", "OPTIONS")
+_ONE_RUN = r"(/api/v1/runs|(/api/v1|/parts)?/runs/{}(/.*)?)"
+"""All that a link opens, scripts and styles aside; a list of runs then holds this one alone."""
+
+
+@dataclass(frozen=True)
+class Access:
+    """What one kind of client may do."""
+
+    name: str  # owner, reader, or the id of a share
+    settings: Settings  # of the server as this client sees it
+    is_open: Callable[[], bool] = lambda: True  # whether it has not ended meanwhile
+
+    def check(self, method: str, place: str) -> None:
+        """Refuse (403) what is not open to this client.
+
+        Args:
+            place: The address without the first part.
+        """
+        if self.name == OWNER:
+            return
+        if method not in _SAFE:
+            raise RefusedError(403, "this token only reads: it changes nothing and computes nothing")
+        if self.settings.only_run and not re.fullmatch(_ONE_RUN.format(re.escape(self.settings.only_run)), place):
+            raise RefusedError(403, "this link opens one run and nothing else")
+
+
+class Accesses:
+    """All who may ask.
+
+    Args:
+        settings: Of the server.
+        shares: Its links to single runs.
+    """
+
+    def __init__(self, settings: Settings, shares: Shares) -> None:
+        self._settings, self._shares = settings, shares
+        self.owner = Access(OWNER, settings)
+        self._reader = Access(READER, self._seen(READER)) if settings.read_token else None
+
+    def by_token(self, given: str) -> Access | None:
+        """Who presents a token, or the secret of a link; None for a wrong one."""
+        if _equal(given, self._settings.token):
+            return self.owner
+        if self._reader and _equal(given, self._settings.read_token):
+            return self._reader
+        share = self._shares.by_secret(given)
+        return self._of_share(share.id, share.run_id) if share else None
+
+    def by_first_part(self, part: str) -> Access | None:
+        """To whom a first part of addresses belongs."""
+        if not part.startswith(FIRST_PART):
+            return None
+        return next((access for access in self._all() if _equal(part, access.settings.root)), None)
+
+    def by_report(self, place: str) -> Access | None:
+        """Whose key an address of a page of a report holds."""
+        return next((access for access in self._all() if is_report_address(place, access.settings)), None)
+
+    def _all(self) -> Iterator[Access]:
+        yield self.owner
+        if self._reader:
+            yield self._reader
+        for share in self._shares.open():
+            yield self._of_share(share.id, share.run_id)
+
+    def _of_share(self, share_id: str, run_id: str) -> Access:
+        return Access(share_id, self._seen(share_id, run_id), lambda: self._shares.is_open(share_id))
+
+    def _seen(self, name: str, only_run: str = "") -> Settings:
+        key = hmac.new(self._settings.key.encode(), name.encode(), hashlib.sha256).hexdigest()[:32]
+        return replace(self._settings, key=key, read_only=True, only_run=only_run)
+
+
+def _equal(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), secret.encode())

@@ -1,0 +1,115 @@
+"""Links that open one run for reading, until they expire or are revoked.
+
+Only a hash of each link's secret is kept, in a file for the server's user alone: who reads it cannot open anything.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import InputError
+from tripod_doe.service.problems import RefusedError
+
+SHARES = "shares.json"
+"""File of the folder with the shares."""
+
+_MOST = 1_000
+_DAY = 86_400.0
+
+
+@dataclass(frozen=True)
+class Share:
+    """A link to one run."""
+
+    id: str  # what it is called; no secret
+    run_id: str
+    digest: str  # hash of the secret in the link
+    # created, expires: seconds since 1970
+    created: float
+    expires: float
+
+
+class Shares:
+    """The shares of a folder.
+
+    Args:
+        folder: Where their file is.
+        clock: Seconds since 1970.
+
+    Raises:
+        InputError: If their file cannot be read.
+    """
+
+    def __init__(self, folder: Path, clock: Callable[[], float] = time.time) -> None:
+        self._path, self._clock, self._lock = folder / SHARES, clock, threading.Lock()
+        self._shares: dict[str, Share] = {}
+        if self._path.is_file():
+            try:
+                rows = json.loads(self._path.read_text(encoding="utf-8"))
+                self._shares = {row["id"]: Share(**row) for row in rows}
+            except (OSError, ValueError, TypeError, KeyError) as error:
+                raise InputError(
+                    f"{self._path}: cannot read these links ({error}); delete the file, which revokes all of them"
+                ) from error
+
+    def add(self, run_id: str, days: int) -> tuple[Share, str]:
+        """Make a link to a run; gives its secret, which is not kept.
+
+        Raises:
+            RefusedError: 413 if there are too many.
+        """
+        secret, now = secrets.token_urlsafe(32), self._clock()
+        share = Share(secrets.token_hex(8), run_id, _hash(secret), now, now + days * _DAY)
+        with self._lock:
+            left = {key: other for key, other in self._shares.items() if other.expires > now}
+            if len(left) >= _MOST:
+                raise RefusedError(413, f"{_MOST:,} links are open, which is the limit: revoke some")
+            self._store(left | {share.id: share})
+        return share, secret
+
+    def of(self, run_id: str) -> list[Share]:
+        """The links to a run that are open."""
+        return [share for share in self._shares.values() if share.run_id == run_id and self.is_open(share.id)]
+
+    def revoke(self, run_id: str, share_id: str) -> None:
+        """End a link at once.
+
+        Raises:
+            RefusedError: 404 if this run has no such link.
+        """
+        with self._lock:
+            share = self._shares.get(share_id)
+            if share is None or share.run_id != run_id:
+                raise RefusedError(404, f"{share_id[:100]}: this run has no such link")
+            self._store({key: other for key, other in self._shares.items() if key != share_id})
+
+    def by_secret(self, given: str) -> Share | None:
+        """The open link with a secret; hashes are looked up, so that no answer takes longer for a better guess."""
+        digest = _hash(given)
+        share = next((share for share in self._shares.values() if share.digest == digest), None)
+        return share if share and self.is_open(share.id) else None
+
+    def is_open(self, share_id: str) -> bool:
+        """Whether a link is neither revoked nor expired."""
+        share = self._shares.get(share_id)
+        return share is not None and share.expires > self._clock()
+
+    def open(self) -> list[Share]:
+        """All links that are open."""
+        return [share for share in self._shares.values() if self.is_open(share.id)]
+
+    def _store(self, shares: dict[str, Share]) -> None:
+        replace_text(self._path, json.dumps([asdict(share) for share in shares.values()]))
+        self._shares = shares
+
+
+def _hash(secret: str) -> str:
+    return hashlib.sha256(secret.encode("utf-8", "surrogateescape")).hexdigest()
