@@ -95,6 +95,28 @@ def test_simulate_prints_the_variables_that_are_named_also_those_on_request(caps
     assert set(json.loads(out)) & {"thrust_amplitude", "thrust", "largest_groove_pressure_mpa"} == set(words[2::2])
 
 
+def test_simulate_takes_the_base_of_a_study_and_flags_come_before_it(capsys, write_study):
+    study = write_study("[base]\npitch_radius_mm = 23\ntorque_n_m = 80\n[factors.joint_angle_deg]\nvalues = [5, 6]\n")
+    code, out, _ = call(capsys, "simulate", "--base", str(study), "--torque-n-m", "60", "--format", "json")
+    used = json.loads(out)["parameters"]
+    assert code == 0
+    assert (used["pitch_radius_mm"], used["torque_n_m"], used["joint_angle_deg"]) == (23, 60, 10)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[base]\npitch_radius = 23\n", "study.toml: [base]: pitch_radius = 23: unknown parameter"),
+        ("[study]\nname = 'x'\n", "study.toml: this file has no table [base]"),
+        ("[base\n", "study.toml"),
+    ],
+)
+def test_a_wrong_base_is_named_with_its_file(capsys, write_study, text, message):
+    code, _, said = call(capsys, "simulate", "--base", str(write_study(text)))
+    assert code == 2
+    assert message in said
+
+
 def test_simulate_that_does_not_finish_exits_3(capsys):
     code, out, _ = call(capsys, "simulate", "--needle-count", "40", "--format", "json")
     assert code == 3

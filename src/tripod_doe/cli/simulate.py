@@ -26,6 +26,12 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     scene.help = "what to simulate (default joint)"
     add_format(parser)
     parser.add_argument(
+        "--base",
+        metavar="FILE.toml",
+        type=Path,
+        help="take the values in [base] of this file, for instance a study; flags come before them",
+    )
+    parser.add_argument(
         "--variable",
         metavar="NAME",
         action="append",
@@ -78,7 +84,8 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.study.simulate import simulate_point, usual_price
 
     simulator = load_simulator(options.scene)
-    given = {
+    given = _base_values(options.base, simulator) if options.base else {}
+    given |= {
         name: _parameter_value(parameter, getattr(options, name))
         for name, parameter in simulator.parameters.items()
         if getattr(options, name) is not None
@@ -92,6 +99,20 @@ def _run(options: argparse.Namespace) -> int:
     point = point.only(chosen) if chosen else point.usual()
     print(json.dumps(point.record(chosen), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
+
+
+def _base_values(path: Path, simulator: Simulator) -> dict[str, Any]:
+    """The values in the table [base] of a file, checked with its name in complaints."""
+    from tripod_doe.simulator import check_parameters
+    from tripod_doe.study.definition.study_file import parse_toml, read_text
+
+    table = parse_toml(read_text(path, "file"), str(path)).get("base")
+    if not isinstance(table, dict):
+        raise InputError(f"--base {path}: this file has no table [base]")
+    try:
+        return dict(check_parameters(simulator.parameters, table))
+    except InputError as error:
+        raise InputError("\n".join(f"{path}: [base]: {line}" for line in str(error).splitlines())) from error
 
 
 def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:

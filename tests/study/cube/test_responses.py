@@ -51,6 +51,7 @@ def wave(tmp_path, monkeypatch):
     [
         ("max(abs(force))", [2, 4]),
         ("min(force)", [-2, -4]),
+        ("2 * a", [2, 4]),  # no output: a point that failed has no value all the same
         ("force[90]", [1, 2]),
         ("max(force[0:180])", [1, 2]),
         ("max(force[180:]) - min(force[:180])", [0, 0]),
@@ -140,7 +141,7 @@ JOINT = "[study]\nname = 'r'\n[factors.torque_n_m]\nvalues = [25, 50]\n"
         ("[responses.r]\nformula = 'sum(thrust, \"order\")'", "no dimension 'order'"),
         ("[responses.r]\nformula = 'max(largest_penetration_um)'", "max of a single value"),
         ("[responses.r]\nformula = 'thrust.real'", "not allowed"),
-        ("[responses.r]\nformula = '2 * torque_n_m'", "uses no output"),
+        ("[responses.r]\nformula = '2 * 3'", "uses no output and no parameter"),
         (
             "[responses.r]\nformula = 'groove_thrust * groove_thrust_amplitude * friction_power_w'",
             "values for each point",

@@ -65,11 +65,12 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     value, error = float(judged.objectives[0, 0]), float(judged.objective_errors[0, 0])
     extreme = "smallest" if table.goal == "minimise" else "largest"
     where = joint_text(problem, solved.front.units[0])
-    sentences = [f"The {extreme} {name} is {_aim(problem, 0, value, error)}, at {where}."]
+    of = count_of(len(solved.archive.judged.reasons), "candidate")
+    sentences = [f"The {extreme} {name} of {of} is {_aim(problem, 0, value, error)}, at {where}."]
     sentences += _against_start(problem, solved, 0)
     touched = binding(solved.front.units[0], judged.violations[0], problem.variables, list(problem.constraints))
     if touched:
-        sentences.append(f"There {'binds' if len(touched) == 1 else 'bind'}: {listed(touched)}.")
+        sentences.append(f"Binding: {listed(touched)}.")
     if np.isfinite(solved.polished):
         sentences.append(
             f"No change of a single variable by {number(100 * solved.polished, 2)} % of its range, or to its next "
@@ -175,7 +176,7 @@ def _left_out(solved: Solved) -> list[str]:
     total = len(judged.reasons)
     parts = []
     if beyond:
-        parts.append(f"{beyond:,} keep not all limits")
+        parts.append(f"{beyond:,} {'does' if beyond == 1 else 'do'} not keep all limits")
     if broken:
         parts.append(f"{broken:,} cannot be built or did not finish")
     return [f"Of {total:,} candidates {listed(parts)}."] if parts else []

@@ -128,8 +128,9 @@ def _response(
     known = [*simulator.outputs, *earlier, *parameters] if simulator.outputs else _AnyName((*earlier, *parameters))
     expression = Expression(table.formula, known)
     own = sorted(expression.used.difference(earlier, parameters))
-    if not own and not expression.used.intersection(earlier):
-        raise InputError(f"{expression.text!r}: uses no output; name one, for instance {_examples(simulator)}")
+    if not expression.used:
+        names = f"name one, for instance {_examples(simulator)}"
+        raise InputError(f"{expression.text!r}: uses no output and no parameter; {names}")
     size, value = 1, NamedArray((POINT,), np.full(1, np.nan))
     if simulator.outputs:
         value = expression.numbers(Arrays(arrays))
