@@ -10,13 +10,14 @@ from executed_page import ROOT, difference, execute_page, near
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("[0-9]*.md"))
 
 
-SLOW = ("4", "5")  # fits and searches
+SLOW = ("3", "4", "5")
 
 
 def marked(page):
     return pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem.startswith(SLOW) else [])
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 @pytest.mark.parametrize("page", [marked(page) for page in PAGES])
 def test_a_tutorial_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
     """Regression: to 2 % of each number, or two units of its last digit."""
