@@ -16,10 +16,12 @@ from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
 from tripod_doe.joint.outputs import (
+    CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
     PART_OUTPUTS,
     VIBRATION_OUTPUTS,
     VIBRATION_VERDICT,
+    cycle_outputs,
     part_outputs,
     skew_outputs,
     thrust_outputs,
@@ -52,6 +54,10 @@ _SPIN_OPEN = (
     "power is not known"
 )
 _NEEDLES_KEPT = "the balance did not converge with moving needles: solved with needles that keep their skew"
+_TURN_ON = (
+    "needles turn on for hundreds of revolutions without coming to repeat, so the orders have no settled value; leave "
+    "out settled_needles, and give cycles"
+)
 _UPRIGHT = "the balance did not converge with rollers that yaw on their needles: solved without roller yaw"
 _DAMPS = "adaptive-euler"
 """Method of the motion that is tested for vibrations."""
@@ -114,14 +120,21 @@ def _left_by_tolerance(points: JointValues[FloatArray], solution: Equilibrium) -
 def _balance_chunk(
     solve: _Solve, energy_limit: float, points: JointValues[FloatArray], samples: int, keep: Collection[str]
 ) -> BlockResult:
-    names = wanted_contacts(keep)
+    names = wanted_contacts(keep) | set(CYCLE_OUTPUTS).intersection(keep)
     if not np.isnan(points.pressure_limit).all():
         names |= {"largest_needle_pressure_mpa"}
     contacts: dict[str, FloatArray] = {}
     solution = solve(points, samples, names, contacts)
     straight = points.joint_angle == 0  # nothing slides or rolls: any thrust is a residue of the iteration
     solution.groove_thrust[straight] = solution.thrust_parts[straight] = 0.0
-    outputs = thrust_outputs(solution.groove_thrust[:, None], keep)
+    outputs: dict[str, FloatArray] = {}
+    each, turns_on = solution.groove_thrust[:, None], np.zeros(straight.size, bool)
+    if solution.revolutions is not None:
+        each, repeating, repeat = solution.revolutions.each, solution.revolutions.repeating, solution.revolutions.repeat
+        each[straight], repeating[straight], repeating[~repeat] = 0.0, 0.0, np.nan
+        turns_on = (points.settled_needles > 0) & ~repeat
+        outputs = cycle_outputs(each, repeating, keep)
+    outputs |= thrust_outputs(each[:, -2:], keep)
     if not set(PART_OUTPUTS).isdisjoint(keep):
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)
     if solution.needle_skew is not None:
@@ -147,6 +160,7 @@ def _balance_chunk(
             "the energy balance does not close; lower relative_tolerance, or use model rollers",
         ),
         (~spin_open & ~solution.settled, Outcome.DIVERGED, _UNSETTLED),
+        (turns_on, Outcome.INACCURATE, _TURN_ON),
         (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
         (points.bearing_radial_clearance < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
     ]
@@ -182,7 +196,7 @@ def _balance(name: str, solve: _Solve, tolerance: float, energy_limit: float, mo
     """Make a model that balances forces at every rotation angle instead of following a motion."""
     missing = {"thrust_amplitude_error", *_RATES, *(set(VIBRATION_OUTPUTS) - set(VIBRATION_VERDICT))}
     if not moves_needles:
-        missing |= {*_SKEWS, *NEEDLE_NAMES, "roller_tilt_deg"}
+        missing |= {*_SKEWS, *NEEDLE_NAMES, *CYCLE_OUTPUTS, "roller_tilt_deg"}
     simulate = partial(_simulate_balance, solve, energy_limit)
 
     def prepare(point: JointValues[FloatArray], method: str) -> None:
@@ -209,7 +223,14 @@ _SETTLED = frozenset(
     }
 )
 _OF_NEEDLES = frozenset(
-    {"spheres_per_needle", "needle_axial_clearance_mm", "needle_crown_um", "needle_mass_factor", "cycles"}
+    {
+        "spheres_per_needle",
+        "needle_axial_clearance_mm",
+        "needle_crown_um",
+        "needle_mass_factor",
+        "cycles",
+        "settled_needles",
+    }
 )
 _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
 
@@ -230,8 +251,8 @@ def _solve_kinetostatic(
     from tripod_doe.joint.force_balance.contact_readings import ContactReader
     from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 
-    reader = ContactReader(points, names, samples, contacts) if names else None
-    return solve_kinetostatic(points, samples, reader=reader)
+    reader = ContactReader(points, names, samples, contacts) if names.difference(CYCLE_OUTPUTS) else None
+    return solve_kinetostatic(points, samples, reader=reader, names=names)
 
 
 _NO_PRELOAD = ValidRange("bearing_radial_clearance_mm", "below, the bearing carries load all around", low=0, unit="mm")
@@ -376,8 +397,8 @@ _MULTIBODY_METHODS = {
 _ROLLERS = Model(
     name="rollers",
     methods=_MULTIBODY_METHODS[False],
-    ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor"}),
-    outputs=frozenset(JOINT_OUTPUTS) - {*_SKEWS, *NEEDLE_NAMES},
+    ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor", "settled_needles"}),
+    outputs=frozenset(JOINT_OUTPUTS) - {*_SKEWS, *NEEDLE_NAMES, *CYCLE_OUTPUTS},
     simulate=partial(_simulate_multibody, False),
     prepare=_prepare_multibody,
     settles=True,
@@ -386,7 +407,7 @@ _ROLLERS = Model(
 _NEEDLES = Model(
     name="needles",
     methods=_MULTIBODY_METHODS[True],
-    outputs=frozenset(JOINT_OUTPUTS),
+    outputs=frozenset(JOINT_OUTPUTS) - set(CYCLE_OUTPUTS),
     simulate=partial(_simulate_multibody, True),
     prepare=_prepare_multibody,
     settles=True,

@@ -23,6 +23,10 @@ VIBRATION_VERDICT = ("vibration_growth", "vibration_growth_rate_per_s", "vibrati
 VIBRATION_OUTPUTS = (*VIBRATION_VERDICT, "vibration_rms")
 """Outputs of a self-excited vibration."""
 
+BY_CYCLE, SETTLED = "thrust_amplitude_by_cycle", "thrust_amplitude_settled"
+CYCLE_OUTPUTS = (BY_CYCLE, SETTLED)
+"""Outputs of how orders change from one revolution to the next, and of what they tend to."""
+
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
 
@@ -95,6 +99,26 @@ _OUTPUTS = [
         "",
         "difference of the thrust amplitude between the last two revolutions",
         (ORDER,),
+    ),
+    Output(
+        BY_CYCLE,
+        "N",
+        "A_k",
+        "amplitude of the rotating orders of the thrust force in each revolution by itself",
+        (CYCLE, ORDER),
+        optional=True,
+        on_request=True,
+        convention=_PHASE,
+    ),
+    Output(
+        SETTLED,
+        "N",
+        "A_k",
+        "amplitude of the rotating orders of the thrust force once the needles repeat from one revolution to the next",
+        (ORDER,),
+        optional=True,
+        on_request=True,
+        convention=_PHASE,
     ),
     Output(
         "thrust_amplitude_error",
@@ -237,6 +261,21 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
         results["groove_thrust"] = revolutions.reshape(*revolutions.shape[:2], -1)
         results["thrust"] = results["groove_thrust"].sum(axis=1)
     return {name: data for name, data in results.items() if name in keep}
+
+
+def cycle_outputs(each: FloatArray, repeating: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
+    """Orders of single revolutions, and of those that repeat.
+
+    Args:
+        each: Axial force on the housing at each groove, shape (point, revolution, groove, sample).
+        repeating: The same once needles repeat, shape (point, groove, sample).
+        keep: Names of the wanted outputs.
+
+    Returns:
+        Every output by name, its first axis the point.
+    """
+    thrusts = {BY_CYCLE: each.sum(axis=2), SETTLED: repeating.sum(axis=1)}
+    return {name: np.abs(complex_amplitudes(thrust)) for name, thrust in thrusts.items() if name in keep}
 
 
 def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:

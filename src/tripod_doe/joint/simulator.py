@@ -36,6 +36,7 @@ from tripod_doe.simulator import (
     is_set,
 )
 
+_NO_END = "settled_needles: model needles follows as many cycles as are asked for, and no further; raise cycles instead"
 _KIND = ("model", "method", "samples_per_revolution", "cycles")
 """Parameters that points have in common which one run of a solver can answer."""
 
@@ -240,6 +241,8 @@ def _refused(
             text = f"{name} is not used by {model.name} with {method}"
             given = np.flatnonzero(~np.isnan(np.asarray(columns[name], float)))
             refused |= {int(row): (Outcome.NOT_APPLICABLE, text) for row in given}
+    if model.name == FINEST:
+        refused |= {int(row): (Outcome.NOT_APPLICABLE, _NO_END) for row in np.flatnonzero(values.settled_needles > 0)}
     return infeasible(values) | refused
 
 

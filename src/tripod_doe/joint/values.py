@@ -62,6 +62,7 @@ class JointValues(Generic[Number]):
     step: Number
     accuracy: Number
     cycles: Number
+    settled_needles: Number
     evaluation_budget: Number
     pressure_limit: Number
     penetration_limit: Number

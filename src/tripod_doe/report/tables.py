@@ -149,7 +149,7 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
                 (
                     name.replace("_um", "").replace("_", " "),
                     f"{number(largest)} {unit}".strip(),
-                    str(attrs.get("long_name", "")),
+                    str(attrs.get("long_name", "")) + (_revolutions(cube) if name.endswith("_scatter") else ""),
                 )
             )
     rows.extend(
@@ -158,6 +158,24 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
         if name.endswith("_error_estimate") and bool(cube[name].notnull().any())
     )
     return rows
+
+
+_NEEDLES_TURN = ("kinetostatic", "needles")
+"""Models whose needles turn on from one revolution to the next."""
+
+
+def _revolutions(cube: xr.Dataset) -> str:
+    """Which revolutions the orders are of, where that is the same at all points and they need not be alike."""
+    fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
+    if (
+        fixed.get("model") not in _NEEDLES_TURN
+        or "settled_needles" not in fixed
+        or not isinstance(fixed.get("cycles"), int)
+    ):
+        return ""
+    if fixed["settled_needles"]:
+        return ", once the needles repeat"
+    return f", {fixed['cycles'] - 1} and {fixed['cycles']} after the start; the needles may turn on"
 
 
 def symbol(text: str) -> Markup:

@@ -1,12 +1,15 @@
 """Needles that follow their roller: their law along known motions, and the balance with it against `needles`."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.needles.needle_constants import NeedleConstants, needle_constants, needle_constants_of
+from tripod_doe.joint.needles.needle_history import NeedleForces, follow_rollers
 from tripod_doe.joint.needles.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
-from tripod_doe.joint.needles.needle_motion import RECORD, NeedleForces, NeedleRing, _free_slip, follow_rollers
+from tripod_doe.joint.needles.needle_motion import RECORD, NeedleRing, _free_slip
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, spread, store
@@ -15,6 +18,15 @@ from tripod_doe.mechanics.compilation.kernels import kernel
 SAMPLES = 360
 PHI = np.linspace(0, 2 * np.pi, SAMPLES, endpoint=False)
 LOAD = 800.0
+
+
+class Found(NamedTuple):
+    """What the needles of a trunnion do, the mean of the last two revolutions."""
+
+    forces: np.ndarray
+    moments: np.ndarray
+    places: np.ndarray
+    skew: float
 
 
 def moved(skew_deg=0.0, spin=18.0, plunge=41.0, offset=0.0, scale=1.0, tilt=0.0, yaw=0.0, **given):
@@ -33,16 +45,13 @@ def moved(skew_deg=0.0, spin=18.0, plunge=41.0, offset=0.0, scale=1.0, tilt=0.0,
     row, steps = needle_constants(values)[0], NeedleSteps.for_samples(SAMPLES)
     blocks = -(-press_needles(row, rollers, steps) // WIDTH)
     needles, ring = NeedleLoads.for_blocks(blocks, steps.steps), NeedleRing.for_blocks(blocks)
-    all_three = NeedleForces(*np.zeros((3, 3, SAMPLES)), np.zeros(3))
+    all_three = NeedleForces.of_last(2, SAMPLES)
     follow_rollers(
         row, np.full(3, np.radians(skew_deg)), tilt, steps, needles, ring, all_three, skews, np.zeros((3, 0, 0), RECORD)
     )
-    found = NeedleForces(
-        *(np.ascontiguousarray(of[0]) for of in (all_three.forces, all_three.moments, all_three.places)),
-        all_three.skews,
-    )
-    assert (all_three.forces == all_three.forces[0]).all()  # three trunnions with the same motion
-    return found, np.degrees(skews[0]), np.degrees(all_three.skews[0])
+    assert (all_three.forces == all_three.forces[:, :1]).all()  # three trunnions with the same motion
+    found = Found(*(of.mean(0)[0] for of in (all_three.forces, all_three.moments, all_three.places, all_three.skews)))
+    return found, np.degrees(skews[0]), np.degrees(found.skew)
 
 
 def followed(*given, **named):

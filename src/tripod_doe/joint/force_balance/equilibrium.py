@@ -58,6 +58,7 @@ from tripod_doe.joint.force_balance.free_rollers import settle_free
 from tripod_doe.joint.force_balance.kinetostatic_relaxation import settle_moving
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import TILT, YAW, PointConstants
+from tripod_doe.joint.force_balance.revolutions import Revolutions
 from tripod_doe.joint.force_balance.samples import Memory, repeat_first, start
 from tripod_doe.joint.geometry import contact_stiffness
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
@@ -98,6 +99,7 @@ class Equilibrium:
     needle_skew: FloatArray | None = None
     # whether the balance settled with moving needles, shape (point,); elsewhere needles keep their skew
     needles_settled: NDArray[np.bool_] | None = None
+    revolutions: Revolutions | None = None  # single ones; None where needles never move
 
 
 @kernel
@@ -273,10 +275,12 @@ def solve_balance(
     samples: int,
     followers: Followers | None = None,
     reader: ContactReader | None = None,
+    revolutions: Revolutions | None = None,
 ) -> Equilibrium:
     """Solve the balance of a block of points whose constants are known; parameters as there.
 
-    `followers` are the needles of a balance in which rollers tilt and needles may move.
+    `followers` are the needles of a balance in which rollers tilt and needles may move, `revolutions` receives the
+    thrust of single ones.
     """
     table = np.stack([columns[name] for name in PointConstants._fields], axis=1)
     skews, mean_loads = np.stack(points.initial_skews, axis=1), points.groove_load
@@ -308,6 +312,12 @@ def solve_balance(
             account(table[i], memory, solution, i)
             if reader is not None:
                 reader.read(i, table[i], memory, followers)
+            if followers is not None and revolutions is not None:
+                mean = solution.thrust[i].reshape(3, -1)[:, :samples]
+                if followers.moves(i):
+                    revolutions.follow(i, table[i], memory, followers, mean)
+                else:
+                    revolutions.all_alike(i, mean)
     solution.settled[columns["torque"] == 0.0] = True
     solution.power[_passed_on(points) == 0.0, 4] = 0.0  # what hardly resists takes no power
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
@@ -324,5 +334,5 @@ def solve_balance(
         solution.sweeps,
         solution.settled,
         upright,
-        *((followers.skews, followers.settled) if followers else ()),
+        *((followers.skews, followers.settled, revolutions) if followers else ()),
     )

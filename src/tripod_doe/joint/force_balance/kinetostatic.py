@@ -53,6 +53,7 @@ rollers is left out, as is all else that the equilibrium leaves out but the moti
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -60,10 +61,12 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.force_balance.contact_readings import ContactReader
 from tripod_doe.joint.force_balance.equilibrium import Equilibrium, point_constants, solve_balance
 from tripod_doe.joint.force_balance.needle_correction import Followers
+from tripod_doe.joint.force_balance.revolutions import Revolutions
 from tripod_doe.joint.geometry.roller_inertia import roller_inertia
 from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import needle_constants
 from tripod_doe.joint.needles.needle_contact import FARTHEST
+from tripod_doe.joint.outputs import BY_CYCLE, SETTLED
 from tripod_doe.joint.values import JointValues
 
 _ON_AVERAGE = 2 / math.pi
@@ -120,7 +123,11 @@ def _moving_constants(
 
 
 def solve_kinetostatic(
-    points: JointValues[FloatArray], samples: int, needles_move: bool = True, reader: ContactReader | None = None
+    points: JointValues[FloatArray],
+    samples: int,
+    needles_move: bool = True,
+    reader: ContactReader | None = None,
+    names: Collection[str] = (),
 ) -> Equilibrium:
     """Solve the kinetostatic model for a block of points.
 
@@ -135,6 +142,8 @@ def solve_kinetostatic(
         model `rollers`.
     reader
         Reads the contacts of every point that settles.
+    names
+        Outputs of `CYCLE_OUTPUTS` that are wanted.
 
     Returns
     -------
@@ -146,5 +155,7 @@ def solve_kinetostatic(
     penetration = (shift - points.bearing_radial_clearance) / 2
     skews = np.stack(points.initial_skews, axis=1)
     record = reader is not None and reader.of_needles
-    followers = Followers.of(points, needle_constants(points), skews, samples, needles_move, record)
-    return solve_balance(points, columns, penetration, samples, followers, reader)
+    count = int(points.cycles[0]) if BY_CYCLE in names else 2
+    followers = Followers.of(points, needle_constants(points), skews, samples, needles_move, count, record)
+    revolutions = Revolutions.of(points.torque.size, count, samples, SETTLED in names)
+    return solve_balance(points, columns, penetration, samples, followers, reader, revolutions)

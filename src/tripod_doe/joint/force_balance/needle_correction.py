@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.array_types import FloatArray
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.force_balance.added_motion import added_motion
 from tripod_doe.joint.force_balance.point_constants import TILT, PointConstants, flank, point_constants_of
 from tripod_doe.joint.force_balance.roller_forces import leaning_contact
@@ -21,12 +21,13 @@ from tripod_doe.joint.force_balance.samples import Memory, motion_at
 from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import NeedleConstants
 from tripod_doe.joint.needles.needle_contact import FARTHEST
+from tripod_doe.joint.needles.needle_history import NeedleForces, follow_rollers
 from tripod_doe.joint.needles.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
-from tripod_doe.joint.needles.needle_motion import RECORD, NeedleForces, NeedleRing, follow_rollers
+from tripod_doe.joint.needles.needle_motion import RECORD, NeedleRing
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
-from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
+from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 
 
@@ -38,14 +39,16 @@ class NeedleMemory(ByReference):
     held: FloatArray  # force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8)
     steps: NeedleSteps
     forces: NeedleForces
+    blocks: IntArray  # of eight needles that carry in the motion that was read, shape (1,)
 
     @classmethod
-    def for_samples(cls, samples: int) -> NeedleMemory:
-        """Memory for a number of samples per revolution."""
+    def for_samples(cls, samples: int, revolutions: int) -> NeedleMemory:
+        """Memory for a number of samples per revolution, and of revolutions whose forces are kept apart."""
         motions = RollerMotions.for_samples(samples)
-        per_sample = np.zeros((3, 3, samples))
-        forces = NeedleForces(per_sample[0], per_sample[1], per_sample[2], np.zeros(3))
-        return cls(motions, np.zeros_like(motions.spins), NeedleSteps.for_samples(samples), forces)
+        forces = NeedleForces.of_last(revolutions, samples)
+        return cls(
+            motions, np.zeros_like(motions.spins), NeedleSteps.for_samples(samples), forces, np.zeros(1, np.int64)
+        )
 
 
 @kernel
@@ -76,10 +79,19 @@ def _read_motions(row, memory, ring):
             store(ring.motions.offsets[k], b, off)
 
 
+@inlined_kernel
+def _mean(pair, at):
+    """Mean of two revolutions at a sample."""
+    return 0.5 * (pair[0][at] + pair[1][at])
+
+
 @kernel_part
-def _add_forces(row, memory, ring, k, skew):
+def _add_forces(row, memory, ring, k, revolutions):
     """Add the forces of the needles of trunnion k beyond the balance's own law, which gets their mean skew."""
-    p, samples = point_constants_of(row), memory.samples
+    p, samples, (one, other) = point_constants_of(row), memory.samples, revolutions
+    skew = _mean((ring.forces.skews[one], ring.forces.skews[other]), k)
+    forces = ring.forces.forces[one, k], ring.forces.forces[other, k]
+    moments = ring.forces.moments[one, k], ring.forces.moments[other, k]
     cosine, sine = math.cos(skew), math.sin(skew)
     memory.turns[k, 0], memory.turns[k, 1] = cosine, sine
     for j in range(WIDTH * memory.eights.shape[1]):
@@ -89,8 +101,8 @@ def _add_forces(row, memory, ring, k, skew):
         plunge, spin = ring.motions.plunges[k, b, lane], ring.motions.spins[k, b, lane]
         slip = needle_slip(plunge, spin, p.needle_lever, (cosine, sine))
         drag = p.needle_friction * needle_grip(slip, p.needle_transition)
-        e.needle_force[0, i] = ring.forces.forces[k, at] + drag * cosine
-        e.needle_moment[0, i] = ring.forces.moments[k, at] - drag * p.needle_lever * sine
+        e.needle_force[0, i] = _mean(forces, at) + drag * cosine
+        e.needle_moment[0, i] = _mean(moments, at) - drag * p.needle_lever * sine
 
 
 @kernel_part
@@ -98,23 +110,24 @@ def _add_swing(row, memory, k, forces, places):
     """Add the swing of roller k that the balance's own tilt misses.
 
     Its needles' friction acts at their pitch circle, not at the groove, and their middle moves. `forces` and `places`
-    along the trunnion have the shape (sample,).
+    along the trunnion are those of two revolutions, shape (sample,) each, whose mean counts.
     """
     p, samples = point_constants_of(row), memory.samples
     shorter = p.roller_radius - p.bearing_radius
     for j in range(WIDTH * memory.eights.shape[1]):
         at = j if j < samples else j - samples
         before, after = at - 1 if at > 0 else samples - 1, at + 1 if at < samples - 1 else 0
-        nearer = shorter * (forces[after] - forces[before]) + places[after] - places[before]
+        nearer = shorter * (_mean(forces, after) - _mean(forces, before)) + _mean(places, after) - _mean(places, before)
         memory.eights[k, j // WIDTH].needle_swing[0, j % WIDTH] = -0.5 * p.pace * p.tilt * nearer
 
 
 @kernel
-def _add_needles(row, memory, ring):
-    """Add the effects of the needles of all trunnions to the balance."""
+def _add_needles(row, memory, ring, one, other):
+    """Add the effects of the needles of all trunnions to the balance: the mean of two revolutions."""
     for k in range(3):
-        _add_forces(row, memory, ring, k, ring.forces.skews[k])
-        _add_swing(row, memory, k, ring.forces.forces[k], ring.forces.places[k])
+        _add_forces(row, memory, ring, k, (one, other))
+        of = ring.forces
+        _add_swing(row, memory, k, (of.forces[one, k], of.forces[other, k]), (of.places[one, k], of.places[other, k]))
 
 
 @dataclass(frozen=True)
@@ -125,6 +138,7 @@ class Followers:
     # of the needle that carries the most, rad, over all revolutions, shape (point, trunnion, cycles sample)
     skews: FloatArray
     settled: NDArray[np.bool_]  # whether the balance settled with moving needles, shape (point,)
+    revolutions: int  # last revolutions that are kept apart
     _loads: FloatArray  # mean normal force at a groove, shape (point,)
     _table: FloatArray
     _initial: FloatArray
@@ -141,6 +155,7 @@ class Followers:
         skews: FloatArray,
         samples: int,
         move: bool,
+        revolutions: int = 2,
         record: bool = False,
     ) -> Followers:
         """Needles at their initial skews, shape (point, trunnion), which they keep unless they may `move`.
@@ -150,9 +165,10 @@ class Followers:
         records = np.zeros((3, 2 * samples, int(points.needle_count.max())) if record else (3, 0, 0), RECORD)
         slide = (points.needle_sliding_friction > 0) & (points.speed > 0) & (points.joint_angle > 0)
         over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
-        ring = NeedleMemory.for_samples(samples)
+        ring = NeedleMemory.for_samples(samples, revolutions)
         settled = np.ones(slide.size, bool)
-        return cls(slide, over_time, settled, points.groove_load, table, skews, ring, {}, move, records)
+        known = points.groove_load, table, skews
+        return cls(slide, over_time, settled, revolutions, *known, ring, {}, move, records)
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
         """Move the needles of point i along the settled balance, and add their effects to it.
@@ -167,18 +183,47 @@ class Followers:
         if not self._move:
             ring.forces.places[:] = 0.0
             for k in range(3):
-                _add_swing(row, memory, k, ring.held[k].reshape(-1), ring.forces.places[k])
+                held, place = ring.held[k].reshape(-1), ring.forces.places[0, k]
+                _add_swing(row, memory, k, (held, held), (place, place))
             return
-        blocks = -(-press_needles(table, ring.motions, ring.steps) // WIDTH)
+        ring.blocks[0] = -(-press_needles(table, ring.motions, ring.steps) // WIDTH)
+        self._turn(i, tilt, table, self.skews[i])
+        _add_needles(row, memory, ring, self.revolutions - 2, self.revolutions - 1)
+
+    def add(self, row: FloatArray, memory: Memory, revolution: int) -> None:
+        """Add the effects that the needles followed last have in one of their last revolutions."""
+        _add_needles(row, memory, self._memory, revolution, revolution)
+
+    def follow_on(self, row: FloatArray, memory: Memory, i: int) -> None:
+        """As `follow` along the same motion, until needles repeat."""
+        table = np.array(NeedleConstants._make(self._table[i])._replace(settles=1.0))
+        self._turn(i, row[TILT] / PointConstants._make(row).roller_radius, table, self.skews[i].copy())
+        _add_needles(row, memory, self._memory, self.revolutions - 2, self.revolutions - 1)
+
+    def _turn(self, i: int, tilt: float, table: FloatArray, skews: FloatArray) -> None:
+        """Move the needles of point i along the motion that was read."""
+        ring, blocks = self._memory, int(self._memory.blocks[0])
         if blocks not in self._carrying:
             self._carrying[blocks] = NeedleLoads.for_blocks(blocks, ring.steps.steps), NeedleRing.for_blocks(blocks)
         needles = self._carrying[blocks]
-        follow_rollers(table, self._initial[i], tilt, ring.steps, *needles, ring.forces, self.skews[i], self._records)
-        _add_needles(row, memory, ring)
+        follow_rollers(table, self._initial[i], tilt, ring.steps, *needles, ring.forces, skews, self._records)
+
+    def moves(self, i: int) -> bool:
+        """Whether the needles of point i moved."""
+        return bool(self._move and self.slide[i] and self.settled[i])
+
+    def settles(self, i: int) -> bool:
+        """Whether the needles of point i are followed until they repeat in any case."""
+        return NeedleConstants._make(self._table[i]).settles > 0
+
+    @property
+    def repeat(self) -> bool:
+        """Whether the needles that were followed last repeat, where they were followed until they do."""
+        return bool(self._memory.forces.history[1])
 
     def recorded(self, i: int) -> NDArray[np.void] | None:
         """Every needle of point i, which was followed last; None where its needles do not move."""
-        if not (self._records.size and self._move and self.slide[i] and self.settled[i]):
+        if not (self._records.size and self.moves(i)):
             return None
         return self._records[..., : int(NeedleConstants._make(self._table[i]).needles)].swapaxes(1, 2)
 

@@ -35,9 +35,10 @@ class NeedleConstants(NamedTuple):
     # sliding, transition: mu_n and v_sn
     sliding: float
     transition: float
-    # speed, cycles: of the housing in rad/s, and revolutions that are followed
+    # speed, cycles: of the housing in rad/s, and revolutions that are followed; and whether until needles repeat
     speed: float
     cycles: float
+    settles: float
     thrown: float  # centrifugal force of a needle along its trunnion, N
 
 
@@ -67,6 +68,7 @@ def needle_constants(points: JointValues[FloatArray]) -> FloatArray:
         "transition": transition_velocities(points).needle_slip,
         "speed": points.speed,
         "cycles": points.cycles,
+        "settles": points.settled_needles,
         "thrown": points.needle_mass * points.pitch_radius * points.speed**2,
     }
     return np.stack([columns[name] for name in NeedleConstants._fields], axis=1)

@@ -57,7 +57,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.needles.needle_constants import needle_constants_of
 from tripod_doe.joint.needles.needle_contact import (
     BORE,
     DEPTH,
@@ -72,13 +71,12 @@ from tripod_doe.joint.needles.needle_contact import (
     follow_spread,
     load_centre,
 )
-from tripod_doe.joint.needles.needle_loads import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, load_needles, station
+from tripod_doe.joint.needles.needle_loads import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, station
 from tripod_doe.mechanics.arithmetic.lanes import (
     WIDTH,
     exponential,
     load,
     logarithm,
-    pick,
     row_of_sums,
     select,
     sine_cosine,
@@ -86,7 +84,7 @@ from tripod_doe.mechanics.arithmetic.lanes import (
     store,
 )
 from tripod_doe.mechanics.compilation.by_reference import ByReference
-from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
+from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws.contact import contact_secant
 from tripod_doe.mechanics.laws.friction import relative_tangent
 
@@ -101,17 +99,6 @@ _MOST_SLIP = 300.0
 """Slip of a needle over its transition velocity, where it is limited for the exponential's sake."""
 _HOLDS = 1e-6
 """Resistance to yaw over the largest that is possible, from which on a needle is taken to have any."""
-
-
-@dataclass(frozen=True, eq=False)
-class NeedleForces(ByReference):
-    """What the needles of three trunnions do, the mean of the last two revolutions; arrays of shape (3, sample)."""
-
-    # forces, moments: of their sliding friction on the roller along and about its trunnion, over N, in 1 and mm
-    forces: FloatArray
-    moments: FloatArray
-    places: FloatArray  # where they are along the trunnion, mm
-    skews: FloatArray  # mean skew of a trunnion's needles, weighted with their loads, rad, shape (3,)
 
 
 @inlined_kernel
@@ -183,11 +170,13 @@ class NeedleRing(ByReference):
     # roller, shape (3, 3): its tilt and yaw a step ago, and the mean place of its needles
     roller: FloatArray
     carrying: IntArray  # outermost needles that carried a step ago, shape (3, 2)
+    past: FloatArray  # skews of all needles one and two revolutions ago, shape (3, blocks, 2, 8)
 
     @classmethod
     def for_blocks(cls, blocks: int) -> NeedleRing:
         """Memory for so many blocks of eight needles that carry."""
-        return cls(np.zeros((3, blocks, ROWS, WIDTH)), np.zeros((3, 3)), np.zeros((3, 2), np.int64))
+        state, past = np.zeros((3, blocks, ROWS, WIDTH)), np.zeros((3, blocks, 2, WIDTH))
+        return cls(state, np.zeros((3, 3)), np.zeros((3, 2), np.int64), past)
 
 
 TILTED, YAWED, PLACED = range(3)
@@ -223,7 +212,7 @@ def _admit(c, state, needles, k, step, carrying, first, last):
 
 
 @kernel_part
-def _step(c, tilt, at, needles, ring, k, step, duration):
+def step_on(c, tilt, at, needles, ring, k, step, duration):
     """Move all needles of a trunnion that carry load on by a step.
 
     Returns sums over them: place, skew, both times their loads; force on the roller along the trunnion and about it.
@@ -253,7 +242,7 @@ def _step(c, tilt, at, needles, ring, k, step, duration):
 
 
 @kernel_part
-def _start(c, skews, tilt, at, needles, ring):
+def start_needles(c, skews, tilt, at, needles, ring):
     """Put all needles in the middle, at their initial skews."""
     for k in range(3):
         for b in range(needles.blocks):
@@ -285,7 +274,7 @@ def _line_load(c, state, block, lane):
 
 
 @kernel_part
-def _record(c, at, needles, state, k, step, records):
+def record_needles(c, at, needles, state, k, step, records):
     """Record all needles of a trunnion; those without load lie at their outer stop, along the last that carries."""
     i, n, count, slots = step // WIDTH, step % WIDTH, int(c.needles), WIDTH * needles.blocks
     first, last, nearest = at.first[k, i, n], at.last[k, i, n], at.nearest[k, i, n]
@@ -299,56 +288,3 @@ def _record(c, at, needles, state, k, step, records):
         if number <= last:
             one.load, one.stop = needles.loads[k, block, step, lane], state[block, STOP, lane]
             one.place, one.line = state[block, PLACE, lane], _line_load(c, state, block, lane)
-
-
-@kernel
-def follow_rollers(row, skew, tilt, at, needles, ring, found, skews, records):
-    """Move the needles of three trunnions along a revolution of their rollers, again and again.
-
-    Parameters
-    ----------
-    row
-        Of the table of `NeedleConstants`.
-    skew
-        Of all needles of each trunnion at the start, rad, shape (3,).
-    tilt
-        Of the rollers over the distance of their load from the middle of the needles, rad/mm.
-    at
-        `NeedleSteps` after `press_needles`.
-    needles, ring
-        `NeedleLoads` and `NeedleRing` for as many needles as carry.
-    found
-        `NeedleForces`, which receives what the needles do.
-    skews
-        Receives the skew of the needle that carries the most, over all revolutions, shape (3, cycles sample).
-    records
-        Receives a `RECORD` of every needle over the last two revolutions, shape (3, 2 x sample, needle), or is empty.
-    """
-    c, samples, slots = needle_constants_of(row), at.steps // at.parts, WIDTH * needles.blocks
-    load_needles(c, at, needles)
-    _start(c, skew, tilt, at, needles, ring)
-    duration, cycles = 2.0 * math.pi / c.speed / at.steps, int(c.cycles)
-    for k in range(3):
-        found.skews[k] = 0.0
-        for j in range(samples):
-            found.forces[k, j], found.moments[k, j], found.places[k, j] = 0.0, 0.0, 0.0
-    for cycle in range(cycles):
-        for step in range(at.steps):
-            i, n, sample = step // WIDTH, step % WIDTH, step // at.parts
-            for k in range(3):
-                sums = _step(c, tilt, at, needles, ring, k, step, duration)
-                place = pick(sums, 0) / at.carried[k, i, n]
-                ring.roller[k, PLACED] = place
-                if step % at.parts > 0:
-                    continue
-                most = at.most[k, i, n] % slots
-                skews[k, cycle * samples + sample] = ring.state[k, most // WIDTH, SKEW, most % WIDTH]
-                if cycle >= cycles - 2:
-                    if records.size > 0:
-                        at_sample = (cycle - cycles + 2) * samples + sample
-                        _record(c, at, needles, ring.state[k], k, step, records[k, at_sample])
-                    half = 0.5 / at.bearing_loads[k, i, n]
-                    found.forces[k, sample] += half * pick(sums, 2)
-                    found.moments[k, sample] += half * pick(sums, 3)
-                    found.places[k, sample] += 0.5 * place
-                    found.skews[k] += 0.5 * pick(sums, 1) / at.carried[k, i, n] / samples

@@ -1,0 +1,77 @@
+"""Thrust of single revolutions of a balance whose needles turn, and once they repeat.
+
+A balance is solved with the mean of what its needles do in the last two revolutions, which gives the orders that every
+model reports. With what they do in one of them, it is solved from there in two or three sweeps. Of two revolutions the
+last but one is as far from their mean as the last: the thrust is all but linear in what changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.force_balance.account import Solution, account
+from tripod_doe.joint.force_balance.kinetostatic_relaxation import settle_moving
+from tripod_doe.joint.force_balance.needle_correction import Followers
+from tripod_doe.joint.force_balance.point_constants import PointConstants
+from tripod_doe.joint.force_balance.samples import Memory
+
+_DIFFERS = 1e2
+"""Tolerance of a balance that is solved for a small difference, over its own."""
+
+
+@dataclass(frozen=True)
+class Revolutions:
+    """Thrust at each groove in the last revolutions of a block of points."""
+
+    each: FloatArray  # in N, at least two, shape (point, revolution, groove, sample)
+    # once needles repeat, shape (point, groove, sample), NaN where that was not asked; and whether they do
+    repeating: FloatArray
+    repeat: NDArray[np.bool_]
+    asked: bool  # whether `repeating` was asked
+
+    @classmethod
+    def of(cls, points: int, count: int, samples: int, asked: bool) -> Revolutions:
+        """No thrust in a number of revolutions."""
+        shape = (points, 3, samples)
+        repeating = np.full(shape, 0.0 if asked else np.nan)
+        return cls(np.zeros((points, count, 3, samples)), repeating, np.ones(points, bool), asked)
+
+    def all_alike(self, i: int, thrust: FloatArray) -> None:
+        """Let all revolutions of point i have the same thrust."""
+        self.each[i] = thrust
+        if self.asked:
+            self.repeating[i] = thrust
+
+    def follow(self, i: int, row: FloatArray, memory: Memory, followers: Followers, mean: FloatArray) -> None:
+        """Solve the revolutions of point i, whose balance with the mean of the last two stands in `memory`.
+
+        Args:
+            i: The point.
+            row: Its constants.
+            memory: Its balance, which is overwritten.
+            followers: Its needles, which were followed last.
+            mean: Thrust at each groove with the mean, shape (groove, sample).
+        """
+        self.all_alike(i, mean)
+        count = self.each.shape[1]
+        for revolution in (*range(count - 2), count - 1):
+            followers.add(row, memory, revolution)
+            self.each[i, revolution] = _thrust(row, memory, mean)
+        self.each[i, -2] = 2 * mean - self.each[i, -1]
+        if self.asked and not followers.settles(i):
+            followers.follow_on(row, memory, i)
+            self.repeating[i] = _thrust(row, memory, mean)
+        self.repeat[i] = followers.repeat
+
+
+def _thrust(row: FloatArray, memory: Memory, otherwise: FloatArray) -> FloatArray:
+    """Thrust at each groove once the balance has settled, shape (groove, sample); `otherwise` where it does not."""
+    if not settle_moving(row, memory, _DIFFERS * PointConstants._make(row).tolerance, False)[0]:
+        return otherwise
+    found = Solution.of_nothing(1, memory.samples)
+    account(row, memory, found, 0)
+    return found.thrust.reshape(3, -1)[:, : memory.samples]
