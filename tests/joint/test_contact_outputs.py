@@ -44,7 +44,10 @@ def test_friction_times_slip_is_the_power_that_sliding_in_the_grooves_takes(answ
     assert power == pytest.approx(found["friction_power_w"][0], rel=2e-3)
     # the thrust of bodies is taken a part of a step ahead of the states that contacts are read off
     late = 0.02 * found["groove_friction_force"].max() if model in ("rollers", "needles") else 1e-9
-    assert (np.abs(found["groove_thrust"]) <= found["groove_friction_force"] + late).all()
+    thrust = found["groove_thrust"]
+    if model == "kinetostatic":  # which reads contacts off the mean of its revolutions
+        thrust = np.tile(thrust.reshape(3, 2, -1).mean(1), 2)
+    assert (np.abs(thrust) <= found["groove_friction_force"] + late).all()
 
 
 @pytest.mark.parametrize("model", MODELS)

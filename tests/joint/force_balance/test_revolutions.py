@@ -43,9 +43,9 @@ def test_needles_that_repeat_are_where_many_revolutions_take_them(given):
 
 
 def test_settled_orders_of_a_point_are_those_of_needles_that_repeat():
-    """Invariance: asked as an output, they are the orders with `settled_needles`."""
+    """Invariance: asked as an output, they are the orders with `settled_needles`, by a tolerance of 1e-4."""
     settled = simulate_point("joint", (SETTLED,), **COAST).outputs[SETTLED].data
-    assert settled[2] == pytest.approx(second(4, settled=1, **COAST), rel=1e-5)
+    assert settled[2] == pytest.approx(second(4, settled=1, **COAST), rel=1e-4)
 
 
 def test_needles_that_never_reach_their_stops_turn_on():
