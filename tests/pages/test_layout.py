@@ -78,7 +78,7 @@ def test_names_lose_their_whole_unit(name, words):
 def test_plus_or_minus_is_one_sign():
     """Regression: "intervals of +−5 % of the largest index"."""
     assert (
-        templates._typeset("2 +- 1 N, of +-5 %, from -3 to -2") == "2\u00a0±\u00a01\u00a0N, of ±5\u00a0%, from −3 to −2"
+        templates.typeset("2 +- 1 N, of +-5 %, from -3 to -2") == "2\u00a0±\u00a01\u00a0N, of ±5\u00a0%, from −3 to −2"
     )
 
 

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from tripod_doe.cli.parser import DONE, Command, Parser, add_cube, add_selection
 from tripod_doe.errors import InputError
@@ -18,14 +19,20 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
     parser.add_argument(
         "--format",
-        choices=("table", "json", "csv", "netcdf"),
+        choices=("table", "json", "csv", "netcdf", "xlsx"),
         help="output format (default: as --output is named, else table)",
     )
     parser.add_argument(
         "--output",
         metavar="FILE",
         type=Path,
-        help="write to this file instead of standard output; its ending decides the format: .csv, .json, .nc or .txt",
+        help="write to this file instead of standard output; its ending decides the format: .csv, .json, .nc, "
+        ".xlsx (with units, and a sheet that says where the numbers come from) or .txt",
+    )
+    parser.add_argument(
+        "--decimal-comma",
+        action="store_true",
+        help="csv: commas in numbers and semicolons between them, for spreadsheets that read it so",
     )
 
 
@@ -35,8 +42,12 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.study.query.query import answer_format, records, records_text, unmet
 
     form = answer_format(options.format, options.output)
+    if options.decimal_comma and form != "csv":
+        raise InputError(f"--decimal-comma: the format is {form}; give --format csv")
     if form == "netcdf":
         return _query_netcdf(options)
+    if form == "xlsx" and options.output is None:
+        raise InputError("--format xlsx needs --output FILE")
     with opened_arrays(options.cube) as cube:
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
         for note in cube.model_notes[:1]:  # the verdict; the report has its grounds
@@ -44,7 +55,9 @@ def _run(options: argparse.Namespace) -> int:
                 print(note, file=sys.stderr)
         if columns[options.variable].size == 0:
             print(unmet(cube, options.select), file=sys.stderr)
-    text = records_text(columns, form)
+    if form == "xlsx":
+        return _write_workbook(options, columns)
+    text = records_text(columns, form, options.decimal_comma)
     if options.output is None:
         print(text)
         return DONE
@@ -63,6 +76,17 @@ def _query_netcdf(options: argparse.Namespace) -> int:
         raise InputError("--format netcdf needs --output FILE")
     answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
     write_dataset(narrowed(answer), options.output)
+    return DONE
+
+
+def _write_workbook(options: argparse.Namespace, columns: dict[str, Any]) -> int:
+    from tripod_doe.atomic_files import replace_file
+    from tripod_doe.pages.tables import answer_workbook
+
+    asked = {"variable": options.variable, "select": ", ".join(options.select), "where": options.where or ""}
+    data = answer_workbook(options.cube, columns, asked)
+    with replace_file(options.output) as fresh:
+        fresh.write_bytes(data)
     return DONE
 
 

@@ -1,4 +1,4 @@
-"""Write the page of a result directory again."""
+"""Write the page of a result directory again, or hand on a part of it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,27 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.errors import InputError
+
+_FILES = {"pdf": "summary.pdf", "html": "summary.html", "xlsx": "tables.xlsx", "figures": "figures"}
+_ENDINGS = {".pdf": "pdf", ".html": "html", ".xlsx": "xlsx"}
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
+    parser.add_argument(
+        "--format",
+        choices=tuple(_FILES),
+        help="what to write in place of the report: one page for print or a browser (question, three sentences, one "
+        "picture), all tables with their units as a workbook, or each figure as SVG and PNG",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="where to write that: a file whose ending may stand for --format, or a folder for figures (default: "
+        "DIR/report/summary.pdf, summary.html, tables.xlsx, figures)",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -18,6 +35,13 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.pages.study import write_report
     from tripod_doe.study.results.result_cube import FIT_FILE, open_cube
 
+    named = _ENDINGS.get(options.output.suffix.lower()) if options.output else None
+    form = options.format or named
+    if options.output and (form is None or (named and named != form)):
+        ask = "end the name in .pdf, .html or .xlsx, or give --format" if form is None else f"but --format is {form}"
+        raise InputError(f"--output {options.output}: {ask}")
+    if form:
+        return _hand_on(options.directory, form, options.output or options.directory / "report" / _FILES[form])
     if (options.directory / FIT_FILE).is_file():
         print(write_fit_page(options.directory, open_cube(options.directory)))
     else:
@@ -25,4 +49,29 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("write the report of a result directory again", _add_arguments, _run)
+def _hand_on(directory: Path, form: str, place: Path) -> int:
+    """Write a part of a report, and print where it is."""
+    from tripod_doe.atomic_files import refuse_links, replace_file
+    from tripod_doe.pages.one_page import figures_of, one_page
+    from tripod_doe.pages.tables import tables_of
+
+    refuse_links(directory)
+    if form == "figures":
+        files = figures_of(directory)
+    elif form == "xlsx":
+        files = {"": tables_of(directory)}
+    else:
+        page = one_page(directory)
+        files = {"": page.pdf() if form == "pdf" else page.html().encode()}
+    try:
+        for name, data in files.items():
+            path = place / name if name else place
+            with replace_file(path) as fresh:
+                fresh.write_bytes(data)
+    except OSError as error:
+        raise InputError(f"--output {place}: cannot write: {error.strerror}") from error
+    print(place)
+    return DONE
+
+
+COMMAND = Command("write the report of a result directory again, or hand on a part of it", _add_arguments, _run)

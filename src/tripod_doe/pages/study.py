@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -117,11 +118,9 @@ def make_page(
         findings: What `find` says of the cube, where that is known already.
         annotation: What people have written about it.
     """
-    part = shown_subset(cube)
-    shown = representative_points(part)
-    said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
-    sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
-    picture, content = _content(cube, part, shown, analyses)
+    shown = representative_points(shown_subset(cube))
+    said = answered(cube, analyses, findings)
+    content = said.content
     lost, left = int((asked(cube) & ~finished(cube)).sum() - waiting(cube).sum()), int(waiting(cube).sum())
     silent = [
         name
@@ -144,12 +143,12 @@ def make_page(
         good=int(finished(cube).sum()),
         lost=lost,
         left=left,
-        sentences=sentences,
+        sentences=said.sentences,
         notes=str(cube.attrs.get("model_notes", "")).splitlines(),
         notable=MODEL_ERROR in cube and bool((cube[MODEL_ERROR] > NOTABLE_ERROR).any()),
         not_asked=not_asked,
-        more=more,
-        picture=picture,
+        more=said.more,
+        picture=said.picture,
         what_ifs=questions,
         sections=_sections(filled | _ALWAYS, questions),
         silent=silent,
@@ -163,6 +162,37 @@ def make_page(
         histories={name: data.attrs.get("history", "") for name, data in {"cube": cube, **analyses}.items()},
         **content,
     )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a study says first, and all that its page shows."""
+
+    sentences: list[str]  # at most three
+    more: list[str]  # all others
+    picture: Chart | None  # the one that shows the answer
+    content: dict[str, Any]  # what fills each section, without that picture
+
+    @property
+    def charts(self) -> list[Chart]:
+        """All charts, that picture first."""
+        return ([self.picture] if self.picture else []) + list(_charts_in(list(self.content.values())))
+
+
+def _charts_in(content: object) -> Iterator[Chart]:
+    if isinstance(content, Chart):
+        yield content
+    for inner in content if isinstance(content, list | tuple) else ():
+        yield from _charts_in(inner)
+
+
+def answered(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], findings: Sequence[str] | None = None) -> Answer:
+    """Sentences, picture and charts of a cube and its analyses; see `make_page`."""
+    part = shown_subset(cube)
+    said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
+    sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
+    picture, content = _content(cube, part, representative_points(part), analyses)
+    return Answer(sentences, more, picture, content)
 
 
 def _sections(filled: Collection[str], questions: Sequence[WhatIfPage]) -> dict[str, str]:

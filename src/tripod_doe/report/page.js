@@ -35,6 +35,47 @@
     var fold = target && (target.closest("details") || target.querySelector("details"));
     if (fold) fold.open = true;
   }
+  function alone(svg) {  // an SVG file: with the colours of print, and the font that its letters were placed for
+    var text = new XMLSerializer().serializeToString(svg);
+    text = text.replace(/var\(--[\w-]+, (#[0-9a-f]{6})\)/g, "$1").replace(/ (role|aria-label)="[^"]*"/g, "");
+    return text.replace("<svg", '<svg font-family="DejaVu Sans, Verdana, sans-serif"');
+  }
+  function save(blob, name) {
+    var link = document.createElement("a");
+    link.href = URL.createObjectURL(blob);
+    link.download = name;
+    link.click();
+    setTimeout(function () { URL.revokeObjectURL(link.href); }, 10000);
+  }
+  function savePng(svg, name) {
+    var picture = new Image(), box = svg.viewBox.baseVal, scale = 1800 / box.width;
+    picture.onload = function () {
+      var canvas = document.createElement("canvas"), paper = canvas.getContext("2d");
+      canvas.width = scale * box.width;
+      canvas.height = scale * box.height;
+      paper.fillStyle = "white";
+      paper.fillRect(0, 0, canvas.width, canvas.height);
+      paper.drawImage(picture, 0, 0, canvas.width, canvas.height);
+      canvas.toBlob(function (blob) { save(blob, name); });
+    };
+    picture.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(alone(svg));
+  }
+  document.querySelectorAll("figure a.data[download]").forEach(function (link) {
+    var svg = link.closest("figure").querySelector("svg"), name = link.download.replace(/\.csv$/, "");
+    if (!svg) return;
+    ["SVG", "PNG"].forEach(function (kind) {
+      var button = document.createElement("button");
+      button.type = "button";
+      button.className = "data";
+      button.textContent = kind;
+      button.setAttribute("aria-label", "Save this figure as " + kind);
+      button.addEventListener("click", function () {
+        if (kind === "PNG") savePng(svg, name + ".png");
+        else save(new Blob([alone(svg)], { type: "image/svg+xml" }), name + ".svg");
+      });
+      link.parentNode.append(" ", button);
+    });
+  });
   window.addEventListener("hashchange", open);
   open();
 })();

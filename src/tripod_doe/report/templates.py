@@ -31,7 +31,7 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         bytecode_cache=compiled_templates(),
     )
-    environment.filters |= {"number": number, "typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
+    environment.filters |= {"number": number, "typeset": typeset, "csv_link": _csv_link, "svg": _svg}
     return environment
 
 
@@ -50,7 +50,7 @@ def _of_limited_size(page: str) -> str:
     return page
 
 
-def _typeset(text: str) -> str:
+def typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
     text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
     text = re.sub(r"\+-(?=\d)", "±", text)

@@ -119,13 +119,9 @@ class Chart:
 
     def svg(self) -> str:
         """The figure as an SVG element with text as text and with its title: the same gives the same characters."""
-        import matplotlib as mpl
-
         buffer, tooltips = io.StringIO(), mark_points(self.figure)
-        with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
-            _lay_out(self.figure)
-            _draw_many_as_image(self.figure)
-            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        with styled(self.name):
+            laid_out(self.figure).savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         element, end, content = _inline(add_tooltips(buffer.getvalue(), tooltips)).partition(">")
         return f"{element}{end}<title>{escape(self.title)}</title>{content}"
 
@@ -135,8 +131,17 @@ class Chart:
         return self.data.assign(**words).to_csv(index=False)
 
 
-def _lay_out(figure: Figure) -> None:
-    """Place the axes as they will be printed: to find that out, `savefig` would draw the whole figure once more."""
+@contextmanager
+def styled(name: str) -> Iterator[None]:
+    """Draw in the common style; the same name gives the same identifiers in an SVG."""
+    import matplotlib as mpl
+
+    with mpl.rc_context({**_STYLE, "svg.hashsalt": name, "pdf.fonttype": 42}):
+        yield
+
+
+def laid_out(figure: Figure) -> Figure:
+    """The figure with its axes as they will be printed: to find that out, `savefig` would draw it once more."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     FigureCanvasSVG(figure)
@@ -144,6 +149,8 @@ def _lay_out(figure: Figure) -> None:
     if engine := figure.get_layout_engine():
         engine.execute(figure)
         figure.set_layout_engine(None)
+    _draw_many_as_image(figure)
+    return figure
 
 
 def _draw_many_as_image(figure: Figure) -> None:

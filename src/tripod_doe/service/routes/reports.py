@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Literal
 
 from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
@@ -20,6 +21,8 @@ _POLICY = (
 )
 """A report is one file with its own styles and script; in the sandbox they reach neither cookie nor interface."""
 
+_HANDED_ON = {"pdf": "application/pdf", "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"}
+Form = Literal["pdf", "html", "xlsx"]
 _PAGE = "index.html"
 _KINDS = {".html": "text/html; charset=utf-8", ".nc": "application/x-netcdf"}
 
@@ -41,6 +44,17 @@ def report(run_id: str, service: AnyService) -> Response:
     start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
     text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{start}", 1)
     return HTMLResponse(text, headers={"content-security-policy": _POLICY})
+
+
+@router.get("/summary.{form}", response_class=Response, responses=gives("text/html", *_HANDED_ON.values()))
+def summary(run_id: str, form: Form, service: AnyService, step: str | None = None) -> Response:
+    """The run on one page (pdf, html), or all its tables as a workbook (xlsx)."""
+    path = str(service.results(run_id, step))
+    data = service.ask_large("workers.questions:handed_on", path=path, form=form)
+    if form == "html":
+        return HTMLResponse(data, headers={"content-security-policy": _POLICY})
+    named = {"content-disposition": f'attachment; filename="summary.{form}"'}
+    return Response(data, media_type=_HANDED_ON[form], headers=named)
 
 
 @router.get("/pages/{key}/{place:path}", response_class=Response, responses=gives(*_KINDS.values()))

@@ -19,7 +19,12 @@ from tripod_doe.study.results.result_cube import is_shown
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
-_TYPES = {"json": "application/json", "csv": "text/csv; charset=utf-8", "netcdf": "application/x-netcdf"}
+_TYPES = {
+    "json": "application/json",
+    "csv": "text/csv; charset=utf-8",
+    "netcdf": "application/x-netcdf",
+    "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
+}
 Step = Annotated[str | None, Query(description="step of a workflow")]
 
 
@@ -31,7 +36,8 @@ def query(
     select: Annotated[list[str], Query(description="name=value, name=a,b,c or name=a:b; repeatable")] = [],  # noqa: B006
     nearest: bool = False,
     where: str | None = None,
-    format: Literal["json", "csv", "netcdf"] = "json",
+    format: Literal["json", "csv", "netcdf", "xlsx"] = "json",
+    decimal_comma: Annotated[bool, Query(description="csv: commas in numbers, semicolons between them")] = False,
     step: Step = None,
     analysis: Annotated[str | None, Query(description="analysis of the study, in place of its cube")] = None,
 ) -> Response:
@@ -43,12 +49,14 @@ def query(
         "nearest": nearest,
         "where": where,
         "form": format,
+        "decimal_comma": decimal_comma,
         "limits": service.settings.limits,
     }
     data = service.ask("workers.questions:small_query", **asked)
     if data is None:
         data = service.ask_large("workers.questions:query", **asked)
-    headers = {"content-disposition": 'attachment; filename="answer.nc"'} if format == "netcdf" else {}
+    ending = {"netcdf": "nc", "xlsx": "xlsx"}.get(format)
+    headers = {"content-disposition": f'attachment; filename="answer.{ending}"'} if ending else {}
     return Response(data, media_type=_TYPES[format], headers=headers)
 
 

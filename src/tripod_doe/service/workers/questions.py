@@ -130,7 +130,14 @@ def simulate(body: bytes, limits: Limits) -> Any:
 
 
 def small_query(
-    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, limits: Limits
+    path: str,
+    variable: str,
+    select: list[str],
+    nearest: bool,
+    where: str | None,
+    form: str,
+    limits: Limits,
+    decimal_comma: bool = False,
 ) -> bytes | None:
     """The same as `query` where the answer is small; None where it is not, for which another worker is to be asked."""
     from tripod_doe.study.query.arrays import opened_arrays
@@ -139,13 +146,21 @@ def small_query(
     with opened_arrays(path) as cube:
         if cell_count(cube, variable, select, nearest) > _MOST_AT_ONCE:
             return None
-    return query(path, variable, select, nearest, where, form, limits)
+    return query(path, variable, select, nearest, where, form, limits, decimal_comma)
 
 
 def query(
-    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, limits: Limits
+    path: str,
+    variable: str,
+    select: list[str],
+    nearest: bool,
+    where: str | None,
+    form: str,
+    limits: Limits,
+    decimal_comma: bool = False,
 ) -> bytes:
-    """Cells of a cube as ``query`` gives them: JSON or CSV text, or a netCDF file."""
+    """Cells of a cube as ``query`` gives them: JSON or CSV text, a netCDF file or a workbook."""
+    from tripod_doe.pages.tables import answer_workbook
     from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count, narrowed, records, records_text
     from tripod_doe.study.query.query import query as cells_of
@@ -162,12 +177,28 @@ def query(
                 columns = {name: _without_formulas(column) for name, column in columns.items()}
             rows = columns[variable].size
             first = {name: column[:_SAMPLE] for name, column in columns.items()}
-            _refuse_large(len(records_text(first, form)) * max(rows, 1) // max(min(rows, _SAMPLE), 1), limits)
-            answer = records_text(columns, form).encode()
+            shown = "csv" if form == "xlsx" else form
+            _refuse_large(len(records_text(first, shown)) * max(rows, 1) // max(min(rows, _SAMPLE), 1), limits)
+            if form == "xlsx":
+                asked = {"variable": variable, "select": ", ".join(select), "where": where or ""}
+                answer = answer_workbook(path, columns, asked)
+            else:
+                answer = records_text(columns, form, decimal_comma).encode()
         else:
             answer = _netcdf_bytes(narrowed(cells_of(path, variable, select, nearest, where)))
     _refuse_large(len(answer), limits)
     return answer
+
+
+def handed_on(path: str, form: str) -> bytes:
+    """A result directory on one page (pdf, html), or its tables as a workbook (xlsx)."""
+    from tripod_doe.pages.one_page import one_page
+    from tripod_doe.pages.tables import tables_of
+
+    if form == "xlsx":
+        return tables_of(Path(path))
+    page = one_page(Path(path))
+    return page.pdf() if form == "pdf" else page.html().encode()
 
 
 def _refuse_large(size: int, limits: Limits) -> None:

@@ -274,17 +274,22 @@ def narrowed(answer: xr.Dataset) -> xr.Dataset:
     return answer.drop_vars("selected").assign({variable: kept})
 
 
-def records_text(columns: Columns, form: str) -> str:
-    """Records as text: ``table``, ``csv`` or ``json`` (a list of objects, NaN as null)."""
+def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> str:
+    """Records as text: ``table``, ``csv`` or ``json`` (a list of objects, NaN as null).
+
+    Args:
+        decimal_comma: Write CSV with commas in numbers and semicolons between them, as spreadsheets of some countries
+            read it.
+    """
     names = list(columns)
     rows = list(zip(*(column.tolist() for column in columns.values()), strict=True))
     if form == "json":
         return json.dumps([dict(zip(names, map(_json_value, row), strict=True)) for row in rows])
     if form == "csv":
         buffer = io.StringIO()
-        writer = csv.writer(buffer, lineterminator="\n")
+        writer = csv.writer(buffer, lineterminator="\n", delimiter=";" if decimal_comma else ",")
         writer.writerow(names)
-        writer.writerows([["" if value != value else csv_cell(value) for value in row] for row in rows])
+        writer.writerows([[_csv_word(value, decimal_comma) for value in row] for row in rows])
         return buffer.getvalue().rstrip("\n")
     lines = [names, *([_table_word(value) for value in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -292,7 +297,13 @@ def records_text(columns: Columns, form: str) -> str:
     return "\n".join(aligned) if rows else "no cell matches"
 
 
-_FORMATS = {".csv": "csv", ".json": "json", ".nc": "netcdf", ".txt": "table"}
+def _csv_word(value: Any, decimal_comma: bool) -> object:
+    if value != value:
+        return ""
+    return str(value).replace(".", ",") if decimal_comma and isinstance(value, float) else csv_cell(value)
+
+
+_FORMATS = {".csv": "csv", ".json": "json", ".nc": "netcdf", ".xlsx": "xlsx", ".txt": "table"}
 """Formats of an answer by the ending of its file."""
 
 
