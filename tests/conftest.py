@@ -25,7 +25,8 @@ sys.path.insert(0, str(Path(__file__).parent / "mechanics" / "scenes"))
 sys.path.insert(0, str(Path(__file__).parent / "analyses"))
 sys.path.insert(0, str(Path(__file__).parent / "workflow"))
 sys.path.insert(0, str(Path(__file__).parent / "service"))
-sys.path.append(str(Path(__file__).parents[1] / "docs" / "explanation"))  # what makes parts of the documentation
+for folder in ("explanation", "reference"):
+    sys.path.append(str(Path(__file__).parents[1] / "docs" / folder))  # what makes parts of the documentation
 pytest_plugins = ["study_cubes"]
 
 

@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 import pytest
+from generate import texts
 
 import tripod_doe as td
 from tripod_doe.analyses.main_effects.charts import effect_charts
@@ -68,6 +69,14 @@ def test_tables_are_whole(page):
     for before, line, after in zip(["", *lines], lines, [*lines[1:], ""], strict=False):
         if line.startswith("|") and not before.startswith("|"):
             assert after.startswith("| ---"), line
+
+
+@pytest.mark.slow
+def test_the_generated_pages_are_those_of_the_code():
+    """Exact, so every command, key, parameter, output, public name and route is there."""
+    for name, text in texts().items():
+        page = (ROOT / "docs" / "reference" / name).read_text(encoding="utf-8")
+        assert page == text, f"{name} is out of date: run python docs/reference/generate.py"
 
 
 def test_every_analysis_and_figure_of_a_workflow_is_listed():

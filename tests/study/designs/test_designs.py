@@ -365,6 +365,9 @@ def test_an_ablation_beside_other_factors_is_one_at_each_of_their_grid_points():
     assert all(np.array_equal(short.columns[name], long.columns[name]) for name in long.columns)
     named = points_of(f'{factors}[design]\nkind = "ablation"\ncombinations = "single"\nfactors = ["needle_rolling"]')
     assert named.count == 2 * 3 * 2
+    halved = points_of(f'{factors}[design]\nkind = "ablation"\ncombinations = "single"\nhalved = true')
+    assert halved.count == 2 * 3 * (12 + 5)
+    assert [int((halved.columns[name] == 0.5).sum()) for name in SWITCHES] == [6] * 5
     assert parse_study(
         f'{HEAD}{factors}needle_sliding = {{values = [0, 1]}}\n[design]\nkind = "ablation"'
     ).switches == ("needle_sliding",)

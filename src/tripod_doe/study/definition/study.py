@@ -253,7 +253,7 @@ def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
     operating = [name for name in file.factors if name not in switches]
     if not operating:
         return file
-    mechanisms = DesignTable(kind="ablation", factors=switches, combinations=file.design.combinations)
+    mechanisms = file.design.model_copy(update={"factors": switches, "constraints": []})
     parts = {"operating": DesignTable(factors=operating), "mechanisms": mechanisms}
     product = file.design.model_copy(update={"kind": "product", "of": list(parts), "factors": None})
     return file.model_copy(update={"design": product, "designs": parts})
