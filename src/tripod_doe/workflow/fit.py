@@ -101,9 +101,7 @@ def fit(
         points.write(f"tripod-doe fit: {points.computed} points computed")
         failures, computed, count = points.failures, points.computed, points.count
     stages.begin("report")
-    result = fit_dataset(
-        request, rig.records, rig.record_names, rig.orders, (rig.model, rig.cheap), solution, error, following
-    )
+    result = fit_dataset(rig, solution, error, following)
     result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
     write_dataset(stamp_history(result, f"tripod-doe fit: {computed} points computed"), directory / FIT_FILE)
     replace_text(directory / "fit.toml", request.text)

@@ -6,7 +6,7 @@ those that are, and the error of the model there. That needs the derivatives at 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from tripod_doe.analyses.fit.fit import Solution
 from tripod_doe.analyses.fit.identifiability import covariance_of
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
 from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.simulator import Value
 
 _MOST_RECORDS = 1000  # beyond which records of one point are said not to reach an aim
 
@@ -36,6 +37,17 @@ class Gain:
     part: float  # half width of the interval with it, over that without
     records: float  # records there until the aim is reached; infinite where it is not within a thousand
     half: FloatArray  # half widths of the intervals of the predicted amplitudes, shape (order,)
+
+
+@dataclass(frozen=True)
+class Next:
+    """What records at candidates would do."""
+
+    unknown: str  # the one to narrow, with its record or group
+    within: float  # relative half width that is aimed at
+    operating: Mapping[str, Sequence[Value]]  # what differs between the candidates
+    gains: Sequence[Gain | None]  # None where the model fails
+    predicted: Sequence[FloatArray | None]  # amplitudes, shape (order,)
 
 
 def gains(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -12,18 +11,17 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.fit.fit import CONFIDENCE, Solution
-from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, NOT_IDENTIFIED, ONE_SIDED, correlation_of
 from tripod_doe.analyses.fit.model_error import ModelError
-from tripod_doe.analyses.fit.next_record import Gain
+from tripod_doe.analyses.fit.next_record import Next
 from tripod_doe.analyses.fit.records import RigRecord
+from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import amplitude_and_phase
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of
-from tripod_doe.simulator import Value
 
 _RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
 """Verdicts from the best to the worst."""
@@ -32,46 +30,26 @@ _POINTS = 41  # of a profile, as it is stored
 _NORMAL = 1.96  # deviations of half a 95 % interval
 
 
-@dataclass(frozen=True)
-class Next:
-    """What records at candidates would do."""
-
-    unknown: str  # the one to narrow, with its record or group
-    within: float  # relative half width that is aimed at
-    operating: Mapping[str, Sequence[Value]]  # what differs between the candidates
-    gains: Sequence[Gain | None]  # None where the model fails
-    predicted: Sequence[FloatArray | None]  # amplitudes, shape (order,)
-
-
 @makes_kind("fit")
-def fit_dataset(
-    request: FitRequest,
-    records: Sequence[RigRecord],
-    names: Sequence[str],
-    orders: Sequence[int],
-    models: tuple[str, str],
-    solution: Solution,
-    error: ModelError,
-    following: Next | None,
-) -> xr.Dataset:
+def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: Next | None) -> xr.Dataset:
     """Label the result of a fit."""
-    layout = solution.problem.layout
-    variables = _unknowns(layout, solution) | _records(solution, error, len(orders))
+    layout, records, width = solution.problem.layout, rig.records, len(rig.orders)
+    variables = _unknowns(layout, solution) | _records(solution, error, width)
     if any(unknown.per != "all" for unknown in layout.unknowns):
         variables |= _by_record(layout, solution)
     unknown_names = [unknown.name for unknown in layout.unknowns]
     coordinates: dict[str, Any] = {
         "unknown": ("unknown", unknown_names, {"long_name": "parameter that is fitted"}),
         "unknown_2": ("unknown_2", unknown_names, {"long_name": "parameter that is fitted"}),
-        "record": ("record", list(names), {"long_name": "file of the record"}),
-        "order": ("order", np.array(orders, np.int32), _meaning("1", "rotating order")),
+        "record": ("record", list(rig.record_names), {"long_name": "file of the record"}),
+        "order": ("order", np.array(rig.orders, np.int32), _meaning("1", "rotating order")),
     }
     for name in dict.fromkeys(name for record in records for name in record.parameters):
         values = [record.parameters.get(name, np.nan) for record in records]
         coordinates[name] = ("record", values, _of_parameter(name))
-    attrs = _attributes(request, models, solution, error) | {"remarks": _remarks(records)}
+    attrs = _attributes(rig, solution, error) | {"remarks": _remarks(records)}
     if following is not None:
-        more, places = _candidates(following, len(orders))
+        more, places = _candidates(following, width)
         variables |= more
         coordinates |= places
         attrs |= {"next_unknown": following.unknown, "next_within": following.within}
@@ -257,9 +235,7 @@ def _candidates(following: Next, width: int) -> tuple[dict[str, Any], dict[str, 
     return variables, places
 
 
-def _attributes(
-    request: FitRequest, models: tuple[str, str], solution: Solution, error: ModelError
-) -> dict[str, str | float | int]:
+def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str, str | float | int]:
     """Provenance, and what is known of the fit as a whole."""
     layout = solution.problem.layout
     names, logs = layout.names(), [layout.unknowns[which].log for which in layout.owner]
@@ -273,12 +249,12 @@ def _attributes(
     ]
     return {
         "Conventions": "CF-1.8",
-        "title": request.file.fit.name,
-        "question": request.file.fit.question,
+        "title": rig.file.fit.name,
+        "question": rig.file.fit.question,
         "source": f"tripod-doe {version('tripod-doe')}",
-        "fit": request.text,
-        "model": models[0],
-        "search_model": models[1],
+        "fit": rig.request.text,
+        "model": rig.model,
+        "search_model": rig.cheap,
         "corrections": solution.corrections,
         "at_rest": int(solution.at_rest),
         "model_error_source": error.source,
