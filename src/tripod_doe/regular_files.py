@@ -1,4 +1,4 @@
-"""Files that may be read: whoever opens a pipe waits for a writer, and a device may never end."""
+"""Refuse pipes and devices: opening a pipe waits for a writer, and a device may never end."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def refuse_irregular(path: Path, error: type[InputError] = InputError) -> None:
     """
     try:
         mode = path.stat().st_mode
-    except (OSError, ValueError):  # whoever opens it says so
+    except (OSError, ValueError):  # opening it states the reason
         return
     if not stat.S_ISREG(mode):
         kind = next((kind for kind, is_kind in _KINDS.items() if is_kind(mode)), "something else")

@@ -64,7 +64,7 @@ def find(cube: xr.Dataset) -> list[str]:
 
 
 def _unfinished(cube: xr.Dataset, part: xr.Dataset, good: int, total: int) -> list[str]:
-    """How many points failed, with the reasons and the region (that of a part), and how many are not computed yet."""
+    """How many points failed, with the reasons and the region (of a part), and how many are not computed yet."""
     left = int(waiting(cube).sum())
     failed, sentences = total - good - left, []
     if failed:
@@ -163,7 +163,7 @@ def _dominant_order(cube: xr.Dataset) -> str:
         return "The thrust force has no rotating order: all amplitudes are zero."
     over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
     size, models = number(float(mean.sel(order=first))), _by_model(amplitude.sel(order=first))
-    if len(models) > 1:  # a mean over models is that of no joint
+    if len(models) > 1:  # a mean over models belongs to no joint
         least, most = min(models.values()), max(models.values())
         digits = min(digits_apart(least, most), _MOST_DIGITS)
         size, over = f"{number(least, digits)} to {number(most, digits)}", f"{over}, depending on the model"

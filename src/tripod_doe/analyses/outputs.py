@@ -76,7 +76,7 @@ class OutputTable:
             yield indices[start : start + width]
 
     def parts(self, components: IntArray) -> FloatArray:
-        """Numbers whose variances add up to that of each component, shape (part, point, component)."""
+        """Numbers whose variances add up to the variance of each component, shape (part, point, component)."""
         values = self.values[:, components]
         if not self.wraps:
             return values[None]

@@ -2,7 +2,7 @@
 
 To add an analysis, write its function, decorated with `makes_kind`, and a model of its settings, and add a row here.
 Sentences, table and figures are optional. They are named as ``module:function`` below `tripod_doe.analyses` and
-imported when they are needed, so that whoever only computes draws nothing.
+imported when they are needed, so that a computation without charts imports no plotting.
 """
 
 from __future__ import annotations

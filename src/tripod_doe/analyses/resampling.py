@@ -18,7 +18,7 @@ def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     Raises:
         InputError: If they do not fit into the free memory.
     """
-    needed = 2 * 8 * resamples * count  # whoever uses them puts a row before
+    needed = 2 * 8 * resamples * count  # their users add a row
     refuse_too_much_memory(needed, f"a bootstrap of {count:,} blocks or points", f"set resamples below {resamples}")
     random = np.random.default_rng(seed)
     weights = np.zeros((resamples, count))

@@ -80,7 +80,7 @@ class _Version(argparse.Action):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line, that of this process unless words are given; returns the exit code."""
+    """Run the command line of this process, or the given words; return the exit code."""
     with speaking_of_options():
         if arguments is not None:
             return _run_command([_dashes(word) for word in arguments])

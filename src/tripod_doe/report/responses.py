@@ -54,7 +54,7 @@ _UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|g
 class Response:
     """One number per point."""
 
-    key: str  # its name in tables: that of the variable, with the order where there is one
+    key: str  # its name in tables: the variable, with the order where there is one
     label: str  # in words, for instance ``third order``
     unit: str  # its unit for people, empty without dimension
     values: xr.DataArray  # over the dimensions of the design; NaN where the point did not finish
@@ -159,7 +159,7 @@ def representative_points(cube: xr.Dataset) -> xr.Dataset:
     """The points over which a mean describes the joint; all points of most cubes.
 
     Of an ablation these are the points with all its switches on, without the switches; of a multifidelity study those
-    of the model that counts as the truth, since a mean over several models is that of none. What each mechanism
+    of the model that counts as the truth, since a mean over several models belongs to none. What each mechanism
     contributes, and what all models together say, is stated by the analyses.
     """
     if switches := [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]:

@@ -12,10 +12,10 @@
   function singles(text) { return new Float32Array(bytes(text)); }
 
   // The surrogate: inputs -> components, as analyses/surrogate/learner.py has it.
-  function Surrogate(told) {
-    var width = told.inputs.length, count = told.components, powers = new Int8Array(bytes(told.exponents));
-    var coefficients = doubles(told.coefficients), centres = doubles(told.centres), weights = doubles(told.weights);
-    var lengths = doubles(told.lengths), terms = powers.length / width, points = centres.length / width;
+  function Surrogate(given) {
+    var width = given.inputs.length, count = given.components, powers = new Int8Array(bytes(given.exponents));
+    var coefficients = doubles(given.coefficients), centres = doubles(given.centres), weights = doubles(given.weights);
+    var lengths = doubles(given.lengths), terms = powers.length / width, points = centres.length / width;
     var products = [], value = new Float64Array(terms), smooth = [], plain = [];
     for (var t = 0; t < terms; t++) {
       var product = [];
@@ -51,16 +51,16 @@
     };
   }
 
-  function encode(told, values) {
-    return told.inputs.map(function (input) {
+  function encode(given, values) {
+    return given.inputs.map(function (input) {
       var value = values[input.factor];
       if ("word" in input) return Number(value === input.word);
       return input.sign ? Math.sign(value) : (value - input.middle) / input.half;
     });
   }
   // Zero where the outputs that vanish are zero.
-  function envelope(told, place) {
-    return told.zeros.reduce(function (product, part) {
+  function envelope(given, place) {
+    return given.zeros.reduce(function (product, part) {
       var size = Math.abs(place[part[0]] * part[2] + part[1]);
       return size < 1e-12 ? 0 : product * size * (1 + part[3]) / (size + part[3]);
     }, 1);
@@ -94,45 +94,45 @@
   }
 
   function begin(section) {
-    var told = JSON.parse(section.querySelector("script[type='application/json']").textContent);
-    var surrogate = new Surrogate(told), places = doubles(told.places), names = Object.keys(told.factors), values = {};
-    names.forEach(function (name) { values[name] = told.start[name]; });
-    told.quantities.forEach(function (each) { each.values = singles(each.values); each.errors = singles(each.errors); });
-    var parts = [].concat.apply([], told.quantities.map(function (each) { return each.parts; }));
-    var every = Array.from({ length: told.components }, function (_, c) { return c; });
-    var wave = told.wave && { values: singles(told.wave.values), errors: singles(told.wave.errors) };
+    var given = JSON.parse(section.querySelector("script[type='application/json']").textContent);
+    var surrogate = new Surrogate(given), places = doubles(given.places), names = Object.keys(given.factors), values = {};
+    names.forEach(function (name) { values[name] = given.start[name]; });
+    given.quantities.forEach(function (each) { each.values = singles(each.values); each.errors = singles(each.errors); });
+    var parts = [].concat.apply([], given.quantities.map(function (each) { return each.parts; }));
+    var every = Array.from({ length: given.components }, function (_, c) { return c; });
+    var wave = given.wave && { values: singles(given.wave.values), errors: singles(given.wave.errors) };
 
     function predict(place, chosen) {
-      var found = surrogate.predict(place, chosen), scale = envelope(told, place);
-      chosen.forEach(function (c) { if (told.vanishes[c]) found[c] *= scale; });
+      var found = surrogate.predict(place, chosen), scale = envelope(given, place);
+      chosen.forEach(function (c) { if (given.vanishes[c]) found[c] *= scale; });
       return found;
     }
     function state(values) {
-      var place = encode(told, values), found = predict(place, wave ? every : parts), scale = envelope(told, place);
-      var near = nearest(places, place, told.neighbours);
-      return { place: place, components: found, near: near, scale: scale, quantities: told.quantities.map(function (each) {
+      var place = encode(given, values), found = predict(place, wave ? every : parts), scale = envelope(given, place);
+      var near = nearest(places, place, given.neighbours);
+      return { place: place, components: found, near: near, scale: scale, quantities: given.quantities.map(function (each) {
         return { value: amount(each, found), half: each.factor * rms(each.errors, near) * (each.vanishes ? scale : 1) };
       }) };
     }
     // Part of the variance by the scatter of each factor about these values, to first order.
     function contributions(values) {
       var squares = names.map(function (name) {
-        var factor = told.factors[name];
-        if (factor.words) return told.quantities.map(function () { return NaN; });
+        var factor = given.factors[name];
+        if (factor.words) return given.quantities.map(function () { return NaN; });
         var low = Math.max(values[name] - factor.std, factor.low), high = Math.min(values[name] + factor.std, factor.high);
         var ends = [low, high].map(function (value) {
           var moved = Object.assign({}, values);
           moved[name] = value;
-          return predict(encode(told, moved), parts);
+          return predict(encode(given, moved), parts);
         });
-        return told.quantities.map(function (each) {
+        return given.quantities.map(function (each) {
           return high > low ? Math.pow((amount(each, ends[1]) - amount(each, ends[0])) / (high - low) * factor.std, 2) : 0;
         });
       });
       return squares;
     }
 
-    var shapes = wave && waveShapes(told.wave.orders), drawing = wave && waveDrawing();
+    var shapes = wave && waveShapes(given.wave.orders), drawing = wave && waveDrawing();
     // Cosine of each order, then minus its sine, at each angle.
     function waveShapes(orders) {
       return Array.from({ length: ANGLES + 1 }, function (_, a) {
@@ -147,11 +147,11 @@
       return sum;
     }
     function waveDrawing() {
-      var svg = section.querySelector("svg.wave"), top = 1.08 * told.wave.largest;
+      var svg = section.querySelector("svg.wave"), top = 1.08 * given.wave.largest;
       function x(angle) { return 46 + 430 * angle / ANGLES; }
       function y(force) { return 120 - 104 * force / top; }
       [-1, -0.5, 0, 0.5, 1].forEach(function (level) {
-        var force = Number((level * told.wave.largest).toPrecision(1));
+        var force = Number((level * given.wave.largest).toPrecision(1));
         element(svg, "line", { x1: 46, x2: 476, y1: y(force), y2: y(force), "class": "grid" });
         element(svg, "text", { x: 40, y: y(force) + 4, "text-anchor": "end" }, text(force));
       });
@@ -161,11 +161,11 @@
       var band = element(svg, "path", { "class": "band" }), near = element(svg, "path", { "class": "near" });
       var line = element(svg, "path", { "class": "line" });
       return function (now) {
-        var upper = [], lower = [], middle = [], computed = [], count = told.wave.orders.length * 2, first = now.near[0];
+        var upper = [], lower = [], middle = [], computed = [], count = given.wave.orders.length * 2, first = now.near[0];
         shapes.forEach(function (shape, a) {
           var predicted = force(shape, now.components, 0), known = force(shape, wave.values, first * count);
           var square = now.near.reduce(function (sum, n) { return sum + Math.pow(force(shape, wave.errors, n * count), 2); }, 0);
-          var half = told.wave.factor * Math.sqrt(square / now.near.length) * (told.vanishes[0] ? now.scale : 1), place = x(a).toFixed(1) + ",";
+          var half = given.wave.factor * Math.sqrt(square / now.near.length) * (given.vanishes[0] ? now.scale : 1), place = x(a).toFixed(1) + ",";
           middle.push(place + y(predicted).toFixed(1));
           computed.push(place + y(known).toFixed(1));
           upper.push(place + y(predicted + half).toFixed(1));
@@ -177,8 +177,8 @@
       };
     }
 
-    var bars = section.querySelector("svg.bars"), step = 444 / told.quantities.length;
-    var drawn = told.quantities.map(function (each, at) {
+    var bars = section.querySelector("svg.bars"), step = 444 / given.quantities.length;
+    var drawn = given.quantities.map(function (each, at) {
       var left = 46 + step * at, label = each.label.replace(/ order$/, "");
       element(bars, "text", { x: left + step / 2, y: 224, "text-anchor": "middle" }, label);
       return {
@@ -189,7 +189,7 @@
     });
     function height(each, value) { return 184 * Math.max(-1, Math.min(value / (1.1 * each.largest), 1)); }
     function drawBars(now) {
-      told.quantities.forEach(function (each, at) {
+      given.quantities.forEach(function (each, at) {
         var found = now.quantities[at], top = 204 - height(each, Math.abs(found.value));
         drawn[at].bar.setAttribute("y", top);
         drawn[at].bar.setAttribute("height", Math.max(204 - top, 0.5));
@@ -208,31 +208,31 @@
       });
     }
     function tables(now) {
-      fill("table.answers tbody", told.quantities.map(function (each, at) {
+      fill("table.answers tbody", given.quantities.map(function (each, at) {
         var found = now.quantities[at];
         return [each.label, text(found.value, 4) + " ± " + text(found.half, 2), each.unit];
       }));
       var squares = contributions(values);
-      var sums = told.quantities.map(function (_, at) {
+      var sums = given.quantities.map(function (_, at) {
         return squares.reduce(function (sum, row) { return sum + (row[at] || 0); }, 0);
       });
       fill("table.scatter tbody", names.map(function (name, row) {
-        return [told.factors[name].label].concat(squares[row].map(function (square, at) {
+        return [given.factors[name].label].concat(squares[row].map(function (square, at) {
           return isNaN(square) ? "\u2013" : sums[at] > 0 ? Math.round(100 * square / sums[at]) + " %" : "0 %";
         }));
       }).concat([["standard deviation"].concat(sums.map(function (sum, at) {
-        return text(Math.sqrt(sum)) + (told.quantities[at].unit ? " " + told.quantities[at].unit : "");
+        return text(Math.sqrt(sum)) + (given.quantities[at].unit ? " " + given.quantities[at].unit : "");
       }))]));
       fill("table.nearest tbody", now.near.slice(0, SHOWN).map(function (n) {
         return [String(n)].concat(names.map(function (name) { return decoded(name, n); }),
-          told.quantities.map(function (each) { return text(each.values[n], 4); }));
+          given.quantities.map(function (each) { return text(each.values[n], 4); }));
       }));
     }
     function decoded(name, n) {
-      var word = told.factors[name].words && told.factors[name].words[0], value = null;
-      told.inputs.forEach(function (input, at) {
+      var word = given.factors[name].words && given.factors[name].words[0], value = null;
+      given.inputs.forEach(function (input, at) {
         if (input.factor !== name || input.sign) return;
-        var place = places[n * told.inputs.length + at];
+        var place = places[n * given.inputs.length + at];
         if ("word" in input) word = place === 1 ? input.word : word;
         else value = text(place * input.half + input.middle, 4);
       });
@@ -253,7 +253,7 @@
         move();
       });
     });
-    section.whatIf = { told: told, predict: function (values) { return predict(encode(told, values), every); }, state: state };
+    section.whatIf = { given: given, predict: function (values) { return predict(encode(given, values), every); }, state: state };
     section.classList.add("moves");
     move();
   }

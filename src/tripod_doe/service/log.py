@@ -59,7 +59,7 @@ class Plain(logging.Formatter):
 
 def printable(text: str) -> str:
     """A text whose control characters, line ends and tabs aside, are written as escapes."""
-    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def start_log() -> None:

@@ -180,7 +180,7 @@ class PointBatches:
         self._directory.write_cube(StudyPoints(study, make_points(study)), action).close()
 
     def _store(self) -> Study:
-        """Write the table of all points so far, and make its study that of the directory."""
+        """Write the table of all points so far, and store its study in the directory."""
         write_table(self._directory.path / TABLE, self._names, self._asked.values())
         study = parse_study(self._study.text, self._study.origin, self._study.folder)
         self._directory.adopt(study)

@@ -232,7 +232,7 @@ def test_many_operating_points_are_told_by_median_and_quartiles(many):
         "by Shapley value (its fair part where mechanisms need each other), "
         "median (and quartiles) over 12 operating points: x 70.8 % (62.5 to 76.2), z" in first
     )
-    assert furthest.startswith("The share furthest from its median in y is that of x: 400000.0 % at a 4, b 3, with a")
+    assert furthest.startswith("The share of x in y is furthest from its median: 400000.0 % at a 4, b 3, with a")
     assert share_rows(many)[1][0][1] == "70.8 (62.5 to 76.2)"
 
 

@@ -403,7 +403,7 @@ def test_a_number_of_an_analysis_leads_to_its_points(served, page, shares, sampl
 def test_the_difference_of_two_models_is_that_of_their_numbers(served, page, rungs):
     explore(page, served, rungs, "kind=map&x=joint_angle_deg&by=torque_n_m&select=model=kinetostatic&select=order=3")
     change(page, lambda: page.get_by_label("Subtract the values").select_option("model=equilibrium"))
-    assert "less that at model equilibrium" in page.locator("#seen-title").inner_text()
+    assert "less the value at model equilibrium" in page.locator("#seen-title").inner_text()
     drawn = unpack(traces(page)[0]["z"])
     asked = {
         (row["model"], row["torque_n_m"], row["joint_angle_deg"]): row["thrust_amplitude"]

@@ -245,7 +245,7 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
     assert values(drawn["customdata"]).tolist() == [3, 7, 11]  # the points at 90 N m
     rows = numbers(path, items)["rows"]
     assert [row[-2] for row in rows if row[-1] == "finished"] == [f"{value:.6g}" for value in wanted.values.ravel()]
-    assert explore(path, items, "x")["title"].endswith("less that at torque -40 N m")
+    assert explore(path, items, "x")["title"].endswith("less the value at torque -40 N m")
     along = [part.split("=", 1) for part in ["kind=lines", "x=torque_n_m", "minus=torque_n_m=-40"]]
     assert explore(path, along, "x")["view"]["minus"] == ""
 

@@ -108,11 +108,11 @@ def compare(
     Args:
         measurement: Thrust force over the rotation angle, or its file, see `read_measurement`.
         point: One point of a cube, or points over speed, see `model_point`. Over speed, the model's complex amplitudes
-            are interpolated to the speed of each revolution, and the uncertainty is that of the mean difference.
+            are interpolated to the speed of each revolution, and the uncertainty is of the mean difference.
         reference_angle_deg: Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the
             zero of the measurement. If omitted, the measurement is aligned by the phase of its third order; of the
             three possible angles, 120 deg apart, the one with the smallest difference over all orders is used. The
-            phases of the other orders are then relative to that of the third.
+            phases of the other orders are then relative to the third.
         speeds_rpm: Only revolutions with a mean speed in this range are compared; the tracked orders keep all.
         confidence: Level of the uncertainties.
 
@@ -210,7 +210,7 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None, asked: tuple[float, float] | None) -> xr.Dataset:
-    """The revolutions whose speed is asked for and that of a point of the model."""
+    """The revolutions with a requested speed that a point of the model has."""
     if speeds is None:
         return tracked
     if "speed_rpm" not in tracked:

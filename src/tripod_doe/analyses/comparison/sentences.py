@@ -50,7 +50,7 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
     if "model_amplitude_at_speed" in comparison:
         sentences += _run_up_sentence(comparison)
     measured, model = (_beat(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
-    sentences.append(f"The envelope of the measured thrust force {measured}; that of the model {model}.")
+    sentences.append(f"The envelope of the measured thrust force {measured}; the envelope of the model {model}.")
     sentences.append(f"Reference angle {comparison.attrs['alignment']}.")
     return sentences + _cautions(comparison)
 

@@ -112,7 +112,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
 
     References:
         Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
-        interaction among players in cooperative games. The question is that of the paper's section 3.5.
+        interaction among players in cooperative games. The question stands in section 3.5 of the paper.
     """
     settings = settings or ContributionSettings()
     mechanisms, operating = switches_and_points(cube)

@@ -153,7 +153,7 @@ def _furthest(part: Contribution) -> list[str]:
         return []
     median = percent(np.nanmedian(values[:, which], keepdims=True))
     return [
-        f"The share furthest from its median in {part.what} is that of {spoken(part.mechanisms[which])}: "
+        f"The share of {spoken(part.mechanisms[which])} in {part.what} is furthest from its median: "
         f"{percent(values[at : at + 1, which])} at {part.labels[at]}, with a median of {median}."
     ]
 

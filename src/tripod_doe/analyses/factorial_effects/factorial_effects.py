@@ -179,7 +179,7 @@ _MEANINGS = {
     "p_value": "probability of such an effect by the scatter alone",
     "coefficient": "regression coefficient over coded levels",
     "sum_of_squares": "sum of squares that the term alone explains",
-    "f_value": "mean square of the term over that of the residual",
+    "f_value": "mean square of the term over the mean square of the residual",
     "mean": "regression at coded levels zero",
     "residual_sum_of_squares": "sum of squares that no term explains",
     "r_squared": "share of the sum of squares that the terms explain",

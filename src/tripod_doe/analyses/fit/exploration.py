@@ -74,12 +74,12 @@ def explore(problem: Problem, robust: Problem, many: int, wanted: int, seed: int
     Args:
         many, wanted: Descents that are made, and minima that are returned of each loss.
     """
-    found = [each.minima(many, seed)[:wanted] for each in dict.fromkeys((problem, robust))]
-    mixed = [descents[at] for at in range(wanted) for descents in found if at < len(descents)]
+    both = [each.minima(many, seed)[:wanted] for each in dict.fromkeys((problem, robust))]
+    mixed = [descents[at] for at in range(wanted) for descents in both if at < len(descents)]
     return distinct_in_order(mixed)
 
 
-def distinct_in_order(found: list[Descent]) -> list[Descent]:
+def distinct_in_order(descents: list[Descent]) -> list[Descent]:
     """Minima in the order that they are given, each place once."""
-    places = [id(each) for each in distinct(found)]
-    return [each for each in found if id(each) in places]
+    places = [id(each) for each in distinct(descents)]
+    return [each for each in descents if id(each) in places]

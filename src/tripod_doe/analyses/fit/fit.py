@@ -28,7 +28,7 @@ CONFIDENCE = 0.95
 
 _HUBER = 0.99  # probability of a larger chi squared from which on a record counts less in the first search
 _BAD = 1e-4  # probability of a larger chi squared, by chance, below which a record is left out
-_FEWEST = 4  # records from which on one can be told from the others
+_FEWEST = 4  # records from which on one can be judged by the others
 _LOOKS = 16  # descents on the interpolated model
 _WEIGHINGS = 2  # by the errors of the model at the minimum so far
 _RESTARTS = 6  # from better minima
@@ -99,24 +99,25 @@ def solve(
     tell("search")
     begun = [problem.begin(each.place) for each in begins]
     costs = [each for each in begun if each is not None]
-    found = distinct([problem.descend(each) for each in sorted(costs, key=lambda each: each.cost)[:starts]])
-    if not found:
+    descents = distinct([problem.descend(each) for each in sorted(costs, key=lambda each: each.cost)[:starts]])
+    if not descents:
         raise InputError(f"none of {failed} starting points has an answer for all records; narrow the ranges")
-    bad = _bad_records(problem, found[0], per_record) if judged else ~used
+    bad = _bad_records(problem, descents[0], per_record) if judged else ~used
     for _ in range(_WEIGHINGS):
-        rows = rows if weigh is None else weigh(found[0])
+        rows = rows if weigh is None else weigh(descents[0])
         plain = Problem(layout, Misfit(rows, ~bad, layout.priors()), predict)
-        found = distinct([plain.descend(replace(each, cost=plain.cost(each.prediction, each.place))) for each in found])
+        again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
+        descents = distinct([plain.descend(each) for each in again])
     corrections, at_rest = 0, True
     if finer is not None:
         tell("refinement")
-        plain, found, corrections, at_rest = _corrected(plain, found, predict, finer)
-    fitted = _with_profiles(plain, found, bad, failed, tell)
+        plain, descents, corrections, at_rest = _corrected(plain, descents, predict, finer)
+    fitted = _with_profiles(plain, descents, bad, failed, tell)
     return replace(fitted, corrections=corrections, at_rest=at_rest)
 
 
 def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np.bool_]:
-    """Records whose chi squared is far beyond that of the others; at most a third of all."""
+    """Records whose chi squared is far above the others; at most a third of all."""
     own = problem.compare(best.prediction, best.place).chi2
     usual = max(float(np.median(own)) / float(chi2.median(per_record)), 1.0)
     bad = own > usual * float(chi2.isf(_BAD, per_record))
@@ -127,10 +128,10 @@ def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np
 
 
 def _corrected(
-    problem: Problem, found: list[Descent], cheap: Predict, finer: Predict
+    problem: Problem, descents: list[Descent], cheap: Predict, finer: Predict
 ) -> tuple[Problem, list[Descent], int, bool]:
     """The problem with the cheap model corrected at its minimum, its minimum, and whether that came to rest."""
-    best, count, rests = found[0], 0, False
+    best, count, rests = descents[0], 0, False
     for _ in range(_CORRECTIONS):
         offset = np.nan_to_num(finer(best.place[None])[0] - cheap(best.place[None])[0])
         count += 1
@@ -156,11 +157,11 @@ def _shifted(predict: Predict, offset: ComplexArray) -> Predict:
 
 
 def _with_profiles(
-    problem: Problem, found: list[Descent], bad: NDArray[np.bool_], failed: int, tell: Callable[[str], None]
+    problem: Problem, descents: list[Descent], bad: NDArray[np.bool_], failed: int, tell: Callable[[str], None]
 ) -> Solution:
     """Intervals and verdicts at the best minimum, again from a better one where a profile comes upon it."""
     for left in range(_RESTARTS, -1, -1):
-        best = replace(found[0], slope=problem.slopes(found[0].place, found[0].prediction))
+        best = replace(descents[0], slope=problem.slopes(descents[0].place, descents[0].prediction))
         compared = problem.compare(best.prediction, best.place)
         jacobian = problem.misfit.jacobian(compared, best.slope)
         freedom = problem.misfit.data - problem.misfit.free - problem.layout.count
@@ -180,8 +181,8 @@ def _with_profiles(
             if not left:
                 raise
             tell("a better minimum")
-            found = distinct([problem.descend(better.descent), *found])
-    others = tuple(each for each in found[1:] if each.cost - best.cost < allowed)
+            descents = distinct([problem.descend(better.descent), *descents])
+    others = tuple(each for each in descents[1:] if each.cost - best.cost < allowed)
     profiles = [_with_other_minima(problem, best, own, others, allowed) for own in profiles]
     verdicts = tuple(verdict(own, jacobian, allowed) for own in profiles)
     unclear = [scalar for scalar, word in enumerate(verdicts) if word != FOUND]

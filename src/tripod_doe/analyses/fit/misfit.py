@@ -30,7 +30,7 @@ class Rows:
     along: FloatArray
     across: FloatArray
     own_error: FloatArray  # standard deviation of the model's error in this row alone, N, shape (row,)
-    shared_error: FloatArray  # that of the error which all rows of an order share, N, shape (row,)
+    shared_error: FloatArray  # deviation of the error that all rows of an order share, N, shape (row,)
     free_phase: NDArray[np.bool_]  # whether the angle of the marker is not known, shape (record,)
     free_sign: NDArray[np.bool_]  # whether the sign of the force is not known, shape (record,)
     scale_error: float = 0.0  # relative deviation of the force sensor's scale

@@ -81,10 +81,10 @@ def _listed(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterato
     paths: dict[Path, None] = {}
     for pattern in table.files:
         if set(pattern) & set("*?["):
-            found = _matching(request.folder, pattern)
-            if not found:
+            files = _matching(request.folder, pattern)
+            if not files:
                 raise request.fail("[records]", f"files = {pattern!r}: no file has such a name")
-            paths |= dict.fromkeys(found)
+            paths |= dict.fromkeys(files)
         else:
             paths[request.folder.file(pattern, "files")] = None
     yield from (_Asked(path, {}, {}, {}) for path in paths)

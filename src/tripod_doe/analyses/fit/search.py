@@ -189,10 +189,10 @@ class Problem:
         return distinct([self.descend(Descent(places[at], answers[at], zero, float(costs[at]))) for at in order])
 
 
-def distinct(found: list[Descent]) -> list[Descent]:
+def distinct(descents: list[Descent]) -> list[Descent]:
     """Minima by growing cost, each place once."""
     kept: list[Descent] = []
-    for each in sorted(found, key=lambda descent: descent.cost):
+    for each in sorted(descents, key=lambda descent: descent.cost):
         if all(np.abs(each.place - other.place).max() > _SAME for other in kept):
             kept.append(each)
     return kept

@@ -126,7 +126,7 @@ class FactorEffect:
     # steps: pairs. For a regression: points.
     settings: int = 0
     of_settings: int = 0
-    alike: int = 0  # settings at which the course is that of the mean
+    alike: int = 0  # settings at which the course agrees with the mean
     # rising, falling: steps with a rise or a fall beyond the error
     rising: int = 0
     falling: int = 0

@@ -31,7 +31,7 @@ class Separation:
     """Whether the columns of a design separate a factor from the others."""
 
     separated: bool  # whether they do
-    # factors whose columns explain that of this one, alone or by their product; empty where all do together
+    # factors whose columns explain the column of this one, alone or by their product; empty where all do together
     tied_to: tuple[str, ...] = ()
     interaction: bool = False  # whether it is the product of these
     too_few: bool = False  # whether there are fewer points than the question needs

@@ -89,7 +89,7 @@ def _tied_sentence(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
         return f"{at_head(cube, names)} change together in this design, which does not separate their effects."
     others = listed([factor_label(cube, name) for name in names if name not in lost])
     labels = listed([factor_label(cube, name) for name in lost])
-    return f"This design does not separate the effect of {labels} from that of {others}: they change together."
+    return f"This design does not separate the effects of {labels} and {others}: they change together."
 
 
 def _tied_groups(lost: Mapping[str, Separation]) -> list[list[str]]:

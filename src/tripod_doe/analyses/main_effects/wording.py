@@ -50,7 +50,7 @@ def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
 
 
 def _is_proportion(levels: FloatArray, curve: FloatArray, slope: float) -> bool:
-    """Whether every value is nearly that of a straight line through zero."""
+    """Whether every value lies nearly on a straight line through zero."""
     line, apart = slope * levels, _THROUGH_ZERO * np.abs(curve).max()
     near = np.where(levels == 0, np.abs(curve) <= apart, np.abs(curve - line) <= _PROPORTIONAL * np.abs(line))
     return bool(near.all())

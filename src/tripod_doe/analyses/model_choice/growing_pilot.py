@@ -5,7 +5,7 @@ added if it could save more than it costs. Where errors on record suggest a choi
 middle of the design, which shows how fine the full model must be, and grows by doubling until the choice is
 confirmed, or cannot be any more; then it goes on as one without a record.
 
-In both, a full model of smaller numerical error is added where that of the full model exceeds the accuracy at more
+In both, a full model of smaller numerical error is added where the error of the full model exceeds the accuracy at more
 points than the confidence allows. Each time the pilot is the same study with more points, so no point runs twice.
 """
 

@@ -23,7 +23,7 @@ from tripod_doe.simulator import Candidate, Outcome, Quantity
 from tripod_doe.study.definition.accuracy import AutoModel
 
 AS_GOOD = 1.1
-"""Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""
+"""Ratio to the reference's error up to which a candidate is accepted where neither meets the accuracy."""
 HOPELESS = 10.0
 """Error over the allowed one that also stands for a candidate that failed: a larger number
 would spoil the interpolation at distant points."""
@@ -62,7 +62,7 @@ class PilotErrors:
 
     @property
     def uncertain(self) -> FloatArray:
-        """Share of the reference's numerical error that adds to that of a candidate, shape (candidate,)."""
+        """Share of the reference's numerical error that adds to a candidate's, shape (candidate,)."""
         return np.array([1.0 if candidate.full else 1 / _DEVIATIONS for candidate in self.candidates[:-1]] + [1.0])
 
     @property

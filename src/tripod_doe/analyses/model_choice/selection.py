@@ -12,7 +12,7 @@ root of the sum of three squares:
 
 The largest error of all quantities counts. A candidate is not taken where it failed at one of the nearest pilot points
 (as many as the design has dimensions, and one more). Where not even the reference is expected to meet the accuracy, a
-candidate is accepted whose error is at most 10 % larger than that of the reference.
+candidate is accepted whose error exceeds the error of the reference by at most 10 %.
 
 The limit of the predicted error is calibrated on the pilot: each of its points is left out in turn, its candidate is
 chosen from the others, and it counts as a miss if the error of that candidate exceeds the accuracy, and exceeds the
@@ -218,9 +218,9 @@ def _distances(some: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> IntArray:
-    """The cheapest candidate whose expected error (point, candidate) is below a limit, or about that of the last."""
+    """The cheapest candidate with an expected error (point, candidate) below a limit, or near the last one's."""
     order = np.argsort(prices, kind="stable")
-    order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none dearer than the reference
+    order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none more expensive than the reference
     reference = expected[:, -1:]
     enough = np.where((reference > 1) & (limit >= 0), AS_GOOD * reference, limit)
     trusted = expected[:, order] <= enough

@@ -39,7 +39,7 @@ def _gain_chart(key: str, name: str, part: OutputPart, truth: str) -> Chart:
         axes.axvline(1, color=MUTED, lw=1, ls="--")
         axes.set_xscale("log")
         axes.set_yticks(places, data["quantity"])
-        axes.set_xlabel(f"squared error, over that of {truth} alone")
+        axes.set_xlabel(f"squared error relative to {truth} alone")
     caption = (
         f"Squared error of the answers on {part.what}, over that of {truth} alone at the same price (analysis "
         f"{name}). Left of the dashed line, the cheaper models reduce the error."

@@ -26,7 +26,7 @@ FOLDS = 10
 
 
 class Estimate(NamedTuple):
-    """A number with its uncertainty, and with that of the truth alone."""
+    """A number with its uncertainty, and the uncertainty by the truth alone."""
 
     value: float  # the estimate
     variance: float  # of the estimate

@@ -48,7 +48,7 @@ def _half(estimated: Estimate, confidence: float) -> float:
 
 
 def _gain(estimated: Estimate, alone: float) -> float:
-    """Variance of the truth alone at the price of the whole study, over that of the estimate."""
+    """Variance of the truth alone at the price of the whole study over the variance of the estimate."""
     return estimated.alone / alone / estimated.variance if estimated.variance > 0 else np.nan
 
 

@@ -48,7 +48,7 @@ def _gain(part: OutputPart, truth: str) -> list[str]:
         if gains.size:
             ends = list(dict.fromkeys(number(1 / gain, 2) for gain in (gains.max(), gains.min())))
             shares.append(f"{' to '.join(ends)} for its total indices")
-    return [f"The squared error for {part.what}, over that of {truth} alone at the same price: {listed(shares)}."]
+    return [f"The squared error for {part.what}, relative to {truth} alone at the same price: {listed(shares)}."]
 
 
 def _samples(result: xr.Dataset) -> str:

@@ -39,7 +39,7 @@ class Split:
     explained: Mapping[str, float]  # part of the truth's variance that each model explains, averaged over the targets
     pilot: int  # samples that all models ran
     block: int  # points of a sample
-    gain: float  # variance of the truth alone at the same price, over that of the split, averaged over the targets
+    gain: float  # variance of the truth alone at the same price, relative to the split, averaged over the targets
     seconds: float  # CPU time of all samples
     variance: float  # expected variance of a mean, over the variance of the output
 
@@ -170,5 +170,5 @@ def _ratios(chain: list[str], prices: Mapping[str, float], explained: Mapping[st
 
 
 def _variance(chain: list[str], samples: Mapping[str, int], explained: Mapping[str, float]) -> float:
-    """Variance of a mean over that of the output."""
+    """Variance of a mean over the variance of the output."""
     return sum(step / samples[model] for model, step in zip(chain, _steps(chain, explained), strict=True))

@@ -105,7 +105,7 @@ def split_lines(split: Split) -> list[str]:
 
 
 def describe_split(study: Study, directory: Path | None) -> list[str]:
-    """The split of a multifidelity study in lines, for `plan`: that of a directory, else what decides it."""
+    """The split of a multifidelity study in lines, for `plan`: from a directory, else what decides it."""
     if not needs_split(study):
         return []
     if directory is not None and (directory / "cube.nc").exists():

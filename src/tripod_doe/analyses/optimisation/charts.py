@@ -169,7 +169,7 @@ def _parallel(problem: Problem, solved: Solved) -> Chart:
 
 
 def _waveforms(problem: Problem, waves: xr.Dataset) -> list[Chart]:
-    """The thrust over the rotation angle at the operating point where that of the start is largest, and its orders."""
+    """The thrust over the rotation angle where the start has the largest thrust, and its orders."""
     course = waves["thrust"]
     size = (course.max("rotation_deg") - course.min("rotation_deg")).isel(joint=0).values
     if not np.isfinite(size).any():

@@ -187,7 +187,7 @@ def _quantile(values: FloatArray, share: float, high: bool) -> FloatArray:
 
 
 def _error(at: PointValues, over: str, weights: FloatArray, share: float, high: bool) -> FloatArray:
-    """Half width: numerical error and that of the model, and of the quantile by the sample, shape (candidate,).
+    """Half width: numerical and model error, and the error of the quantile by the sample, shape (candidate,).
 
     NaN where neither a numerical error nor one of the model is known, and nothing was sampled.
     """

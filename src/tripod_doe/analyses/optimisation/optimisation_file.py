@@ -71,7 +71,7 @@ class SearchTable(Table):
         None, ge=4, le=10_000, description="candidates of a generation; by their number if omitted"
     )
     confirm: str | None = Field(
-        None, description="model that confirms the best candidates; that of the search if omitted"
+        None, description="model that confirms the best candidates; the model of the search if omitted"
     )
     confirmed: int = Field(12, ge=1, le=1000, description="candidates that are confirmed")
     samples: int = Field(64, ge=8, le=100_000, description="with [scatter]: joints in the sample of every candidate")

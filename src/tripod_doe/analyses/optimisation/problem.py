@@ -199,9 +199,9 @@ class Problem:
         if order is None and not dims:
             return (slice(None),)
         if order is not None and dims == ("order",):
-            found = np.flatnonzero(np.asarray(labels["order"]) == order)
-            if found.size:
-                return slice(None), int(found[0])
+            places = np.flatnonzero(np.asarray(labels["order"]) == order)
+            if places.size:
+                return slice(None), int(places[0])
             raise InputError(f"{self.request.origin}: output = {name!r}: no order {order}")
         raise InputError(f"{self.request.origin}: output = {name!r}: {_not_one_number(order, dims)}")
 

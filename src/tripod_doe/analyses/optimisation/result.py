@@ -22,7 +22,7 @@ _FLAG = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes"}
 
 @dataclass(frozen=True)
 class Solved:
-    """What a search found."""
+    """The result of a search."""
 
     archive: Archive  # all candidates; the first one is where the search started
     front: Archive  # the front as the model that was asked for judges it, on the sample that confirms

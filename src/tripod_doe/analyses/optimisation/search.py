@@ -1,4 +1,4 @@
-"""The search: pymoo's algorithms, asked for generations and told how they were judged, over distinct candidates.
+"""The search: pymoo's algorithms propose generations and receive their judgements, over distinct candidates.
 
 pymoo's NSGA-II, SMS-EMOA and differential evolution have ask and tell, seeds, and compare candidates that are not
 feasible by how far they are from it, so that no objective has to be made up for them. Optuna's constraints are soft,
@@ -17,7 +17,7 @@ from tripod_doe.array_types import FloatArray
 
 _FEWEST, _MOST = 20, 100  # candidates of a generation
 _GENERATIONS = 100  # of a search, where that leaves enough candidates in each: more are better than larger ones
-_FAILED = 10.0  # violation of a candidate that cannot be computed: more than that of limits
+_FAILED = 10.0  # violation of a candidate that cannot be computed: more than limits have
 _IDLE = 10  # generations with hardly a new candidate, or with equal ones, after which a search is over
 _EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
 _POLISHED = 0.15  # share of the candidates with which a single objective is polished

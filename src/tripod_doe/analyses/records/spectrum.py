@@ -48,10 +48,10 @@ def refined_peak(
     window = np.sin(np.pi * (angle - angle[0]) / (angle[-1] - angle[0])) ** 2
     weighed = force * window
     at, line = float(cycles[int(np.argmax(amplitude))]), float(cycles[1] - cycles[0])
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda cycle: -abs(np.sum(weighed * np.exp(-2j * np.pi * cycle * angle))),
         bounds=(at - line, at + line),
         method="bounded",
         options={"xatol": 1e-4 * line},
     )
-    return float(found.x)
+    return float(minimum.x)

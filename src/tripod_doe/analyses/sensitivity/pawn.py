@@ -4,7 +4,7 @@ Indices equal SALib's, which calls scipy's test with its p-value for each slice,
 and the same intervals 5, 101 and 76 s in place of 0.4, 1.1 and 10 s at 1,024, 8,192 and 65,536 points.
 
 From few points an index never vanishes, and its bias is larger than its scatter: intervals by resampling, said to hold
-in 95 %, held in 38 to 98 %. So it has none. A factor counts as resolved where its index exceeds that of 19 factors
+in 95 %, held in 38 to 98 %. So it has none. A factor counts as resolved where its index exceeds the index of 19 factors
 without effect, drawn at random, which by chance one in twenty does (a Monte Carlo test, Besag and Diggle 1977).
 """
 
@@ -34,7 +34,7 @@ class PawnSettings(SensitivitySettings):
 def with_chance(sample: Sample, settings: SensitivitySettings) -> tuple[FloatArray, int]:
     """Values of the factors and of more that are pure chance, shape (point, column), and the number of factors.
 
-    Of n columns without effect, the largest index exceeds that of one more in n / (n + 1) of all cases, the confidence.
+    The largest index of n columns without effect exceeds one more in n / (n + 1) of all cases, the confidence.
     """
     columns = [as_numbers(column) for column in sample.columns.values()]
     count = max(math.ceil(1 / (1 - settings.confidence) - 1e-9) - 1, 1)

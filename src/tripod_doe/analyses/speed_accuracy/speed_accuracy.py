@@ -88,7 +88,7 @@ def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySetti
     Returns:
         Along ``run``: prices, work, outcome; along run and ``quantity`` the relative errors and whether the run is on
         the front; along ``case`` (scene and model) the references; along case, ``method`` and quantity the price at the
-        target, as ``price`` in CPU seconds per simulated second and as ratio to that of the case's default method.
+        target, as ``price`` in CPU seconds per simulated second and as ratio to the case's default method.
 
     Raises:
         InputError: If a cube has no costs or nothing to compare.
@@ -251,9 +251,9 @@ def _run_variables(
 
 
 def _model_floors(case: Case, reference: _Reference | None, truth: _Reference | None) -> FloatArray:
-    """Least model error that a run can claim, shape (run, QUANTITIES): that of its model, and that of the truth itself.
+    """Least model error that a run can claim, shape (run, QUANTITIES): of its model and of the truth.
 
-    So a numerical error that happens to cancel that of the model does not count as accuracy.
+    So a numerical error that happens to cancel the model error does not count as accuracy.
     """
     own = _errors([reference.run], truth)[0] if reference else np.full(len(QUANTITIES), np.nan)
     return np.tile(np.fmax(own, _own_errors(truth)), (len(case.runs), 1))
@@ -321,7 +321,7 @@ def _case_variables(
             {"long_name": f"CPU seconds per simulated second at {100 * target:g} % error", "units": "1"},
         ),
         "price_known": (three, known, {"long_name": "how the price is known"} | flags),
-        "price_ratio": (three, ratios, {"long_name": "price over that of the default method", "units": "1"}),
+        "price_ratio": (three, ratios, {"long_name": "price over the price of the default method", "units": "1"}),
         "best_method": (("case", "quantity"), best.astype(str), {"long_name": "method with the lowest price"}),
         "default_over_best": (
             ("case", "quantity"),

@@ -137,7 +137,7 @@ def _caption(borders: xr.Dataset, factor: str, left_out: dict[str, str]) -> str:
     alike = {meaning: [name for name in left_out if left_out[name] == meaning] for meaning in left_out.values()}
     return (
         f"Runs over {what} and {spoken(factor)}: right within {100 * borders.attrs['limit']:g} % of the reference, "
-        f"rejected, or wrong and undetected; the measured stability limit, and that of the linearised scene."
+        f"rejected, or wrong and undetected; the measured stability limit, and the limit of the linearised scene."
         + "".join(f" Not drawn, {meaning}: {', '.join(names)}." for meaning, names in alike.items())
     )
 

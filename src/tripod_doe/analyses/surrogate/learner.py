@@ -156,8 +156,8 @@ def _all_polynomials(
         alike = np.flatnonzero((known.parity == parity) & (known.vanishes == vanishes))
         terms = np.flatnonzero({1: ~odd, -1: odd, 0: odd | True}[parity])
         scale = known.scale(int(alike[0]))
-        found, unseen = _polynomials(places, values[:, alike], exponents[terms], parts, scale)
-        coefficients[np.ix_(alike, terms)], errors[:, alike] = found, unseen
+        fitted, unseen = _polynomials(places, values[:, alike], exponents[terms], parts, scale)
+        coefficients[np.ix_(alike, terms)], errors[:, alike] = fitted, unseen
     return coefficients, errors
 
 

@@ -25,7 +25,7 @@ from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
 _COVERED = 0.95  # part of the unseen points that a band holds
 _MOST = 6  # orders or outputs that one looks at together
-_SEEN = 0.01  # size of an order over that of the largest one below which it is not shown
+_SEEN = 0.01  # size of an order relative to the largest one below which it is not shown
 _ALWAYS = (2, 3)  # orders that everybody asks for
 _DRAWS = 5000  # from which quantiles are taken
 _STEPS = 41  # of a curve over a factor

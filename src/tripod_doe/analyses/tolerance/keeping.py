@@ -21,8 +21,8 @@ _FEWEST = 100  # effective points below which a share of 1 % is not resolved
 def scale_to_keep(sample: Sample, values: FloatArray, limit: FloatArray, keep: float) -> FloatArray:
     """The largest scale of the scatter of two factors by which a limit is kept, shape (factor, factor, component).
 
-    On the diagonal that of one factor alone. NaN without a limit, where it is kept already, where no scale that the
-    points resolve keeps it, and for factors of listed values.
+    The diagonal holds the scales of single factors. NaN without a limit, where it is kept already, where no scale that
+    the points resolve keeps it, and for factors of listed values.
 
     Args:
         values: Shape (point, component).

@@ -13,8 +13,8 @@ survive.
 
 Solid parts in each other's place are in `overlaps`.
 
-At rest friction may have any value below its limit, so there is no thrust to compute; that of a quasi-static joint is
-the thrust at a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
+At rest friction may have any value below its limit, so there is no thrust to compute; a quasi-static joint has
+the thrust of a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
 law fades out, and the thrust with it.
 """
 
@@ -60,7 +60,7 @@ def _too_slow(enough: float) -> str:
         raised += f" to at least {rounded_up(enough)}, or joint_angle_deg"
     return (
         "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
-        f"rad/s): {raised}; the quasi-static thrust is that of a low speed"
+        f"rad/s): {raised}; compute the quasi-static thrust at a low speed"
     )
 
 

@@ -92,7 +92,7 @@ def _label(coordinate: xr.DataArray) -> str:
 
 def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
     """A number with what is known of its error; a dash where there is none."""
-    found = {
+    errors = {
         ending: float(result[name + ending].isel({dim: at[str(dim)] for dim in result[name + ending].dims}))
         for ending in ("_conf", "_error", "_low", "_high")
         if name + ending in result
@@ -101,10 +101,10 @@ def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
     if not np.isfinite(value):
         return "\N{EN DASH}"
     for ending in ("_conf", "_error"):
-        if np.isfinite(found.get(ending, np.nan)):
-            return f"{number(value)} \N{PLUS-MINUS SIGN} {number(found[ending])}"
-    if {"_low", "_high"} <= found.keys() and np.isfinite(found["_low"] + found["_high"]):
-        low, high = number(found["_low"]), number(found["_high"])
+        if np.isfinite(errors.get(ending, np.nan)):
+            return f"{number(value)} \N{PLUS-MINUS SIGN} {number(errors[ending])}"
+    if {"_low", "_high"} <= errors.keys() and np.isfinite(errors["_low"] + errors["_high"]):
+        low, high = number(errors["_low"]), number(errors["_high"])
         return f"{number(value)} ({low} to {high})" if low != high else number(value)
     return number(value)
 

@@ -68,7 +68,7 @@ def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
     title = f"{title[0].upper()}{title[1:]}"
     title = f"{title}, over {' and '.join(over)}" if over else title
     level = view.minus_level
-    less = f"that at {_at(cube, *level)}" if level else f"that of {minus_name}" if view.minus else ""
+    less = f"the value at {_at(cube, *level)}" if level else f"the value of {minus_name}" if view.minus else ""
     return f"{title}, less {less}" if less else title
 
 

@@ -82,10 +82,10 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
 def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:
     """Measurement and model along a dimension ``of``, with the uncertainty of the former where it is known."""
     both = [compared[f"{which}_{ending}"] for which in ("measured", "model")]
-    found = {name: xr.concat(both, xr.Variable("of", ["measured", "model"])).assign_attrs(units="N")}
+    pairs = {name: xr.concat(both, xr.Variable("of", ["measured", "model"])).assign_attrs(units="N")}
     if (unsure := f"measured_{ending}_uncertainty") in compared:
         error = compared[unsure]
-        found[f"{name}_error"] = xr.concat(
+        pairs[f"{name}_error"] = xr.concat(
             [error, xr.full_like(error, np.nan)], xr.Variable("of", ["measured", "model"])
         )
-    return xr.Dataset(found)
+    return xr.Dataset(pairs)

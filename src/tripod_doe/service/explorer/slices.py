@@ -60,16 +60,16 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
     answer = query(cube, view.variable, view.select, where=view.where or None)
     if 0 in answer.sizes.values():
         raise InputError(f"no cell matches: {', '.join(view.select)}")
-    found = narrowed(answer)
-    if "selected" in answer and "outcome" in found and not set(answer["selected"].dims) - set(found["outcome"].dims):
-        found["outcome"] = found["outcome"].where(answer["selected"], Outcome.FINISHED).astype(np.int8)
+    cells = narrowed(answer)
+    if "selected" in answer and "outcome" in cells and not set(answer["selected"].dims) - set(cells["outcome"].dims):
+        cells["outcome"] = cells["outcome"].where(answer["selected"], Outcome.FINISHED).astype(np.int8)
     for name in (f"{view.variable}_error", "outcome_detail"):
         if name in cube and set(cube[name].dims) <= set(cube[view.variable].dims):
             axes = [axis.name for axis in coordinate_axes(cube).values() if axis.dim in cube[name].dims]
-            found[name] = query(cube, name, view.selected(axes))[name]
+            cells[name] = query(cube, name, view.selected(axes))[name]
     keep = {dim for name in (view.x, view.by) if name in cube.variables for dim in cube[name].dims}
     keep |= set(design_of(cube)) if view.kind in OF_POINTS else set()
-    return found.squeeze([dim for dim in found.dims if found.sizes[dim] == 1 and dim not in keep], drop=True)
+    return cells.squeeze([dim for dim in cells.dims if cells.sizes[dim] == 1 and dim not in keep], drop=True)
 
 
 def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figure:
@@ -157,8 +157,8 @@ def colour_range(cube: xr.Dataset, view: View) -> tuple[float, float] | None:
     return (float(known.min()), float(known.max())) if known.size else None
 
 
-def _limits(view: View, found: tuple[float, float] | None) -> tuple[float, float] | None:
-    low, high = found or (None, None)
+def _limits(view: View, extremes: tuple[float, float] | None) -> tuple[float, float] | None:
+    low, high = extremes or (None, None)
     low, high = low if view.low is None else view.low, high if view.high is None else view.high
     return None if low is None or high is None else (low, high)
 

@@ -18,5 +18,5 @@ def report_key(settings: Settings, run_id: str) -> str:
 
 def is_report_address(path: str, settings: Settings) -> bool:
     """Whether an address leads to a page with the right key."""
-    found = _ADDRESS.fullmatch(path)
-    return found is not None and hmac.compare_digest(found[2], report_key(settings, found[1]))
+    match = _ADDRESS.fullmatch(path)
+    return match is not None and hmac.compare_digest(match[2], report_key(settings, match[1]))

@@ -41,7 +41,7 @@ def read_dataset(path: Path) -> xr.Dataset:
 
 
 class _Array(NetCDF4ArrayWrapper):
-    """A stored variable, whose damage is told with the name of its file, also while it is used in parts."""
+    """A stored variable; errors of a damaged one name its file, also while it is used in parts."""
 
     def _getitem(self, key: Any) -> Any:
         with reading(Path(self.datastore._filename)):

@@ -66,7 +66,7 @@ class Journal:
     A writer checks the whole journal, and keeps the whole blocks of a damaged one.
 
     Args:
-        directory: The result directory; it must exist. Whoever writes must hold it, see `ResultDirectory`.
+        directory: The result directory; it must exist. A writer must hold it, see `ResultDirectory`.
         read_only: Open an existing journal without holding its directory, also while another process writes.
 
     Raises:

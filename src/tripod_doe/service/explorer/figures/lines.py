@@ -109,7 +109,7 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
     reasons = np.stack([blank_reasons(row) for row in rows])
     failed = np.stack([is_failed(row).values for row in rows])
     numbers = np.stack([point_numbers(row) for row in rows])
-    found = []
+    marks = []
     for blank, symbol, colour in (
         (failed, "x-thin", FAILED_COLOUR),
         ((reasons != "") & ~failed, "circle-open", WAITING_COLOUR),
@@ -124,7 +124,7 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
             + (f"<br>and {n - 1} more" if n > 1 else "")
             for line, place, n in zip(first.tolist(), at.tolist(), count.tolist(), strict=True)
         ]
-        found.append(
+        marks.append(
             {
                 "type": "scatter",
                 "mode": "markers",
@@ -139,7 +139,7 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
                 "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
             }
         )
-    return found
+    return marks
 
 
 def _turns(coordinate: xr.DataArray) -> dict[str, Any]:

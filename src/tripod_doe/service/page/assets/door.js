@@ -1,4 +1,4 @@
-// An address without its first part, or with that of an earlier server, leads to the same page of this one.
+// An address without its first part, or with the first part of an earlier server, leads to the same page here.
 
 import { remembered } from "./address.js";
 
