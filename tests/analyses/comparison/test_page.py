@@ -69,7 +69,7 @@ def test_the_beat_is_told_in_words(comparison):
         told,
     )
     still = comparison.assign(model_envelope=0 * comparison["model_envelope"] + 5)
-    assert "that of the model is constant." in " ".join(find_in_comparison(still))
+    assert "the envelope of the model is constant." in " ".join(find_in_comparison(still))
 
 
 def test_table_and_json_hold_the_numbers(comparison):

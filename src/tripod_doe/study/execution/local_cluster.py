@@ -7,9 +7,9 @@ The program answers with the address of its scheduler and the credentials of its
 line closes the workers in order; the end of the input ends them at once, as the process that wanted them is gone.
 
 A process that reaches a scheduler, a nanny or a worker of Dask can run code as their owner, and every user of this
-machine reaches its ports. So all of them talk TLS and ask for a certificate, made anew for each cluster and kept in memory;
-their HTTP servers, which Dask always starts, have no pages; and workers, which import from their working folder, have
-it in one that only the owner can open.
+machine reaches its ports. So all of them talk TLS and ask for a certificate, made anew for each cluster and kept in
+memory; their HTTP servers, which Dask always starts, have no pages; and workers, which import from their working
+folder, have it in one that only the owner can open.
 """
 
 from __future__ import annotations
