@@ -64,7 +64,7 @@ def test_an_order_that_the_model_does_not_have_has_no_phase(comparison):
 def test_the_beat_is_told_in_words(comparison):
     (told,) = [sentence for sentence in find_in_comparison(comparison) if "envelope" in sentence]
     assert re.fullmatch(
-        r"The envelope of the measured thrust force rises and falls by [\d.]+ % about its mean; that of "
+        r"The envelope of the measured thrust force rises and falls by [\d.]+ % about its mean; the envelope of "
         r"the model rises and falls by [\d.]+ % about its mean\.",
         told,
     )
