@@ -68,7 +68,7 @@ def test_forces_of_the_page_are_those_of_the_point():
     assert read["normal"].reshape(-1, 3) == pytest.approx(outputs["groove_normal_force"][:, :72].T, rel=1e-6)
     assert read["friction"].reshape(-1, 3) == pytest.approx(-outputs["groove_thrust"][:, :72].T, rel=1e-5, abs=1e-5)
     assert read["thrust"] == pytest.approx(outputs["thrust"][:72], rel=1e-5, abs=1e-5)
-    orders = np.fft.rfft(outputs["thrust"][:72])
+    orders = np.fft.rfft(outputs["thrust"].reshape(2, 72).mean(axis=0))  # parts are means of the revolutions
     orders[13:] = 0
     assert read["part"].reshape(72, -1).sum(axis=1) == pytest.approx(np.fft.irfft(orders, 72), abs=1e-3)
 
@@ -127,6 +127,32 @@ def test_commands_write_pages(tmp_path, capsys):
     assert "40 N m" in (tmp_path / "b.html").read_text()
     assert main(["view", str(tmp_path / "out"), "--output", page]) == 2
     assert "the selection leaves 2 points" in capsys.readouterr().err
+    assert (
+        main(
+            [
+                "view",
+                str(tmp_path / "out"),
+                "--select",
+                "torque_n_m=40",
+                "--output",
+                page,
+                "--against",
+                "torque_n_m=-40",
+            ]
+        )
+        == 0
+    )
+    both = (tmp_path / "b.html").read_text()
+    assert both.count('class="scene"') == 2
+    assert "<h2>torque_n_m = -40.0</h2>" in both
+    for wrong, told in (
+        ("torque_n_m", "write NAME=VALUE"),
+        ("torque=3", "did you mean 'torque_n_m'"),
+        ("torque_n_m=x", "expected a number"),
+    ):
+        assert main(["simulate", *few, "--view", page, "--against", wrong]) == 2
+        assert told in capsys.readouterr().err
+    assert main(["simulate", *few, "--against", "torque_n_m=3"]) == 2
     assert main(["simulate", *few, "--view", str(tmp_path / "no" / "a.html")]) == 2
     assert "cannot write" in capsys.readouterr().err
 

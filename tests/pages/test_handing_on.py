@@ -98,7 +98,7 @@ def test_each_figure_is_an_svg_and_a_png(results, tmp_path):
     files = sorted((tmp_path / "out").iterdir())
     assert {file.stem for file in files if file.suffix == ".svg"} == {f.stem for f in files if f.suffix == ".png"}
     page = (results / "report" / "index.html").read_text()
-    assert len(files) == 2 * page.count("<figure")
+    assert len(files) == 2 * page.count('<p class="title">')
     for file in files:
         if file.suffix == ".svg":
             assert ET.parse(file).getroot().tag.endswith("svg")
@@ -134,3 +134,10 @@ def test_answers_of_a_query_for_spreadsheets(results, tmp_path, capsys):
 def test_names_that_contradict_the_format_are_refused(results, capsys, words, message):
     assert main(["report", str(results), *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_report_draws_the_joint_and_names_the_command_that_moves_it(results):
+    page = (results / "report" / "index.html").read_text()
+    assert 'aria-label="The joint to scale: pitch radius 21' in page
+    assert "The first point: joint_angle_deg = 4, bearing_radial_clearance_mm = 0.01." in page
+    assert "tripod-doe view DIR --select joint_angle_deg=4 --select bearing_radial_clearance_mm=0.01" in page

@@ -7,9 +7,12 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from tripod_doe.errors import near_match
+from tripod_doe.errors import InputError, near_match
+
+if TYPE_CHECKING:
+    from tripod_doe.simulator import Parameter
 
 DONE, INTERNAL, WRONG_INPUT, SOME_FAILED = 0, 1, 2, 3
 
@@ -53,6 +56,16 @@ class Command:
     help: str
     add_arguments: Callable[[Parser, Sequence[str]], None]
     run: Callable[[argparse.Namespace], int]
+
+
+def parameter_value(parameter: Parameter, text: str, flag: str) -> Any:
+    """The value of a parameter by its text, which stands behind a flag."""
+    if parameter.kind == "choice":
+        return text
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"--{flag} {text!r}: expected a number ({parameter.range_text})") from error
 
 
 def add_study(parser: Parser) -> None:

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format, parameter_value
+from tripod_doe.cli.view import add_against, against
 from tripod_doe.errors import InputError, closest
 from tripod_doe.quantities import duration
 
 if TYPE_CHECKING:
-    from tripod_doe.simulator import Parameter, Simulator
+    from tripod_doe.simulator import Simulator
     from tripod_doe.study.simulate import SimulatedPoint
 
 _LONG = 1.0  # CPU seconds of a point above which its price is printed first
@@ -38,6 +39,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         help="print this output alone, also one that is made on request only; may be repeated",
     )
     parser.add_argument("--view", metavar="FILE.html", type=Path, help="also write a page that moves the joint")
+    add_against(parser)
     if "simulate" in arguments[:1]:
         from tripod_doe.study.definition.scenes import SCENES, load_simulator
 
@@ -66,17 +68,6 @@ def _add_parameters(parser: argparse.ArgumentParser, simulator: Simulator) -> No
         )
 
 
-def _parameter_value(parameter: Parameter, text: str) -> Any:
-    if parameter.kind == "choice":
-        return text
-    try:
-        return float(text)
-    except ValueError as error:
-        raise InputError(
-            f"--{parameter.name.replace('_', '-')} {text!r}: expected a number ({parameter.range_text})"
-        ) from error
-
-
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.simulator import Outcome
     from tripod_doe.study.definition.scenes import load_simulator
@@ -86,10 +77,12 @@ def _run(options: argparse.Namespace) -> int:
     simulator = load_simulator(options.scene)
     given = _base_values(options.base, simulator) if options.base else {}
     given |= {
-        name: _parameter_value(parameter, getattr(options, name))
+        name: parameter_value(parameter, getattr(options, name), name.replace("_", "-"))
         for name, parameter in simulator.parameters.items()
         if getattr(options, name) is not None
     }
+    if options.against and not options.view:
+        raise InputError("--against: shows a second point on a page; give --view FILE.html, too")
     price = usual_price(options.scene, **given)
     if price is not None and price >= _LONG:
         usual = f"about {duration(price, 2)} of CPU time for a usual point, up to twenty times as much for others"
@@ -131,12 +124,13 @@ def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoin
 
     if options.scene != "joint":
         raise InputError(f"--view {options.view}: only the scene joint can be viewed, not {options.scene}")
-    point = viewed_point(**given)
-    if point.outcome is Outcome.FINISHED:
-        write_page(motion_page(point), options.view, "--view")
+    changes = against(options.against)
+    points = [viewed_point(**each) for each in ([given, {**given, **changes}] if changes else [given])]
+    if all(point.outcome is Outcome.FINISHED for point in points):
+        write_page(motion_page(*points), options.view, "--view")
     else:
         print(f"{options.view}: not written, since the point has no motion to show", file=sys.stderr)
-    return point
+    return points[0]
 
 
 COMMAND = Command("simulate one point", _add_arguments, _run)

@@ -6,13 +6,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from tripod_doe.cli.parser import DONE, Command, Parser, add_selection
+from tripod_doe.cli.parser import DONE, Command, Parser, add_selection, parameter_value
+from tripod_doe.errors import InputError, near_match
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="result directory of a study of the joint")
     add_selection(parser, "a value of a factor")
+    add_against(parser)
     parser.add_argument("--output", metavar="FILE.html", type=Path, required=True, help="the page to write")
 
 
@@ -21,10 +24,38 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.motion.stored_point import point_in
 
     values = point_in(options.directory, options.select, options.nearest)
-    page = motion_page(viewed_point(**values))
+    others = [values | changes] if (changes := against(options.against)) else []
+    page = motion_page(*(viewed_point(**each) for each in (values, *others)))
     write_page(page, options.output, "--output")
     print(f"view    {options.output}", file=sys.stderr)
     return DONE
+
+
+def add_against(parser: Parser) -> None:
+    """Add the flag that shows a second point beside the first."""
+    parser.add_argument(
+        "--against",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="show beside it the same joint with another value, as torque_n_m=-50; may be repeated",
+    )
+
+
+def against(texts: Sequence[str]) -> dict[str, Any]:
+    """The values of a second point by their names."""
+    from tripod_doe.study.definition.scenes import load_simulator
+
+    known, values = load_simulator().parameters, dict[str, Any]()
+    for text in texts:
+        name, equal, value = text.partition("=")
+        name = name.strip().replace("-", "_")
+        if not equal:
+            raise InputError(f"--against {text}: write NAME=VALUE, as torque_n_m=-50")
+        if name not in known:
+            raise InputError(f"--against {text}: unknown parameter{near_match(name, known)}")
+        values[name] = parameter_value(known[name], value.strip(), "against")
+    return values
 
 
 COMMAND = Command("write a page that moves the joint at a point of a study", _add_arguments, _run)

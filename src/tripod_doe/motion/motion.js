@@ -1,20 +1,31 @@
 "use strict";
 // Moves a tripod joint: painted on 2-D canvases, far parts first; reads its poses from the element "motion-data".
 (() => {
-  const data = JSON.parse(document.getElementById("motion-data").textContent);
-  const size = data.sizes, samples = data.count, needles = data.needles;
-  const arrays = {};
-  for (const [name, text] of Object.entries(data.arrays)) {
-    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    arrays[name] = new Float32Array(bytes.buffer);
+  const points = JSON.parse(document.getElementById("motion-data").textContent);
+  for (const point of points) {
+    for (const [name, text] of Object.entries(point.arrays)) {
+      const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+      point.arrays[name] = new Float32Array(bytes.buffer);
+    }
   }
   const element = (id) => document.getElementById(id);
-  const scene = element("scene"), ring = element("ring"), plot = element("plot");
+  const samples = points[0].count;  // the first point tells the time
   const state = { at: 0, playing: false, yaw: -0.6, pitch: 0.35, zoom: 1, view: "oblique", last: 0 };
-  const side = size.torque < 0 ? -1 : 1;
-  const mostLoad = largest(arrays.needle.filter((_, i) => i % 5 === 3)) || 1;
-  const mostForce = largest(arrays.normal) || 1;
-  const pressures = [-largest(arrays.pressure.map((p) => -p)), largest(arrays.pressure)];
+  // two points have one scale of forces, loads and pressures
+  const most = (read) => Math.max(...points.map((point) => largest(read(point.arrays))));
+  const mostLoad = most((arrays) => arrays.needle.filter((_, i) => i % 5 === 3)) || 1;
+  const mostForce = most((arrays) => arrays.normal) || 1;
+  const mostThrust = Math.max(most((arrays) => arrays.thrust.map(Math.abs)), most((arrays) => arrays.part.map(Math.abs))) || 1;
+  const pressures = [-most((arrays) => arrays.pressure.map((p) => -p)), most((arrays) => arrays.pressure)];
+  // the point that is painted: its data, its canvases, and its sample at this time
+  let data, size, needles, arrays, side, scene, ring, plot, at;
+  function use(which) {
+    data = points[which];
+    ({ sizes: size, needles, arrays } = data);
+    side = size.torque < 0 ? -1 : 1;
+    [scene, ring, plot] = ["scene", "ring", "plot"].map((name) => element(`${name}-${which}`));
+    at = Math.floor((state.at * data.count) / samples);
+  }
   let colour = {};
 
   function largest(values) {
@@ -47,7 +58,7 @@
     // right, up, towards the viewer; yaw 0 and pitch 0 look along the input axis
     const cy = Math.cos(yaw), sy = Math.sin(yaw), cp = Math.cos(pitch), sp = Math.sin(pitch);
     const right = [cy, 0, -sy], near = [sy * cp, -sp, cy * cp], up = cross(near, right);
-    const target = close ? seen(vector("rollers", state.at, 0, 9)) : [0, 0, 0];
+    const target = close ? seen(vector("rollers", at, 0, 9)) : [0, 0, 0];
     return (p) => {
       const q = add(seen(p), target, -1);
       return [width / 2 + scale * dot(q, right), height / 2 - scale * dot(q, up), dot(q, near), scale];
@@ -135,7 +146,7 @@
 
   function paintScene() {
     const [g, w, h] = fit(scene);
-    const i = state.at, phi = arrays.phi[i], solid = Number(element("solid").value), magnify = Number(element("magnify").value);
+    const i = at, phi = arrays.phi[i], solid = Number(element("solid").value), magnify = Number(element("magnify").value);
     const following = element("follow").checked || state.view === "trunnion";
     turn = following ? [Math.cos(phi), Math.sin(phi)] : [1, 0];
     const see = camera(w, h), jobs = [];
@@ -227,7 +238,7 @@
 
   function legend(g, w, h, scale, magnify) {
     g.fillStyle = colour.ink;
-    const lines = [`rotation ${((180 * arrays.phi[state.at]) / Math.PI).toFixed(1)} deg`];
+    const lines = [`rotation ${((180 * arrays.phi[at]) / Math.PI).toFixed(1)} deg`];
     lines.push(magnify === 1 ? "tilt and skew true to scale" : `tilt, skew and shift of needles x ${magnify}`);
     lines.forEach((text, n) => g.fillText(text, 10, 18 + 16 * n));
     if (element("arrows").value === "none") return;
@@ -241,7 +252,7 @@
   }
 
   function paintRing() {
-    const [g, w, h] = fit(ring), i = state.at, magnify = Number(element("magnify").value);
+    const [g, w, h] = fit(ring), i = at, magnify = Number(element("magnify").value);
     const left = 34, right = w - 8, top = 20, gap = 20, height = (h - top - 24 - 2 * gap) / 3;
     const reach = (size.needle_length + size.needle_axial_clearance) / 2, high = reach * 1.12;
     const x = (angle) => left + ((angle + Math.PI) / (2 * Math.PI)) * (right - left);
@@ -289,48 +300,51 @@
   const shades = ["#0b6bcb", "#7c3aed", "#0f8a5f", "#b45309", "#be185d", "#64748b"];
   function paintPlot() {
     const [g, w, h] = fit(plot), left = 46, right = w - 10, top = 22, bottom = h - 22;
-    const count = data.parts.length, most = Math.max(largest(arrays.thrust.map(Math.abs)), largest(arrays.part.map(Math.abs))) || 1;
-    const x = (i) => left + (i / samples) * (right - left), y = (v) => (top + bottom) / 2 - (v / most) * 0.5 * (bottom - top);
+    const count = data.parts.length;
+    const x = (i) => left + (i / data.count) * (right - left), y = (v) => (top + bottom) / 2 - (v / mostThrust) * 0.5 * (bottom - top);
     g.strokeStyle = colour.line;
     g.lineWidth = 1;
     path(g, [[left, y(0)], [right, y(0)]], false); g.stroke();
     const curve = (read, style, width) => {
-      const points = [];
-      for (let i = 0; i <= samples; i++) points.push([x(i), y(read(i % samples))]);
+      const line = [];
+      for (let i = 0; i <= data.count; i++) line.push([x(i), y(read(i % data.count))]);
       g.strokeStyle = style;
       g.lineWidth = width;
-      path(g, points, false); g.stroke();
+      path(g, line, false); g.stroke();
     };
     data.parts.forEach((name, n) => curve((i) => arrays.part[i * count + n], shades[n % shades.length], 1));
     curve((i) => arrays.thrust[i], colour.ink, 2.2);
     g.fillStyle = colour.ink;
-    g.fillText(`${most.toPrecision(3)} N`, 2, top + 4);
+    g.fillText(`${mostThrust.toPrecision(3)} N`, 2, top + 4);
     g.fillText("0", 32, y(0) + 4);
     g.fillText("thrust", left, 13);
-    let at = left + 46;
+    let begin = left + 46;
     data.parts.forEach((name, n) => {
       g.fillStyle = shades[n % shades.length];
       const text = name.replace("_", " ");
-      if (at + g.measureText(text).width < right) g.fillText(text, at, 13);
-      at += g.measureText(text).width + 12;
+      if (begin + g.measureText(text).width < right) g.fillText(text, begin, 13);
+      begin += g.measureText(text).width + 12;
     });
     g.fillStyle = colour.ink;
-    for (let q = 0; q <= 4; q++) g.fillText(String(90 * q), x((samples * q) / 4) - (q === 4 ? 22 : 8), h - 6);
+    for (let q = 0; q <= 4; q++) g.fillText(String(90 * q), x((data.count * q) / 4) - (q === 4 ? 22 : 8), h - 6);
     g.strokeStyle = colour.hot;
     g.lineWidth = 1.5;
-    path(g, [[x(state.at), top], [x(state.at), bottom]], false); g.stroke();
+    path(g, [[x(at), top], [x(at), bottom]], false); g.stroke();
   }
 
-  function say() {
-    const i = state.at, three = (name) => [0, 1, 2].map((k) => arrays[name][3 * i + k].toFixed(0)).join(", ");
-    element("numbers").textContent = `thrust ${arrays.thrust[i].toFixed(2)} N; normal forces ${three("normal")} N; pressures ${three("pressure")} MPa; orders 1 to 6: ${data.orders.slice(1, 7).map((a) => a.toPrecision(3)).join(", ")} N`;
+  function numbers() {
+    const i = at, three = (name) => [0, 1, 2].map((k) => arrays[name][3 * i + k].toFixed(0)).join(", ");
+    return `thrust ${arrays.thrust[i].toFixed(2)} N; normal forces ${three("normal")} N; pressures ${three("pressure")} MPa; orders 1 to 6: ${data.orders.slice(1, 7).map((a) => a.toPrecision(3)).join(", ")} N`;
   }
   function paint() {
     const begin = performance.now();
-    paintScene();
-    paintRing();
-    paintPlot();
-    say();
+    points.forEach((_, which) => {
+      use(which);
+      paintScene();
+      paintRing();
+      paintPlot();
+      element(`numbers-${which}`).textContent = numbers();
+    });
     document.body.dataset.milliseconds = (performance.now() - begin).toFixed(2);
   }
   let asked = false;
@@ -341,7 +355,8 @@
   function tick(now) {
     asked = false;
     if (state.playing) {
-      fraction += ((now - state.last) / 6000) * Number(element("pace").value) * samples;
+      // a frame may have begun before the key that plays
+      fraction += (Math.max(0, now - state.last) / 6000) * Number(element("pace").value) * samples;
       state.at = (state.at + Math.floor(fraction)) % samples;
       fraction -= Math.floor(fraction);
       document.body.dataset.frames = String(Number(document.body.dataset.frames || 0) + 1);
@@ -386,21 +401,24 @@
     else return;
     event.preventDefault();
   });
-  scene.addEventListener("pointermove", (event) => {
-    if (!event.buttons) return;
-    state.yaw += 0.008 * event.movementX;
-    state.pitch = Math.max(-1.5, Math.min(1.5, state.pitch + 0.008 * event.movementY));
-    ask();
+  points.forEach((_, which) => {
+    const own = element(`scene-${which}`), curve = element(`plot-${which}`);
+    own.addEventListener("pointermove", (event) => {
+      if (!event.buttons) return;
+      state.yaw += 0.008 * event.movementX;
+      state.pitch = Math.max(-1.5, Math.min(1.5, state.pitch + 0.008 * event.movementY));
+      ask();
+    });
+    own.addEventListener("wheel", (event) => { state.zoom *= Math.exp(-0.001 * event.deltaY); event.preventDefault(); ask(); }, { passive: false });
+    const seek = (event) => {
+      if (event.type === "pointermove" && !event.buttons) return;
+      const share = (event.offsetX - 46) / (curve.clientWidth - 56);
+      state.at = Math.max(0, Math.min(samples - 1, Math.round(share * samples)));
+      ask();
+    };
+    curve.addEventListener("pointerdown", seek);
+    curve.addEventListener("pointermove", seek);
   });
-  scene.addEventListener("wheel", (event) => { state.zoom *= Math.exp(-0.001 * event.deltaY); event.preventDefault(); ask(); }, { passive: false });
-  const seek = (event) => {
-    if (event.type === "pointermove" && !event.buttons) return;
-    const share = (event.offsetX - 46) / (plot.clientWidth - 56);
-    state.at = Math.max(0, Math.min(samples - 1, Math.round(share * samples)));
-    ask();
-  };
-  plot.addEventListener("pointerdown", seek);
-  plot.addEventListener("pointermove", seek);
   window.addEventListener("resize", ask);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { readColours(); ask(); });
   readColours();

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -53,16 +53,18 @@ class JointInMotion:
         return f'<iframe srcdoc="{html.escape(self.page)}" style="width:100%;height:860px;border:0"></iframe>'
 
 
-def view(**parameters: Any) -> JointInMotion:
+def view(against: Mapping[str, Any] | None = None, **parameters: Any) -> JointInMotion:
     """Simulate a point of the joint and move it.
 
     Args:
+        against: Parameters in which a second point differs, which is shown beside it.
         **parameters: As for `simulate`.
 
     Raises:
-        InputError: If a parameter cannot be used, or the point does not finish.
+        InputError: If a parameter cannot be used, or a point does not finish.
     """
-    return JointInMotion(motion_page(viewed_point(**parameters)))
+    others = [] if against is None else [{**parameters, **against}]
+    return JointInMotion(motion_page(*(viewed_point(**each) for each in (parameters, *others))))
 
 
 def viewed_point(**parameters: Any) -> SimulatedPoint:
@@ -70,26 +72,26 @@ def viewed_point(**parameters: Any) -> SimulatedPoint:
     return simulate_point("joint", CONTACT_NAMES, **parameters)
 
 
-def motion_page(point: SimulatedPoint) -> str:
-    """The page of a point with the outputs of its contacts.
+def motion_page(*points: SimulatedPoint) -> str:
+    """The page of one or two points with the outputs of their contacts.
 
     Raises:
-        InputError: If the point did not finish: there is no motion to show.
+        InputError: If a point did not finish: there is no motion to show.
     """
-    if point.outcome is not Outcome.FINISHED:
-        raise InputError(f"there is no motion to show: the point is {point.outcome.label}: {point.detail}")
-    outputs = {name: values.data for name, values in point.outputs.items()}
-    if not np.isfinite(outputs.get("groove_normal_force", np.nan)).all():
-        raise InputError("there is no motion to show: no forces of the grooves are known, as without torque_n_m")
-    data = motion_data(point.parameters, outputs)
-    given = {name: value for name, value in point.parameters.items() if _differs(point, name, value)}
+    data, blocks = [], []
+    for which, point in enumerate(points):
+        if point.outcome is not Outcome.FINISHED:
+            raise InputError(f"there is no motion to show: the point is {point.outcome.label}: {point.detail}")
+        outputs = {name: values.data for name, values in point.outputs.items()}
+        if not np.isfinite(outputs.get("groove_normal_force", np.nan)).all():
+            raise InputError("there is no motion to show: no forces of the grooves are known, as without torque_n_m")
+        data.append(motion_data(point.parameters, outputs))
+        blocks.append(_block(which, point, _own(point, points)))
     source = files("tripod_doe.motion")
     replaced = {
-        "@title@": html.escape(_title(point.parameters)),
-        "@drawing@": joint_drawing(point.parameters),
-        "@given@": html.escape(
-            ", ".join(f"{name} = {value}" for name, value in given.items()) or "all at their defaults"
-        ),
+        "@title@": html.escape(" beside ".join(_title(point.parameters) for point in points)),
+        "@points@": "".join(blocks),
+        '"points"': '"points two"' if len(points) > 1 else '"points"',
         "@data@": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "@style@": source.joinpath("motion.css").read_text(encoding="utf-8"),
         "@script@": source.joinpath("motion.js").read_text(encoding="utf-8"),
@@ -98,6 +100,43 @@ def motion_page(point: SimulatedPoint) -> str:
     for mark, text in replaced.items():
         page = page.replace(mark, text)
     return page
+
+
+def _own(point: SimulatedPoint, points: Sequence[SimulatedPoint]) -> str:
+    """The values in which a point differs from the others; empty for one alone."""
+    varied = [
+        name
+        for name in point.parameters
+        if len({str(other.parameters.get(name)) for other in points}) > 1 and point.simulator.parameters[name].unit
+    ]
+    return ", ".join(f"{name} = {point.parameters[name]}" for name in varied)
+
+
+_LABELS = {
+    "scene": "The joint in motion. Space: play; left and right: step; up, down, plus, minus: zoom; 1 to 4: views; "
+    "drag: turn",
+    "ring": "The needles of each trunnion unrolled: angle from the loaded side, place along the trunnion, colour by "
+    "load",
+    "plot": "Thrust over the rotation angle with its parts; click or drag to move in time",
+}
+"""Text alternatives of the pictures."""
+
+
+def _block(which: int, point: SimulatedPoint, name: str) -> str:
+    """The pictures of one point, which the script paints, and its drawing."""
+    focus = {"scene": ' tabindex="0"'}
+    scene, ring, plot = (
+        f'<canvas class="{kind}" id="{kind}-{which}" role="img" aria-label="{text}"{focus.get(kind, "")}></canvas>'
+        for kind, text in _LABELS.items()
+    )
+    head = f"<h2>{html.escape(name)}</h2>" if name else ""
+    given = {name: value for name, value in point.parameters.items() if _differs(point, name, value)}
+    told = html.escape(", ".join(f"{name} = {value}" for name, value in given.items()) or "all at their defaults")
+    return (
+        f'<section>{head}<div class="stage">{scene}{ring}</div>{plot}<p class="numbers" id="numbers-{which}" '
+        f'aria-live="off"></p><details><summary>Drawing to scale</summary>{joint_drawing(point.parameters)}</details>'
+        f'<p class="small">Parameters: {told}.</p></section>'
+    )
 
 
 def _title(parameters: Mapping[str, Value]) -> str:

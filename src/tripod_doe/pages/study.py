@@ -25,6 +25,7 @@ from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
 from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError
+from tripod_doe.pages.joint import drawn_joint
 from tripod_doe.report.answer import answer_first, picture_first
 from tripod_doe.report.charts.chart import Chart
 from tripod_doe.report.charts.loci import locus_chart
@@ -158,6 +159,7 @@ def make_page(
         numerics=numerics_rows(cube),
         factors=factor_rows(cube),
         fixed=fixed_rows(cube),
+        joint=drawn_joint(cube),
         packages=json.loads(str(cube.attrs.get("package_versions", "{}"))),
         histories={name: data.attrs.get("history", "") for name, data in {"cube": cube, **analyses}.items()},
         **content,

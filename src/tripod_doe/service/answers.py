@@ -53,6 +53,12 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
     return [*([("step", found["step"])] if found["step"] else []), *map(tuple, found["items"])]
 
 
+def motion(service: Service, run_id: str, number: int, step: str | None = None) -> str:
+    """The page that moves one point of a run."""
+    page: str = service.simulate_again("explorer.questions:motion", str(service.results(run_id, step)), number)
+    return page
+
+
 def point(service: Service, run_id: str, number: int, step: str | None = None) -> Answer:
     """One point of a run, with its figures."""
     path = str(service.results(run_id, step))

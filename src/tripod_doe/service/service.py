@@ -43,6 +43,7 @@ class Service:
         runs: Looks after the runs.
         extremes: Best and worst points of the runs.
         shares: Links that open one run.
+        computes: Whether points are simulated for who asks.
         is_open: Whether who asks may still do so.
     """
 
@@ -54,6 +55,7 @@ class Service:
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
         self.shares = Shares(settings.folder)
+        self.computes = True
         self.is_open: Callable[[], bool] = lambda: True
         self.extremes = Extremes(self._find_extremes)
         self._started = self._closed = False
@@ -66,7 +68,7 @@ class Service:
             is_open: Whether the reader may still ask.
         """
         seen = copy(self)
-        seen.settings, seen.is_open = settings, is_open
+        seen.settings, seen.is_open, seen.computes = settings, is_open, False
         if settings.only_run:
             seen.runs = cast("Supervisor", OneRun(self.runs, settings.only_run))
         return seen
@@ -140,6 +142,16 @@ class Service:
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
         return self._computing.ask(place, limits.simulate_seconds, as_json, body=body, limits=limits)
+
+    def simulate_again(self, place: str, path: str, number: int) -> Any:
+        """Ask a question about a point of a result directory that simulates it again.
+
+        Raises:
+            RefusedError: 403 for readers: their tokens compute nothing.
+        """
+        if not self.computes:
+            raise RefusedError(403, "this token only reads, and a point in motion is simulated again")
+        return self._computing.ask(place, self.settings.limits.simulate_seconds, path=path, number_of_point=number)
 
     def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`."""

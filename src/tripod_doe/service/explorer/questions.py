@@ -13,7 +13,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.motion.page import motion_page, viewed_point
 from tripod_doe.names import path_within
+from tripod_doe.pages.joint import drawing_of
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.report.responses import factor_names, unit_text
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
@@ -208,8 +210,23 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
         ],
         "parameters": settings,
         "command": simulate_command(cube, found),
+        "drawing": drawing_of(settings) if scene == "joint" and not _function(cube) else "",
         "figures": point_figures(found) if not reason else {},
     }
+
+
+def motion(path: str, number_of_point: int) -> Any:
+    """The page that moves one point, which is simulated for it again, with its contacts."""
+    with opened(path) as cube:
+        if _function(cube) or study_of(cube).get("study", {}).get("scene", "joint") != "joint":
+            raise InputError("only the scene joint can be seen in motion")
+        values = point_values(cube, point_of(cube, number_of_point))
+    return motion_page(viewed_point(**values))
+
+
+def _function(cube: xr.Dataset) -> bool:
+    """Whether points are computed by a function of the user's own."""
+    return bool(study_of(cube).get("study", {}).get("function"))
 
 
 def parameters(scene: str) -> Any:

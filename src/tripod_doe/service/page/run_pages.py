@@ -146,6 +146,7 @@ def point(run_id: str, number: int, service: AnyService, step: str | None = None
         run_id=run_id,
         step=step,
         read_only=service.settings.read_only,
+        computes=service.computes,
     )
     return {"html": text, "figures": found["figures"]}
 

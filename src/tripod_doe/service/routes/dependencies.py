@@ -26,6 +26,12 @@ def gives(*media_types: str) -> dict[int | str, dict[str, Any]]:
     return {200: {"content": {name: {"schema": {}} if name == "application/json" else text for name in media_types}}}
 
 
+IN_SANDBOX = {
+    "content-security-policy": "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
+}
+"""Headers of pages with their own styles and script: in the sandbox they reach neither cookie nor interface."""
+
 REFUSALS = errors_at(400, 401, 413, 422, 500, 503)
 """What any route may answer."""
 

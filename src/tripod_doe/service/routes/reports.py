@@ -10,16 +10,10 @@ from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.routes.dependencies import REFUSALS, AnyService, errors_at, gives
+from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.security.report_keys import report_key
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
-
-_POLICY = (
-    "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
-    "script-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
-)
-"""A report is one file with its own styles and script; in the sandbox they reach neither cookie nor interface."""
 
 _HANDED_ON = {"pdf": "application/pdf", "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"}
 Form = Literal["pdf", "html", "xlsx"]
@@ -43,7 +37,7 @@ def report(run_id: str, service: AnyService) -> Response:
     key = report_key(service.settings, run_id)
     start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
     text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{start}", 1)
-    return HTMLResponse(text, headers={"content-security-policy": _POLICY})
+    return HTMLResponse(text, headers=IN_SANDBOX)
 
 
 @router.get("/summary.{form}", response_class=Response, responses=gives("text/html", *_HANDED_ON.values()))
@@ -52,7 +46,7 @@ def summary(run_id: str, form: Form, service: AnyService, step: str | None = Non
     path = str(service.results(run_id, step))
     data = service.ask_large("workers.questions:handed_on", path=path, form=form)
     if form == "html":
-        return HTMLResponse(data, headers={"content-security-policy": _POLICY})
+        return HTMLResponse(data, headers=IN_SANDBOX)
     named = {"content-disposition": f'attachment; filename="summary.{form}"'}
     return Response(data, media_type=_HANDED_ON[form], headers=named)
 
@@ -65,4 +59,4 @@ def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     inside = any(path.is_relative_to(directory / name) for name in ("report", "steps"))
     if not inside or path.suffix not in _KINDS or not path.is_file():
         raise RefusedError(404, "no such page of this run")
-    return FileResponse(path, media_type=_KINDS[path.suffix], headers={"content-security-policy": _POLICY})
+    return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import APIRouter, Request
-from starlette.responses import Response
+from starlette.responses import HTMLResponse, Response
 
 from tripod_doe.service import answers
-from tripod_doe.service.routes.dependencies import REFUSALS, AnyService, errors_at
+from tripod_doe.service.routes.dependencies import CHANGES, IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
@@ -18,6 +18,12 @@ def figure(run_id: str, request: Request, service: AnyService, step: str | None 
     """A view of a cube as a figure for Plotly; the query is the one of the explorer's page."""
     items = list(request.query_params.multi_items())
     return Response(answers.figure(service, run_id, items, step), media_type="application/json")
+
+
+@router.get("/points/{number}/motion", response_class=Response, responses=gives("text/html") | CHANGES)
+def motion(run_id: str, number: int, service: AnyService, step: str | None = None) -> Response:
+    """A page that moves the joint at one point; the point is simulated for it again, with its contacts."""
+    return HTMLResponse(answers.motion(service, run_id, number, step), headers=IN_SANDBOX)
 
 
 @router.get("/points/{number}")
