@@ -1,4 +1,4 @@
-"""The SLURM recipe of docs/guides/cluster.md on a SLURM of this machine, whose jobs are killed, requeued and end.
+"""The SLURM recipe of docs/reference/cluster.md on a SLURM of this machine, whose jobs are killed, requeued and end.
 
     python benchmarks/slurm.py [--root /] [--what calm kill requeue wall-time lifetime recipe array]
                                [--count 2000] [--pause 0.3]
@@ -36,7 +36,7 @@ from pathlib import Path
 from cluster_storm import Command, checked, write_study
 from supervised_cluster import SupervisedCluster
 
-PAGE = Path(__file__).parents[1] / "docs" / "guides" / "cluster.md"
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "cluster.md"
 SIZES = {"maximum_jobs=320": "maximum_jobs=6"}
 ENDS = {
     "wall-time": {'walltime="02:00:00"': 'walltime="00:01:00"', '"--lifetime", "110m", "--lifetime-stagger", "8m"': ""},

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import itertools
 import re
+import shlex
 from pathlib import Path
 from typing import get_args
 
@@ -92,6 +94,24 @@ def test_every_flag_of_a_command_is_shown(command):
     for action in parser._actions:
         for flag in action.option_strings:
             assert flag in ("-h", "--help") or flag in shown, flag
+
+
+def calls(text):
+    """Words of each call of our command in the code blocks of a page that are not shown to be refused."""
+    for block in re.findall(r"(?<!exit code 2 -->\n)^```(?:bash|sh)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for call in re.findall(r"(?:^|&& |bin/)tripod-doe (.*)", block.replace("\\\n", " "), re.MULTILINE):
+            words = shlex.shlex(call, posix=True, punctuation_chars="&|;<>")
+            words.whitespace_split = True
+            yield list(itertools.takewhile(lambda word: word[0] not in "&|;<>", words))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_command_of_a_page_exists(page):
+    """Commands, flags and the number of their arguments, as the command line reads them; nothing runs."""
+    for words in calls(page.read_text()):
+        if words[-1] not in ("--help", "--version"):
+            _, unknown = build_parser(words).parse_known_args(words)
+            assert not unknown, words
 
 
 @pytest.mark.slow

@@ -141,7 +141,7 @@ class ExistingScheduler:
         if not client.scheduler.address.startswith(_TLS):
             print(
                 f"{self}: a connection without TLS: a program that reaches this scheduler or its workers can run code "
-                "there, and here; see docs/guides/cluster.md",
+                "there, and here; see docs/reference/cluster.md",
                 file=sys.stderr,
             )
         return client
