@@ -36,7 +36,7 @@ from tripod_doe.cli import (
     view,
     workflow,
 )
-from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
+from tripod_doe.cli.parser import DONE, INTERNAL, SOME_FAILED, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
 
@@ -99,7 +99,7 @@ def _run_command(arguments: Sequence[str]) -> int:
         options, unknown = build_parser(arguments).parse_known_args(arguments)
         if unknown:
             options.parser.refuse(unknown[0])
-        code = int(options.command(options))
+        code = _ran(options)
         check_interrupt()
         sys.stdout.flush()
         return code
@@ -126,6 +126,31 @@ def _run_command(arguments: Sequence[str]) -> int:
             print(f"tripod-doe: {damaged}", file=sys.stderr)
             return WRONG_INPUT
         return _printed(error)
+
+
+def _ran(options: argparse.Namespace) -> int:
+    """Run the command of a call, and pass on how it ended where that is asked for."""
+    if options.command is serve.COMMAND.run or getattr(options, "notify", None) is None:
+        return int(options.command(options))
+    from tripod_doe.notification import Notifier
+
+    notifier, code = Notifier.of(options.notify), INTERNAL
+    state, message = "failed", ""
+    try:
+        code = int(options.command(options))
+        state = "finished" if code in (DONE, SOME_FAILED) else "failed"
+        message = "points or steps failed that were not expected" if code == SOME_FAILED else ""
+        return code
+    except KeyboardInterrupt:
+        state = "stopped"
+        raise
+    except Exception as error:
+        message = str(error)
+        raise
+    finally:
+        facts = {"state": state, "name": options.out.name, "message": message, "directory": str(options.out.absolute())}
+        if trouble := notifier.tell(facts):
+            print(f"tripod-doe: --notify: {trouble}", file=sys.stderr)
 
 
 def _flushed(code: int) -> int:

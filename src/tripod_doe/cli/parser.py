@@ -115,3 +115,14 @@ def add_execution(parser: Parser, workers: str) -> None:
         "--oversubscribe", action="store_true", help="start all --workers even if this machine has fewer processors"
     )
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+    add_notify(parser)
+
+
+def add_notify(parser: Parser) -> None:
+    """Add the flag that says who gets word of the end of a run."""
+    parser.add_argument(
+        "--notify",
+        metavar="COMMAND|URL|@FILE",
+        help="at the end of a run, start this command with the facts as JSON on its standard input, or send them to "
+        "this address; @FILE holds one of both, which the list of processes then does not show",
+    )

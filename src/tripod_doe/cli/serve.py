@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.cli.parser import DONE, Command, Parser, add_notify
 from tripod_doe.errors import InputError
 
 
@@ -41,6 +41,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         type=Path,
         help="file with a second token, whose holders read everything and change nothing; made if it is not there",
     )
+    add_notify(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -56,6 +57,10 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError(
             f"--read-token-file {options.read_token_file}: this is the token of the owner; name another file"
         )
+    if options.notify is not None:
+        from tripod_doe.notification import Notifier
+
+        settings = replace(settings, notifier=Notifier.of(options.notify))
     serve(settings)
     return DONE
 

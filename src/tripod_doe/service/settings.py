@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tripod_doe.errors import InputError, option
+from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 
 FIRST_PART = "/s-"
@@ -32,6 +33,7 @@ class Settings:
     demo: bool = False  # whether a small finished study is put into the list
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)  # what a client must know
     read_token: str = field(default="", repr=False)  # of clients who only read; empty without any
+    notifier: Notifier | None = field(default=None, repr=False)  # who gets word of the end of a run
     only_run: str = ""  # the one run that a link opens; empty for all others
     limits: Limits = field(default_factory=Limits)  # what it takes
     key: str = field(default_factory=lambda: secrets.token_urlsafe(16), repr=False)  # of its addresses; see `sessions`

@@ -10,6 +10,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from contextlib import closing
 from dataclasses import replace
@@ -19,6 +20,7 @@ import pytest
 
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError, StorageError
+from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import processes
@@ -492,3 +494,24 @@ def test_the_limit_of_the_queue_holds_for_runs_that_go_on(start, settings, tmp_p
     with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
         supervisor.extend(stopped, upload, PLAN)
     assert supervisor.find(stopped).state is State.STOPPED
+
+
+def test_the_end_of_a_run_is_told_once_and_not_that_of_results_that_were_there(tmp_path):
+    """A run of the table is told; one that the command line filled has ended before the server began."""
+    told = tmp_path / "told"
+    script = tmp_path / "n.py"
+    script.write_text(f"import sys; open({str(told)!r}, 'a').write(sys.stdin.read() + '\\n')")
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    supervisor = Supervisor(Settings(folder, notifier=Notifier((sys.executable, str(script)))))
+    run = Run("a", "study", "name", "", State.RUNNING)
+    for state in (State.RUNNING, State.FINISHED, State.FINISHED):
+        supervisor._put(run.changed(state=state))
+    for state in (State.RUNNING, State.FINISHED):
+        supervisor._put(replace(run, id="b", place="found").changed(state=state))
+    for thread in threading.enumerate():
+        if thread.name == "notify":
+            thread.join()
+    facts = [json.loads(line) for line in told.read_text().splitlines()]
+    assert [(fact["id"], fact["state"], fact["text"]) for fact in facts] == [("a", "finished", "name: finished")]
+    assert set(facts[0]) == {"text", "state", "name", "message", "id", "kind", "points"}

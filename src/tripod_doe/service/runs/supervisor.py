@@ -317,10 +317,27 @@ class Supervisor:
 
     def _put(self, run: Run) -> Run:
         """Store a run whose state changed, and tell those who watch."""
+        before = self._runs.get(run.id)
         if not self.settings.read_only:
             self._table.put(run)
         self._show(run)
+        if before is not None and run.state.at_rest and not before.state.at_rest and not run.place:
+            self._notify(run)
         return run
+
+    def _notify(self, run: Run) -> None:
+        """Pass on that a run has ended, beside the work of the supervisor: it may take half a minute."""
+        notifier = self.settings.notifier
+        if notifier is None or self.settings.read_only:
+            return
+        record = run.record()
+        facts = {name: record[name] for name in ("state", "name", "message", "id", "kind", "points")}
+
+        def tell() -> None:
+            if trouble := notifier.tell(facts):
+                log.warning("--notify: %s", trouble)
+
+        threading.Thread(target=tell, name="notify", daemon=True).start()
 
     def _show(self, run: Run) -> None:
         self._runs[run.id] = run

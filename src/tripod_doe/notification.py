@@ -1,0 +1,125 @@
+"""Word that a run has ended: a command that is started, or a webhook that is called.
+
+What is passed on is a few facts about the run: no token, no address of a page, no result. Names of runs come from
+others, so they never become words of a command or a part of an address: they stand in JSON on its standard input, or in
+the body of the request. Nothing that goes wrong here changes how a run ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import stat
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+from urllib.parse import urlsplit
+
+from tripod_doe.errors import InputError, option, printable
+
+_SECONDS = 30.0  # for a command, and for an answer of a webhook
+_MOST_BYTES = 65_536  # of a file that holds a command or an address
+_LOCAL = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True)
+class Notifier:
+    """Where word goes: to a command, or to an address."""
+
+    words: tuple[str, ...] = ()  # of a command, which no shell reads
+    url: str = ""
+
+    @classmethod
+    def of(cls, text: str) -> Self:
+        """The notifier that a user names: a command, an address, or @FILE with one of both.
+
+        Raises:
+            InputError: If there is no such program, the address is not encrypted, or others can read or change the
+                file.
+        """
+        if text.startswith("@"):
+            text = _private_text(Path(text[1:]))
+        if text.partition("://")[0].lower() in ("http", "https"):
+            return cls(url=_checked_address(text))
+        try:
+            words = tuple(shlex.split(text))
+        except ValueError as error:
+            raise InputError(f"{option('notify')}: not a command: {error}") from error
+        if not words or shutil.which(words[0]) is None:
+            raise InputError(
+                f"{option('notify')}: no program {words[0] if words else text!r}: give a command, an address "
+                "https://..., or @FILE with one of both"
+            )
+        return cls(words)
+
+    def tell(self, facts: Mapping[str, Any]) -> str:
+        """Pass the facts on; gives what went wrong, empty where nothing did. It may take half a minute."""
+        name, state = printable(str(facts.get("name", ""))), facts.get("state", "")
+        message = printable(str(facts.get("message", "")))
+        text = f"{name}: {state}" + (f": {message}" if message else "")
+        data = json.dumps({"text": text, **facts}).encode()
+        return self._call(data) if self.url else self._start(data)
+
+    def _start(self, data: bytes) -> str:
+        try:
+            done = subprocess.run(self.words, input=data, capture_output=True, timeout=_SECONDS, check=False)
+        except subprocess.TimeoutExpired:
+            return f"{self.words[0]} did not end within {_SECONDS:.0f} s"
+        except OSError as error:
+            return f"{self.words[0]}: {error.strerror}"
+        last = (done.stderr or done.stdout).decode("utf-8", "replace").strip().splitlines()[-1:]
+        return f"{self.words[0]} ended with {done.returncode}: {' '.join(last)[:200]}" if done.returncode else ""
+
+    def _call(self, data: bytes) -> str:
+        from urllib.error import HTTPError, URLError
+        from urllib.request import HTTPRedirectHandler, ProxyHandler, Request, build_opener
+
+        class Staying(HTTPRedirectHandler):
+            """An address may hold a secret, which no other server gets."""
+
+            def redirect_request(self, *words: Any, **named: Any) -> None:
+                return None
+
+        host = urlsplit(self.url).hostname or ""
+        opener = build_opener(Staying(), *([ProxyHandler({})] if host in _LOCAL else []))
+        request = Request(self.url, data, {"Content-Type": "application/json", "User-Agent": "tripod-doe"})
+        try:
+            opener.open(request, timeout=_SECONDS).close()
+        except HTTPError as error:
+            with error:
+                return f"{host} answered {error.code}"
+        except (URLError, OSError, ValueError) as error:
+            return f"{host}: no answer ({getattr(error, 'reason', None) or type(error).__name__})"
+        return ""
+
+
+def _checked_address(text: str) -> str:
+    try:
+        parts = urlsplit(text)
+        host = parts.hostname
+    except ValueError:
+        host = None
+    if not host or not text.isprintable() or " " in text:
+        raise InputError(f"{option('notify')}: not an address: write https://host/path")
+    if parts.scheme != "https" and host not in _LOCAL:
+        raise InputError(f"{option('notify')}: {host}: an address of another machine begins with https://")
+    return text
+
+
+def _private_text(path: Path) -> str:
+    """The first line of a file that others cannot read: an address may hold a secret."""
+    named = option("notify", f"@{path}")
+    try:
+        with path.open(encoding="utf-8") as stream:
+            state = os.fstat(stream.fileno())
+            if not stat.S_ISREG(state.st_mode) or state.st_uid not in (os.geteuid(), 0) or state.st_mode & 0o077:
+                raise InputError(f"{named}: other users can use this file; run: chmod go-rwx {path}")
+            lines = stream.read(_MOST_BYTES).split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(f"{named}: cannot read this file: {reason}") from error
+    return lines[0].strip()
