@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "report"))
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "analyses"))
 from test_findings_hold import KINDS, check_designs
 
 

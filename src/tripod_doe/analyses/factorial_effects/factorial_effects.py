@@ -36,6 +36,8 @@ from tripod_doe.study.definition.study_file import FactorTable
 
 _ALIAS = 1e-8  # part of a column's length that the terms before must leave for it to be a term of its own
 _ROUNDING = 1e-12  # part of the variance of an output below which nothing is left
+_LEVERAGE = 1e-6  # least part of a point's residual that the fit leaves to it
+_SAMPLED = ("latin-hypercube", "sobol", "halton", "rbd-fast")
 EFFECT_DESIGNS = (
     "full-factorial",
     "fractional-factorial",
@@ -45,10 +47,7 @@ EFFECT_DESIGNS = (
     "grid",
     "table",
     "zip",
-    "latin-hypercube",
-    "sobol",
-    "halton",
-    "rbd-fast",
+    *_SAMPLED,
 )
 """Designs whose points a regression can use."""
 
@@ -136,7 +135,21 @@ def _pseudo_error(effects: FloatArray) -> FloatArray:
     return 1.5 * middle
 
 
-def _fit(terms: Terms, values: FloatArray, confidence: float) -> dict[str, FloatArray]:
+def _local_deviations(inverse: FloatArray, q: FloatArray, rest: FloatArray) -> FloatArray:
+    """Standard deviations of coefficients by HC3 (MacKinnon and White 1985), shape (term, component).
+
+    What the terms leave of a curved response scatters more at the ends of a range than in the middle.
+    """
+    local = rest / np.maximum(1 - (q**2).sum(axis=1), _LEVERAGE)[:, None]
+    return np.asarray(np.sqrt((inverse @ q.T) ** 2 @ local**2))
+
+
+def _ratio(effects: FloatArray, error: FloatArray) -> FloatArray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(error > 0, effects / error, np.where(effects == 0, 0, np.inf))
+
+
+def _fit(terms: Terms, values: FloatArray, confidence: float, sampled: bool) -> dict[str, FloatArray]:
     """Effects, intervals and the analysis of variance of all columns at once."""
     from scipy import stats  # slow to import: every study would wait for it
 
@@ -146,27 +159,26 @@ def _fit(terms: Terms, values: FloatArray, confidence: float) -> dict[str, Float
     projected = q.T @ values
     coefficients = np.linalg.solve(r, projected)
     spread = ((values - values.mean(axis=0)) ** 2).sum(axis=0)
-    residual = np.maximum(((values - matrix @ coefficients) ** 2).sum(axis=0), 0)
-    residual[residual < _ROUNDING * spread] = 0
-    spare = count - width - 1
-    effects = coefficients[1:] * terms.reach[:, None]
+    rest = values - matrix @ coefficients
+    rest = np.where((rest**2).sum(axis=0) < _ROUNDING * spread, 0.0, rest)
+    residual = (rest**2).sum(axis=0)
+    spare, inverse = count - width - 1, np.linalg.inv(r)[1:]
+    effects, own = coefficients[1:] * terms.reach[:, None], (inverse**2).sum(axis=1)[:, None]
     if spare > 0:
-        inverse = np.linalg.inv(r)
-        error = np.sqrt((inverse[1:] ** 2).sum(axis=1))[:, None] * np.sqrt(residual / spare) * terms.reach[:, None]
+        plain = error = np.sqrt(own) * np.sqrt(residual / spare) * terms.reach[:, None]
         freedom: float = spare
+        if sampled:
+            error = np.maximum(plain, _local_deviations(inverse, q, rest) * terms.reach[:, None])
     else:
-        error, freedom = np.broadcast_to(_pseudo_error(effects), effects.shape), width / 3
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.where(error > 0, effects / error, np.where(effects == 0, 0, np.inf))
-    unit = np.linalg.inv(r)[1:]
-    sums = coefficients[1:] ** 2 / (unit**2).sum(axis=1)[:, None]  # of each term, given all others
+        plain = error = np.broadcast_to(_pseudo_error(effects), effects.shape)
+        freedom = width / 3
     return {
         "effect": effects,
         "effect_conf": stats.t.ppf(0.5 + confidence / 2, freedom) * error,
-        "p_value": 2 * stats.t.sf(np.abs(ratio), freedom),
+        "p_value": 2 * stats.t.sf(np.abs(_ratio(effects, error)), freedom),
         "coefficient": coefficients[1:],
-        "sum_of_squares": sums,
-        "f_value": ratio**2,
+        "sum_of_squares": coefficients[1:] ** 2 / own,  # of each term, given all others
+        "f_value": _ratio(effects, plain) ** 2,
         "mean": coefficients[0],
         "residual_sum_of_squares": residual,
         "r_squared": 1 - residual / np.where(spread > 0, spread, np.nan),
@@ -192,7 +204,8 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     """Effects of factors, interactions and squares with intervals, and the analysis of variance.
 
     Intervals and probabilities are those of Student's t with the scatter that the terms leave: of a deterministic model
-    that is its lack of fit. A design without spare points takes Lenth's pseudo standard error.
+    that is its lack of fit, for a random sample as it is near each point where that is more. A design without spare
+    points takes Lenth's pseudo standard error.
 
     Returns:
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
@@ -207,12 +220,14 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     cube = flat_points(cube)
     names = chosen_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
-    terms = _terms(sample, settings)
+    terms, sampled = _terms(sample, settings), sample.design.kind in _SAMPLED
     names = [name for name in names if not is_course(cube, name) or len(names) == 1]
     joint = side_by_side(cube, names)
     names = joint + [name for name in names if name not in joint]
     parts = {
-        name: answered_in_parts(cube, name, sample.rows, lambda table: _of_output(terms, table, settings.confidence))
+        name: answered_in_parts(
+            cube, name, sample.rows, lambda table: _of_output(terms, table, settings.confidence, sampled)
+        )
         for name in names
     }
     result = stacked(parts, joint)
@@ -234,12 +249,12 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     )
 
 
-def _of_output(terms: Terms, table: OutputTable, confidence: float) -> xr.Dataset:
+def _of_output(terms: Terms, table: OutputTable, confidence: float, sampled: bool) -> xr.Dataset:
     """The fit of one output; NaN for components that do not vary."""
     answers: dict[str, FloatArray] = {}
     varies = table.varies
     for components in [*table.chunks()] or [np.array([0])]:  # where none varies, one shows the shapes
-        for key, answer in _fit(terms, table.values[:, components], confidence).items():
+        for key, answer in _fit(terms, table.values[:, components], confidence, sampled).items():
             blank = answers.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
             blank[..., components] = np.where(varies[components], answer, np.nan)
     return xr.Dataset(

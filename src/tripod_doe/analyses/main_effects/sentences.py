@@ -79,7 +79,8 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
     for why, names in reasons.items():
         if names:
             labels = listed([factor_label(cube, name) for name in names])
-            sentences.append(f"This design does not separate the effect of {labels} from those of the others: {why}.")
+            own = "effects" if len(names) > 1 else "effect"
+            sentences.append(f"This design does not separate the {own} of {labels} from those of the others: {why}.")
     return sentences
 
 

@@ -42,6 +42,11 @@ def _both_signs(effect: FactorEffect) -> bool:
     return bool(effect.level[0] < 0 < effect.level[-1])
 
 
+def _is_of_few(effect: FactorEffect) -> bool:
+    """Whether most settings of the others have another course than the mean over them, which is then no rule."""
+    return effect.shape is not Shape.NONE and effect.ground is Ground.CURVES and 2 * effect.alike < effect.settings
+
+
 def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
     """Whether values of both signs are there, but not zero, and the extreme lies at those next to it."""
     if 0 in levels or not levels[0] < 0 < levels[-1]:
@@ -85,7 +90,7 @@ class EffectWording:
             return self._steps(effect)
         if effect.ground is Ground.REGRESSION and effect.shape is Shape.NONE:
             return self._trend(effect)
-        if not effect.numeric or (effect.level.size == 2 and _both_signs(effect)):
+        if not effect.numeric or (effect.level.size == 2 and _both_signs(effect)) or _is_of_few(effect):
             return self._words(effect)
         text = {
             Shape.NONE: self._flat,
@@ -244,7 +249,7 @@ class EffectWording:
         ]
 
     def _words(self, effect: FactorEffect) -> str:
-        """A factor without an order, such as the model, or with one value of each sign: nothing is known between."""
+        """A factor whose mean curve is no rule: words, one value of each sign, or a course of few settings."""
         if effect.shape is Shape.NONE:
             return f"{self._flat(effect) if effect.rise <= self._rounding else self._means(effect)}."
         least, most = self._extremes(effect)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.analyses.outputs import (
     OutputTable,
@@ -145,8 +146,12 @@ def _nested(sample: Sample) -> Iterator[Sample]:
 
 
 def _needed(method: Method, answers: Answers, sample: Sample, settings: SensitivitySettings) -> FloatArray:
-    """Samples after which no interval is wider than the precision, which shrinks with their square root."""
+    """Samples after which no interval is wider than the precision, which shrinks with their square root.
+
+    NaN where an index has no interval, since how it shrinks is not known.
+    """
     index, half = np.abs(answers[method.ranked]), answers[f"{method.ranked}_conf"]
+    known = ~without_interval(index, half).any(axis=0) & np.isfinite(index).any(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         widest = np.where(np.isfinite(half), half, -np.inf).max(axis=0) / np.where(
             np.isfinite(index), index, -np.inf
@@ -154,7 +159,13 @@ def _needed(method: Method, answers: Answers, sample: Sample, settings: Sensitiv
         needed = np.ceil(sample.blocks * (widest / settings.precision) ** 2)
     if sample.design.kind == "saltelli":
         needed = np.where(needed > 1, 2.0 ** np.ceil(np.log2(np.maximum(needed, 1))), needed)
-    return np.where(np.isfinite(index).any(axis=0), needed, np.nan)
+    return np.where(known, needed, np.nan)
+
+
+def without_interval(index: FloatArray, half: FloatArray) -> NDArray[np.bool_]:
+    """Which factors have an index above rounding and no interval; shape (factor, ...)."""
+    rounding = 1e-9 * np.abs(index).max(axis=0, initial=0.0, where=np.isfinite(index))
+    return np.isfinite(index) & (np.abs(index) > rounding) & ~np.isfinite(half)
 
 
 def _dims(method: Method, key: str) -> tuple[str, ...]:

@@ -1,4 +1,8 @@
-"""Morris' elementary effects from trajectories, for all outputs at once; equal to SALib's to rounding."""
+"""Morris' elementary effects from trajectories, for all outputs at once.
+
+Equal to SALib's to rounding but for the intervals of mu_star: SALib's hold in 80 to 92 % where 95 % is said (10 and 20
+trajectories), and are 0 where two trajectories of twenty have an effect.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,14 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.resampling import half_width
+from tripod_doe.analyses.resampling import bootstrap_weights, studentised_half_width
 from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import factor_groups
+
+_RESAMPLES = 1000  # least, for quantiles of them
 
 
 class MorrisSettings(SensitivitySettings):
@@ -50,16 +56,9 @@ def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: 
         "mu_star": np.abs(effect).mean(axis=1),
         "sigma": effect.std(axis=1, ddof=1) * alone,
     }
-    random = np.random.default_rng(settings.seed)
-    half = [half_width(_drawn_means(np.abs(each), random, settings.resamples), settings.confidence) for each in effect]
+    weights = bootstrap_weights(sample.blocks, max(settings.resamples, _RESAMPLES), settings.seed)
+    half = [studentised_half_width(np.abs(each), weights, settings.confidence) for each in effect]
     return answers | {"mu_star_conf": np.stack(half), "size": answers["mu_star"]}
-
-
-def _drawn_means(values: FloatArray, random: np.random.Generator, resamples: int) -> FloatArray:
-    """Means of resamples, shape (resample, component), with SALib's draws."""
-    drawn = random.integers(len(values), size=(resamples, len(values)))
-    weights = np.stack([np.bincount(row, minlength=len(values)) for row in drawn]) / len(values)
-    return weights @ values
 
 
 METHOD = Method(

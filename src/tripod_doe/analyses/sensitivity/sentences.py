@@ -7,6 +7,7 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
+from tripod_doe.analyses.sensitivity.method import without_interval
 from tripod_doe.quantities import count_of, interval, number, rounded_up
 from tripod_doe.report.main_outputs import OutputPart, main_outputs
 from tripod_doe.report.responses import listed, spoken
@@ -38,7 +39,8 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
                 text = _morris_sentence(part)
             case _:
                 text = _index_sentence(part, kind)
-        sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_convergence(part, kind, result)]
+        sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_without_interval(part, kind, result)]
+        sentences += _convergence(part, kind, result)
     return sentences + _holes(result)
 
 
@@ -121,6 +123,23 @@ def _unresolved(part: OutputPart) -> list[str]:
         effects = f"the effect of {names[0]} {one}" if len(names) == 1 else f"the effects of {listed(names)} {many}"
         sentences.append(f"For {part.what}, {effects}.")
     return sentences
+
+
+def _without_interval(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
+    """Factors whose effects vary in too few trajectories for an interval."""
+    if kind != "morris":
+        return []
+    answers = part.answers
+    missing = without_interval(answers["mu_star"].values, answers["mu_star_conf"].values)
+    names = [spoken(str(factor)) for factor in answers["factor"].values[missing]]
+    if not names:
+        return []
+    each = "the effect" if len(names) == 1 else "the effects"
+    return [
+        f"No interval is known for {each} of {listed(names)} on {part.what}: "
+        f"{'it is' if len(names) == 1 else 'each is'} the same in all or nearly all of the "
+        f"{int(result.attrs['groups_used']):,} trajectories."
+    ]
 
 
 def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:

@@ -29,11 +29,13 @@ _PART = 100_000
 class ModelRecords:
     """Models of the points of a study with a result, collected part by part.
 
-    Sentences about an ablation count the points with all mechanisms on, whose thrust is broken down.
+    Sentences about an ablation count the points with all mechanisms on, whose thrust is broken down; those about a
+    multifidelity study the points of the truth, since cheaper models only narrow its intervals.
     """
 
     def __init__(self, study: Study) -> None:
-        self._study, self._every, self._on = study, ModelSummary(), ModelSummary("with all mechanisms on")
+        self._study, self._every = study, ModelSummary()
+        self._counted = ModelSummary("with all mechanisms on" if study.switches else "")
 
     def of(
         self,
@@ -65,9 +67,9 @@ class ModelRecords:
                 return {}
             numerical = self._study.simulator.numerical_errors({name: data[chosen] for name, data in outputs.items()})
             trust[chosen] = self._every.add(errors, numerical)
-            if switches := self._study.switches:
-                on = np.all([columns[name] == 1 for name in switches], axis=0)
-                self._on.add(errors.of(on), None if numerical is None else numerical[on])
+            if required := self._required():
+                own = np.all([columns[name] == value for name, value in required.items()], axis=0)
+                self._counted.add(errors.of(own), None if numerical is None else numerical[own])
             expected[chosen], limit[chosen] = errors.expected, errors.limit
             of = _meaning(errors)
         judged = {TRUST: (trust, "how far the point can be trusted")} if rows.size else {}
@@ -78,6 +80,13 @@ class ModelRecords:
             MODEL_ERROR_LIMIT: (limit, f"{of}: 90th percentile of similar points"),
         }
 
+    def _required(self) -> dict[str, object]:
+        """Values of the points that sentences count; empty where they count all."""
+        design, required = self._study.file.design, dict[str, object](dict.fromkeys(self._study.switches, 1))
+        if design.kind == "multifidelity" and (values := self._study.factors[design.fidelity].values):
+            return required | {design.fidelity: values[-1]}
+        return required
+
     def _parameters(self, points: Points, used: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, NDArray[Any]]:
         """All parameters of some points, with the model of the last attempt."""
         columns = self._study.simulator.columns(self._study.base, points.at(rows), rows.size)
@@ -87,8 +96,8 @@ class ModelRecords:
 
     @property
     def _summary(self) -> ModelSummary:
-        """The points that sentences count: those with all mechanisms on, else all."""
-        return self._on if self._on.models else self._every
+        """The points that sentences count: chosen ones, else all."""
+        return self._counted if self._counted.models else self._every
 
     @property
     def verdict(self) -> list[str]:
