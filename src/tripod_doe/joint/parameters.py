@@ -6,10 +6,8 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -19,23 +17,12 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping import damping_time
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Parameter, Value
+from tripod_doe.simulator import Value, read_parameters
 
 MECHANISMS = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
 """The five friction mechanisms that a contribution study switches on and off."""
 
-_UNSTATED = {"default": None, "unit": "1", "symbol": ""}
-
-
-def _parameter(name: str, table: dict[str, Any]) -> Parameter:
-    low, high = table.pop("range", (-math.inf, math.inf))
-    choices = tuple(table.pop("choices", ("newton", *METHODS) if name == "method" else ()))
-    return Parameter(name, low=low, high=high, choices=choices, **_UNSTATED | table)
-
-
-_TABLES = tomllib.loads(files("tripod_doe.joint").joinpath("parameters.toml").read_text(encoding="utf-8"))
-
-JOINT_PARAMETERS = {name: _parameter(name, table) for name, table in _TABLES.items()}
+JOINT_PARAMETERS = read_parameters("tripod_doe.joint", "parameters.toml", {"method": ("newton", *METHODS)})
 """All parameters of the joint by name, in the order in which help and documentation list them."""
 
 _INTERNAL = {

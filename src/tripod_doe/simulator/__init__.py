@@ -11,7 +11,7 @@ from tripod_doe.simulator.known_error import NOTABLE_ERROR, Departure, ModelErro
 from tripod_doe.simulator.model_summary import ModelSummary
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
 from tripod_doe.simulator.output import MIRRORED_BY, ZERO_AT, Dimension, Output
-from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set
+from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set, read_parameters
 from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
 from tripod_doe.simulator.trust import TRUST_ATTRIBUTES, Trust
 
@@ -50,4 +50,5 @@ __all__ = [
     "is_set",
     "model_notes",
     "not_counted",
+    "read_parameters",
 ]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
@@ -117,6 +119,21 @@ def _shown(value: object) -> str:
 def is_set(value: object) -> bool:
     """Whether a parameter has a value: None and NaN stand for none."""
     return value is not None and value == value
+
+
+def read_parameters(package: str, name: str, choices: Mapping[str, tuple[str, ...]]) -> dict[str, Parameter]:
+    """Parameters by name from a TOML file of a package: a table for each, whose keys are the fields of `Parameter`.
+
+    Its ``range`` is [low, high]; the choices of the parameters that have any may be given here.
+    """
+    tables = tomllib.loads(files(package).joinpath(name).read_text(encoding="utf-8"))
+    return {name: _from_table(name, table, choices.get(name, ())) for name, table in tables.items()}
+
+
+def _from_table(name: str, table: dict[str, Any], choices: tuple[str, ...]) -> Parameter:
+    low, high = table.pop("range", (-math.inf, math.inf))
+    choices = tuple(table.pop("choices", choices))
+    return Parameter(name, low=low, high=high, choices=choices, **{"default": None, "unit": "1", "symbol": ""} | table)
 
 
 def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:

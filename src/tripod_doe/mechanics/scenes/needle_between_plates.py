@@ -22,17 +22,10 @@ from scipy.optimize import brentq
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
-from tripod_doe.mechanics.contact_damping import DAMPING_PARAMETERS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
-from tripod_doe.mechanics.scenes.scene_simulator import (
-    PLACES,
-    PROGRESS,
-    RUN_OUTPUTS,
-    SceneSimulator,
-    numerics_parameters,
-)
-from tripod_doe.simulator import Methods, Output, Parameter, by_name
+from tripod_doe.mechanics.scenes.scene_simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, scene_parameters
+from tripod_doe.simulator import Methods, Output, by_name
 
 _PLATE_MASS = 1e-4
 """Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""
@@ -52,144 +45,6 @@ _NUMERICS: Methods = {
     "scipy-dop853": {"relative_tolerance": 1e-6},
 }
 """Methods, the default first, each with its default step or tolerance."""
-
-_PARAMETERS = [
-    Parameter(
-        "friction_a",
-        0.03,
-        "1",
-        "mu_sA",
-        "sliding friction coefficient on plate A, the fixed one",
-        "assumed",
-        low=0,
-        high=1,
-        group="friction",
-    ),
-    Parameter(
-        "friction_b",
-        0.02,
-        "1",
-        "mu_sB",
-        "sliding friction coefficient on plate B, the moving one",
-        "assumed",
-        low=0,
-        high=1,
-        group="friction",
-    ),
-    Parameter(
-        "transition_ratio",
-        0.25,
-        "1",
-        "v_st/v_max",
-        "transition velocity over half the plate's speed along the needle",
-        "paper 3.1",
-        low=0,
-        high=10,
-        low_open=True,
-        group="friction",
-    ),
-    Parameter(
-        "plate_speed_mm_s",
-        100.0,
-        "mm s-1",
-        "V",
-        "speed of plate B",
-        "assumed",
-        low=-1e5,
-        high=1e5,
-        group="operating point",
-    ),
-    Parameter(
-        "reversing_frequency_hz",
-        0.0,
-        "Hz",
-        "f",
-        "frequency at which plate B moves to and fro, V its largest speed; 0 for a constant speed",
-        "assumed",
-        low=0,
-        high=1e4,
-        group="operating point",
-    ),
-    Parameter(
-        "load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True, group="operating point"
-    ),
-    Parameter(
-        "skew_deg",
-        2.0,
-        "degree",
-        "phi",
-        "skew of the needle, counterclockwise seen from plate B",
-        "paper Fig. 8",
-        low=-45,
-        high=45,
-        group="operating point",
-    ),
-    Parameter(
-        "duration_s", 0.1, "s", "T", "duration", "assumed", low=0, high=100, low_open=True, group="operating point"
-    ),
-    Parameter("needle_diameter_mm", 2.0, "mm", "d_n", "needle diameter", "assumed", low=0.2, high=10, group="geometry"),
-    Parameter(
-        "needle_length_mm",
-        10.0,
-        "mm",
-        "l",
-        "length of the needle's line contact",
-        "assumed",
-        low=0.5,
-        high=80,
-        group="geometry",
-    ),
-    Parameter(
-        "spheres_per_needle",
-        7,
-        "1",
-        "N_s",
-        "spheres that stand for a needle",
-        "paper 3.1",
-        low=1,
-        high=51,
-        kind="integer",
-        group="geometry",
-    ),
-    Parameter(
-        "needle_crown_um",
-        0.0,
-        "um",
-        "",
-        "crown of the needle: drop of its profile at the ends",
-        "assumed",
-        low=0,
-        high=100,
-        group="geometry",
-    ),
-    Parameter(
-        "density_kg_m3", 7850.0, "kg m-3", "", "density of the needle", "steel", low=100, high=25000, group="material"
-    ),
-    *DAMPING_PARAMETERS,
-    Parameter(
-        "contact_stiffness_factor",
-        1.0,
-        "1",
-        "",
-        "factor on every contact stiffness",
-        "numerics: for stability studies",
-        low=1e-4,
-        high=1e4,
-        group="stability studies",
-    ),
-    Parameter(
-        "needle_mass_factor",
-        1.0,
-        "1",
-        "",
-        "factor on the needle's mass and inertia",
-        "numerics: for stability studies",
-        low=1e-4,
-        high=1e4,
-        group="stability studies",
-    ),
-    *numerics_parameters(_NUMERICS, 200_000_000),
-]
 
 _OUTPUTS = [
     Output("axial_drift_mm", "mm", "y", "drift of the needle across the plate's velocity, in its plane"),
@@ -312,7 +167,7 @@ class NeedleBetweenPlates(SceneSimulator):
     """The needle between two plates as a simulator."""
 
     name = "needle-between-plates"
-    parameters = by_name(_PARAMETERS)
+    parameters = scene_parameters("needle_between_plates.toml", _NUMERICS, 200_000_000)
     outputs = by_name(_OUTPUTS)
     numerics = _NUMERICS
 

@@ -16,12 +16,11 @@ import numpy as np
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
-from tripod_doe.mechanics.contact_damping import DAMPING_PARAMETERS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
-from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator, numerics_parameters
+from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator, scene_parameters
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
-from tripod_doe.simulator import Methods, Output, Parameter, by_name
+from tripod_doe.simulator import Methods, Output, by_name
 
 _MASS, _INERTIA = 7e-5, 1e-2
 """Mass (0.07 kg) and moment of inertia of the roller, assumed: they matter only while the load settles."""
@@ -41,117 +40,6 @@ _NUMERICS: Methods = {
     "scipy-dop853": {"relative_tolerance": 1e-8},
 }
 """Methods, the default first, each with its default step or tolerance."""
-
-_PARAMETERS = [
-    Parameter(
-        "tilt_deg",
-        10.0,
-        "degree",
-        "beta",
-        "tilt of the roller's axis from the perpendicular to the groove",
-        "assumed",
-        low=-80,
-        high=80,
-        group="operating point",
-    ),
-    Parameter(
-        "axial_speed_mm_s",
-        233.0,
-        "mm s-1",
-        "v_z",
-        "speed of the roller along the groove",
-        "assumed: peak at the joint's reference point",
-        low=-1e5,
-        high=1e5,
-        group="operating point",
-    ),
-    Parameter(
-        "load_n",
-        800.0,
-        "N",
-        "N",
-        "load of the roller on the groove",
-        "assumed",
-        low=0,
-        high=1e6,
-        low_open=True,
-        group="operating point",
-    ),
-    Parameter(
-        "duration_s",
-        0.02,
-        "s",
-        "T",
-        "duration; the force is that at its end",
-        "assumed",
-        low=0,
-        high=10,
-        low_open=True,
-        group="operating point",
-    ),
-    Parameter(
-        "friction", 0.05, "1", "mu_s", "sliding friction coefficient", "paper 3.1", low=0, high=1, group="friction"
-    ),
-    Parameter(
-        "transition_ratio",
-        0.25,
-        "1",
-        "v_st/v_max",
-        "transition velocity over the steady slip",
-        "paper 3.1",
-        low=0,
-        high=10,
-        low_open=True,
-        group="friction",
-    ),
-    Parameter(
-        "roller_radius_mm",
-        16.0,
-        "mm",
-        "R_s",
-        "radius of the spherical roller",
-        "assumed",
-        low=3,
-        high=80,
-        group="geometry",
-    ),
-    Parameter(
-        "groove_radius_ratio",
-        1.0086,
-        "1",
-        "R_g/R_s",
-        "groove radius over roller radius",
-        "paper 2.3.1",
-        low=1,
-        high=2,
-        low_open=True,
-        group="geometry",
-    ),
-    Parameter(
-        "contact_stiffness_n_mm15",
-        2.938e6,
-        "N mm-1.5",
-        "C",
-        "contact stiffness of Eq. 2 with m = 3/2",
-        "paper Table 1 at the reference geometry",
-        low=1,
-        high=1e9,
-        group="material",
-    ),
-    *DAMPING_PARAMETERS,
-    Parameter(
-        "contact_stiffness_factor",
-        1.0,
-        "1",
-        "",
-        "factor on the contact stiffness",
-        "numerics: for stability studies",
-        low=1e-4,
-        high=1e4,
-        group="stability studies",
-    ),
-    *numerics_parameters(_NUMERICS, 50_000_000),
-]
 
 _OUTPUTS = [
     Output("axial_force_n", "N", "F", "magnitude of the axial force on the groove"),
@@ -217,7 +105,7 @@ class RollerInGroove(SceneSimulator):
     """The roller in its groove as a simulator."""
 
     name = "roller-in-groove"
-    parameters = by_name(_PARAMETERS)
+    parameters = scene_parameters("roller_in_groove.toml", _NUMERICS, 50_000_000)
     outputs = by_name(_OUTPUTS)
     numerics = _NUMERICS
 

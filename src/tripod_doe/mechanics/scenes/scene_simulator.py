@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from tripod_doe.mechanics.checks.linearisation import fastest_rates
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.compilation.sources import source_hashes
-from tripod_doe.mechanics.contact_damping import BOTH, greased_and_dry, settled
+from tripod_doe.mechanics.contact_damping import BOTH, DAMPING_PARAMETERS, greased_and_dry, settled
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Run
@@ -29,7 +29,9 @@ from tripod_doe.simulator import (
     Parameter,
     Simulator,
     Value,
+    by_name,
     is_set,
+    read_parameters,
 )
 
 PLACES = np.linspace(0.0, 1.0, 101)
@@ -47,70 +49,16 @@ RUN_OUTPUTS = (
 _RATE_STATES = 10
 """States on the way at which a run is linearised."""
 
-_NUMERICS = "numerics"
 
-
-def numerics_parameters(methods: Methods, evaluation_budget: int) -> tuple[Parameter, ...]:
-    """Parameters of the time integration, with the scene's default method, its first one, and its default budget."""
-    return (
-        Parameter(
-            "method",
-            next(iter(methods)),
-            "1",
-            "",
-            "time integration method",
-            "numerics",
-            kind="choice",
-            choices=tuple(METHODS),
-            group=_NUMERICS,
-        ),
-        Parameter(
-            "relative_tolerance",
-            None,
-            "1",
-            "",
-            "relative tolerance of a method with step control; by default the method's own",
-            "numerics",
-            low=1e-13,
-            high=0.1,
-            group=_NUMERICS,
-        ),
-        Parameter(
-            "step_s",
-            None,
-            "s",
-            "h",
-            "time step of a method without step control; by default the method's own",
-            "numerics",
-            low=1e-10,
-            high=1.0,
-            group=_NUMERICS,
-        ),
-        Parameter(
-            "evaluation_budget",
-            evaluation_budget,
-            "1",
-            "",
-            "largest number of force evaluations of a run",
-            "numerics",
-            low=1,
-            high=1e12,
-            kind="integer",
-            group=_NUMERICS,
-        ),
-        Parameter(
-            "replicate",
-            0,
-            "1",
-            "",
-            "number of the repetition; has no effect on results",
-            "numerics",
-            low=0,
-            high=1e6,
-            kind="integer",
-            group=_NUMERICS,
-        ),
-    )
+def scene_parameters(file: str, methods: Methods, evaluation_budget: int) -> dict[str, Parameter]:
+    """Parameters of a scene from its file, with contact damping, and numerics with the first method as the default."""
+    own = read_parameters("tripod_doe.mechanics.scenes", file, {})
+    last = {name: parameter for name, parameter in own.items() if parameter.group == "stability studies"}
+    numerics = read_parameters("tripod_doe.mechanics.scenes", "numerics.toml", {"method": tuple(METHODS)})
+    defaults: dict[str, Value] = {"method": next(iter(methods)), "evaluation_budget": evaluation_budget}
+    numerics |= {name: replace(numerics[name], default=value) for name, value in defaults.items()}
+    first = {name: parameter for name, parameter in own.items() if name not in last}
+    return first | by_name(DAMPING_PARAMETERS) | last | numerics
 
 
 class SceneSimulator(Simulator):
