@@ -31,7 +31,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.page.rendering import part
 from tripod_doe.service.requests.gallery import gallery, gallery_upload
 from tripod_doe.service.requests.study_form import changed_text, study_form
-from tripod_doe.service.requests.uploads import upload_texts, write_upload
+from tripod_doe.service.requests.uploads import main_file, upload_texts, write_upload
 from tripod_doe.study.definition.study import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
@@ -437,12 +437,12 @@ def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):
     assert {"workflow-small", "workflow-paper", "speed_needle"} <= {entry["id"] for entry in entries}
     for entry in entries:
         upload = gallery_upload(entry["id"])
-        name, texts = upload_texts(upload)
-        assert name == f"{entry['kind']}.toml"
+        kind, texts = upload_texts(upload)
+        assert kind == entry["kind"]
         folder = tmp_path / entry["id"]
         write_upload(folder, texts)
-        load = load_study if entry["kind"] == "study" else load_workflow
-        load(folder / name, folder=StudyFolder(folder, trusted=False))  # no function, and no file that is not sent
+        load = load_study if kind == "study" else load_workflow
+        load(folder / main_file(kind), folder=StudyFolder(folder, trusted=False))  # no function, and no file that is not sent
         assert len(json.dumps(upload)) < Limits().body_bytes
     with pytest.raises(InputError, match="no study or workflow of this name"):
         gallery_upload("../pyproject")
