@@ -10,7 +10,9 @@ import xarray as xr
 
 from tripod_doe.analyses.claims.evidence import ANY, Evidence, MissingPointError
 from tripod_doe.analyses.claims.over_skew import ClaimsOverSkewSettings, claims_over_skew
+from tripod_doe.analyses.claims.rules import RULES
 from tripod_doe.analyses.claims.verdicts import ClaimsSettings, Verdict, check_claims, claims_json
+from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.simulator import Outcome
@@ -165,3 +167,12 @@ def test_the_choice_of_the_skews_decides_what_depends_on_it_and_nothing_else():
     )
     with pytest.raises(InputError, match="no claim is decided"):
         claims_over_skew({"cases": cube}, ClaimsOverSkewSettings(skews_deg=[3, 5]))
+
+
+def test_shares_may_differ_from_those_of_the_paper_by_four_points():
+    """Published number: the limits in the table of claims follow from the paper's shares; sliding has the rest."""
+    shares = PAPER_SHARES | {"groove_sliding": 100 - sum(PAPER_SHARES.values())}
+    limits = {
+        rule.name.removeprefix("share_"): (rule.low, rule.high) for rule in RULES if rule.name.startswith("share_")
+    }
+    assert limits == {name: (share - 4, share + 4) for name, share in shares.items()}

@@ -442,7 +442,9 @@ def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):
         folder = tmp_path / entry["id"]
         write_upload(folder, texts)
         load = load_study if kind == "study" else load_workflow
-        load(folder / main_file(kind), folder=StudyFolder(folder, trusted=False))  # no function, and no file that is not sent
+        load(
+            folder / main_file(kind), folder=StudyFolder(folder, trusted=False)
+        )  # no function, and no file that is not sent
         assert len(json.dumps(upload)) < Limits().body_bytes
     with pytest.raises(InputError, match="no study or workflow of this name"):
         gallery_upload("../pyproject")
