@@ -37,14 +37,14 @@ so default settings are those of that version.
 
 _PILOT = """
 These errors hold for one operating point. For a study of many operating points, `model = "auto"` with `[accuracy]`
-measures them in a pilot ([automatic_choice.md](automatic_choice.md)).
+measures them in a pilot ([Automatic choice of the model](automatic_choice.md)).
 """
 
 
 _VIBRATING = """
 Many joints vibrate by themselves: with high friction in the grooves or of the needles, with large joint angles, and at
 low torque and low speed. `rollers` and `needles` follow the vibration, which takes several times as long, and
-`outcome_detail` states its frequency, growth and size ([models.md](models.md#vibration)). `kinetostatic` computes the
+`outcome_detail` states its frequency, growth and size ([Models](models.md#vibration)). `kinetostatic` computes the
 motion without vibration.
 """
 
