@@ -41,8 +41,8 @@ def build_wheel(
     for before in (_SITE, _DOCS.parent / "build" / "lib" / _SITE.relative_to(_DOCS.parent / "src")):
         shutil.rmtree(before, ignore_errors=True)
     if find_spec("sphinx") and find_spec("myst_parser") and find_spec("furo"):
-        words = ["-m", "sphinx", "-q", "-d", str(_DOCS.parent / "build" / "doctrees"), str(_DOCS), str(_SITE)]
-        if subprocess.run([sys.executable, *words]).returncode:
+        words = ["-q", "-j", "auto", "-d", str(_DOCS.parent / "build" / "doctrees"), str(_DOCS), str(_SITE)]
+        if subprocess.run([sys.executable, "-m", "sphinx", *words]).returncode:
             print("the documentation could not be built: the wheel has none", file=sys.stderr)
     else:
         print("Sphinx, MyST or furo is missing: the wheel has no documentation", file=sys.stderr)

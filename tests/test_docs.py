@@ -55,7 +55,7 @@ def test_links_and_named_files_exist(page):
     text = page.read_text()
     for target in re.findall(r"\]\((?!http)([^)#]+)", text):
         assert (page.parent / target).exists(), target
-    for target in re.findall(r"\b(?:studies|workflows|benchmarks|docs)/[\w/]+\.\w+", text):
+    for target in re.findall(r"(?<![\w/])(?:studies|workflows|benchmarks|docs|tests)/[\w/]+\.\w+", text):
         assert (ROOT / target).exists(), target
 
 
