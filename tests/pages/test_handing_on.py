@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import re
+import struct
 import xml.etree.ElementTree as ET
 import zlib
+from pathlib import Path
 
 import openpyxl
 import pytest
@@ -141,3 +143,30 @@ def test_the_report_draws_the_joint_and_names_the_command_that_moves_it(results)
     assert 'aria-label="The joint to scale: pitch radius 21' in page
     assert "The first point: joint_angle_deg = 4, bearing_radial_clearance_mm = 0.01." in page
     assert "tripod-doe view DIR --select joint_angle_deg=4 --select bearing_radial_clearance_mm=0.01" in page
+
+
+@pytest.mark.slow
+def test_a_report_in_a_sandbox_saves_its_figures(results, chromium, tmp_path):
+    """As the service shows it: without the rights of its origin."""
+    outside = tmp_path / "frame.html"
+    address = (results / "report" / "index.html").as_uri()
+    outside.write_text(
+        f'<iframe sandbox="allow-scripts allow-downloads" src="{address}" width="1000" height="700"></iframe>'
+    )
+    window = chromium.new_context(accept_downloads=True)
+    page = window.new_page()
+    page.goto(outside.as_uri())
+    for kind in ("SVG", "PNG"):
+        with page.expect_download() as found:
+            page.frame_locator("iframe").get_by_role("button", name=f"Save this figure as {kind}").first.click()
+        data = Path(found.value.path()).read_bytes()
+        assert found.value.suggested_filename.endswith(kind.lower())
+        if kind == "SVG":
+            root = ET.fromstring(data)
+            assert "var(--" not in data.decode()
+        else:
+            width, height = struct.unpack(">II", data[16:24])
+            box = [float(word) for word in root.get("viewBox").split()]
+            assert width == 1800
+            assert width / height == pytest.approx(box[2] / box[3], rel=1e-2)
+    window.close()

@@ -40,12 +40,14 @@
     text = text.replace(/var\(--[\w-]+, (#[0-9a-f]{6})\)/g, "$1").replace(/ (role|aria-label)="[^"]*"/g, "");
     return text.replace("<svg", '<svg font-family="DejaVu Sans, Verdana, sans-serif"');
   }
-  function save(blob, name) {
+  function save(address, name) {
     var link = document.createElement("a");
-    link.href = URL.createObjectURL(blob);
+    link.href = address;
     link.download = name;
     link.click();
-    setTimeout(function () { URL.revokeObjectURL(link.href); }, 10000);
+  }
+  function asAddress(svg) {
+    return "data:image/svg+xml;charset=utf-8," + encodeURIComponent(alone(svg));
   }
   function savePng(svg, name) {
     var picture = new Image(), box = svg.viewBox.baseVal, scale = 1800 / box.width;
@@ -56,9 +58,9 @@
       paper.fillStyle = "white";
       paper.fillRect(0, 0, canvas.width, canvas.height);
       paper.drawImage(picture, 0, 0, canvas.width, canvas.height);
-      canvas.toBlob(function (blob) { save(blob, name); });
+      save(canvas.toDataURL("image/png"), name);
     };
-    picture.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(alone(svg));
+    picture.src = asAddress(svg);
   }
   document.querySelectorAll("figure a.data[download]").forEach(function (link) {
     var svg = link.closest("figure").querySelector("svg"), name = link.download.replace(/\.csv$/, "");
@@ -71,7 +73,7 @@
       button.setAttribute("aria-label", "Save this figure as " + kind);
       button.addEventListener("click", function () {
         if (kind === "PNG") savePng(svg, name + ".png");
-        else save(new Blob([alone(svg)], { type: "image/svg+xml" }), name + ".svg");
+        else save(asAddress(svg), name + ".svg");
       });
       link.parentNode.append(" ", button);
     });

@@ -273,7 +273,7 @@ def test_a_report_stands_in_a_sandbox(served, page, coast):
     page.goto(f"{served.home}/runs/{coast}/report")
     frame = page.frame_locator("iframe.report")
     frame.get_by_role("heading", name="Coast and drive").wait_for()
-    assert page.locator("iframe.report").get_attribute("sandbox") == "allow-scripts"
+    assert page.locator("iframe.report").get_attribute("sandbox") == "allow-scripts allow-downloads"
 
 
 def test_a_measurement_is_laid_over_a_point(served, page, coast):

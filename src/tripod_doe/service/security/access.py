@@ -6,6 +6,7 @@ cookie to a server of theirs (`sessions`). Keys to pages of reports depend on it
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import hmac
 import re
@@ -89,7 +90,8 @@ class Accesses:
         return Access(share_id, self._seen(share_id, run_id), lambda: self._shares.is_open(share_id))
 
     def _seen(self, name: str, only_run: str = "") -> Settings:
-        key = hmac.new(self._settings.key.encode(), name.encode(), hashlib.sha256).hexdigest()[:32]
+        digest = hmac.new(self._settings.key.encode(), name.encode(), hashlib.sha256).digest()
+        key = base64.urlsafe_b64encode(digest[:16]).decode().rstrip("=")  # as long as that of the server
         return replace(self._settings, key=key, read_only=True, only_run=only_run)
 
 

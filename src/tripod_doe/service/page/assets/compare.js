@@ -2,7 +2,7 @@
 
 import { root } from "./address.js";
 import { post } from "./asking.js";
-import { settings, themed, whenThemeChanges } from "./theme.js";
+import { settings, themed, themedData, whenThemeChanges } from "./theme.js";
 
 const form = document.getElementById("controls");
 let figures = null;
@@ -10,7 +10,7 @@ let figures = null;
 function draw() {
   if (!figures) return;
   for (const [id, figure] of [["waveform", figures.waveform], ["orders", figures.orders]]) {
-    Plotly.react(document.getElementById(id), figure.data, themed(figure, { showlegend: true, height: id === "waveform" ? 380 : 300 }), settings);
+    Plotly.react(document.getElementById(id), themedData(figure), themed(figure, { showlegend: true, height: id === "waveform" ? 380 : 300 }), settings);
   }
 }
 

@@ -3,7 +3,7 @@
 import { drawMatrix } from "./matrix.js";
 import { drawParallel } from "./parallel.js";
 import { wordsOf, unpacked } from "./points_canvas.js";
-import { settings, themed } from "./theme.js";
+import { settings, themed, themedData } from "./theme.js";
 
 export function makeFrame(place, { chosen, hovered, describe }) {
   const ring = Object.assign(document.createElement("div"), { className: "ring", hidden: true });
@@ -34,7 +34,7 @@ export function makeFrame(place, { chosen, hovered, describe }) {
       place.replaceChildren();
     }
     state.canvas = null;
-    await Plotly.react(place, figure.data, themed(figure), settings);
+    await Plotly.react(place, themedData(figure), themed(figure), settings);
     for (const name of ["plotly_click", "plotly_hover", "plotly_unhover"]) place.removeAllListeners?.(name);
     place.on("plotly_click", (event) => { const number = numberOf(event); if (number !== null) chosen(number); });
     place.on("plotly_hover", (event) => hovered(numberOf(event)));

@@ -36,6 +36,40 @@ export function themed(figure, more = {}) {
   return layout;
 }
 
+const LEAST = 3;  // contrast of a line with its paper
+
+function channels(hex) {
+  return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+}
+
+function luminance(rgb) {
+  const [red, green, blue] = rgb.map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+}
+
+export function contrast(a, b) {
+  const [low, high] = [luminance(a), luminance(b)].sort((x, y) => x - y);
+  return (high + 0.05) / (low + 0.05);
+}
+
+// A colour moved towards the ink until a line of it is seen on this paper: scales are dark at one end and light at the other.
+export function legible(hex, paper = colour("--paper"), ink = colour("--ink")) {
+  if (!/^#[0-9a-f]{6}$/i.test(hex ?? "")) return hex;
+  const [ground, towards] = [channels(paper), channels(ink)];
+  let now = channels(hex);
+  for (let step = 0; contrast(now, ground) < LEAST && step < 20; step++) now = now.map((c, at) => c + 0.1 * (towards[at] - c));
+  return `#${now.map((c) => Math.round(c).toString(16).padStart(2, "0")).join("")}`;
+}
+
+export function themedData(figure) {
+  return figure.data.map((trace) => {
+    const one = { ...trace };
+    if (typeof trace.line?.color === "string") one.line = { ...trace.line, color: legible(trace.line.color) };
+    if (typeof trace.marker?.color === "string") one.marker = { ...trace.marker, color: legible(trace.marker.color) };
+    return one;
+  });
+}
+
 export function whenThemeChanges(redraw) {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 }
