@@ -52,12 +52,13 @@ export function contrast(a, b) {
   return (high + 0.05) / (low + 0.05);
 }
 
-// A colour moved towards the ink until a line of it is seen on this paper: scales are dark at one end and light at the other.
-export function legible(hex, paper = colour("--paper"), ink = colour("--ink")) {
+// A colour made darker, or on dark paper lighter, until a line of it is seen: scales are dark at one end and light at the
+// other. Its hue stays, by which lines are told apart.
+export function legible(hex, paper = colour("--paper")) {
   if (!/^#[0-9a-f]{6}$/i.test(hex ?? "")) return hex;
-  const [ground, towards] = [channels(paper), channels(ink)];
+  const ground = channels(paper), dark = luminance(ground) < 0.2;
   let now = channels(hex);
-  for (let step = 0; contrast(now, ground) < LEAST && step < 20; step++) now = now.map((c, at) => c + 0.1 * (towards[at] - c));
+  for (let step = 0; contrast(now, ground) < LEAST && step < 40; step++) now = now.map((c) => (dark ? c + 0.06 * (255 - c) : 0.95 * c));
   return `#${now.map((c) => Math.round(c).toString(16).padStart(2, "0")).join("")}`;
 }
 
