@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from choosing import choosing_page
+from choosing import choosing_page, stability_section
 from method_rows import FINE, JOINT, STEPS, by_accuracy, cube_of, fixed
 
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
@@ -38,7 +38,8 @@ def page():
         },
         coords={"method": ["implicit-euler", "bdf2"], "step_s": steps},
     )
-    return choosing_page(accuracy, {"needle": stability_borders(cube, StabilitySettings(output="drift_mm"))}, "1a2b3c4")
+    borders = {"needle": stability_borders(cube, StabilitySettings(output="drift_mm"))}
+    return choosing_page(accuracy, stability_section(borders, "1a2b3c4"), "1a2b3c4")
 
 
 def rows_of(page, start):
@@ -71,12 +72,13 @@ def test_what_breaks_is_counted_by_kind(page):
 
 
 def test_the_page_says_with_which_version_it_was_measured(page):
-    assert "measured with commit 1a2b3c4," in page
+    assert "measured with\ncommit 1a2b3c4," in page
+    assert "Measured with commit 1a2b3c4." in page
 
 
 def test_committed_page_tells_every_model_and_method_and_its_version():
     text = (ROOT / "docs" / "explanation" / "choosing.md").read_text(encoding="utf-8")
-    assert re.search("measured with commit [0-9a-f]{7},", text)
+    assert re.search(r"measured with\scommit [0-9a-f]{7},", text)
     for name in (*MODELS, *METHODS):
         assert name in text, (
             f"{name} is missing: make docs/explanation/choosing.md again, docs/explanation/choosing.py tells how"

@@ -1,9 +1,10 @@
-"""Makes docs/explanation/choosing.md from the results of two workflows, which take about half an hour of CPU time.
+"""Makes docs/explanation/choosing.md and its pictures from the results of two workflows: half an hour of CPU time.
 
 tripod-doe workflow workflows/speed_accuracy.toml --out results/speed_accuracy --workers 1
 tripod-doe workflow workflows/stability.toml --out results/stability
-python docs/explanation/choosing.py results/speed_accuracy results/stability \
-    $(git rev-parse --short HEAD) > docs/explanation/choosing.md
+python docs/explanation/choosing.py results/speed_accuracy results/stability $(git rev-parse --short HEAD)
+
+Without the second directory the stability limits of the page stay as they are.
 """
 
 from __future__ import annotations
@@ -16,23 +17,34 @@ import numpy as np
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.analyses.speed_accuracy.charts import ladder_charts
 from tripod_doe.analyses.speed_accuracy.sentences import find_in_speed_accuracy, price_table
+from tripod_doe.analyses.stability.charts import stability_charts
 from tripod_doe.analyses.stability.sentences import border_text, measured_border
 from tripod_doe.analyses.stability.stability import RunKind
 from tripod_doe.joint.models import MODELS
 from tripod_doe.quantities import level, number
+from tripod_doe.report.charts.chart import Chart
 from tripod_doe.simulator import Outcome
 
 _ALLOWED = (0.1, 0.03, 0.01, 0.005)
 _JOINT = "joint"
+
+_PAGE = Path(__file__).with_suffix(".md")
+_PICTURES = Path(__file__).parents[1] / "pictures"
+_LIMITS, _FINDINGS = "\n## Stability limits\n", "\n## Findings of these runs\n"
 
 _START = """\
 # Choosing a model and a method
 
 Written by `docs/explanation/choosing.py` from result cubes (its docstring gives the commands); do not edit. Prices
 are CPU seconds per simulated second on one core, including all checks of a run. A run of four revolutions at 600 rpm is
-0.4 s. Ratios apply to other machines, too; seconds do not. All numbers were measured with commit {commit},
-so default settings are those of that version.
+0.4 s. Ratios apply to other machines, too; seconds do not. All numbers but the stability limits were measured with
+commit {commit}, so default settings are those of that version.
+
+![Difference to the finest model over price, of all models and methods](../pictures/speed_accuracy.svg)
+
+{advice} {caption}
 """
 
 _PILOT = """
@@ -49,25 +61,26 @@ motion without vibration.
 """
 
 
-def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset], commit: str) -> str:
+def choosing_page(accuracy: xr.Dataset, limits: str, commit: str) -> str:
     """Write the page.
 
     Parameters
     ----------
     accuracy
         Analysis of kind speed-accuracy, with the scene ``joint`` among its cases.
-    borders
-        Analyses of kind stability by the name of their study.
+    limits
+        The section on stability limits, see `stability_section`.
     commit
-        Version of the sources with which they were made.
+        Version of the sources with which the analysis was made.
 
     Returns
     -------
     str
         Markdown.
     """
+    (advice, *_), caption = find_in_speed_accuracy(accuracy), ladder_charts(accuracy)[0].caption
     parts = [
-        _START.format(commit=commit),
+        _START.format(commit=commit, advice=advice, caption=caption),
         "## Which model\n\nThe cheapest run within the allowed error, relative to the finest model; the last column "
         "is the price of `needles` with default settings over that of this run:\n",
         _table(
@@ -81,17 +94,27 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset], commi
         "\n## Which method\n\nA study without `method` uses the default. Price at "
         f"{level(100 * float(accuracy.attrs['target']))} % error of each scene's first quantity:\n",
         _table(*price_table(accuracy)),
-        "\n## Stability limits\n\nLargest step or tolerance up to which all runs are right, in the base case of each "
-        "study; the limit that theory predicts; and, over all cases of the study, how many runs were rejected by their "
-        "own checks or finished with a wrong result:\n",
-        _table(
-            ["Study", "Method", "Stability limit", "Predicted", "Rejected", "Wrong, undetected"],
-            [row for name, data in borders.items() for row in _breaks(name, data)],
-        ),
-        "\nFurther findings from these runs:\n",
+        limits,
+        _FINDINGS,
         *(f"- {sentence}\n" for sentence in find_in_speed_accuracy(accuracy)[1:]),
     ]
     return "\n".join(part.rstrip("\n") if part.startswith("- ") else part for part in parts) + "\n"
+
+
+def stability_section(borders: Mapping[str, xr.Dataset], commit: str) -> str:
+    """Write the section on stability limits, from analyses of kind stability by the name of their study."""
+    picture = ""
+    if _JOINT in borders:
+        caption = stability_charts(borders[_JOINT])[0].caption
+        picture = f"![Runs of the joint over step](../pictures/stability.svg)\n\n{caption}\n\n"
+    return (
+        f"{_LIMITS}\nMeasured with commit {commit}.\n\n{picture}Largest step or tolerance up to "
+        "which all runs are right, in the base case of each study; the limit that theory predicts; and, over all cases "
+        "of the study, how many runs were rejected by their own checks or finished with a wrong result:\n\n"
+    ) + _table(
+        ["Study", "Method", "Stability limit", "Predicted", "Rejected", "Wrong, undetected"],
+        [row for name, data in borders.items() for row in _breaks(name, data)],
+    )
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -156,18 +179,23 @@ def _breaks(name: str, borders: xr.Dataset) -> list[list[str]]:
     ]
 
 
-def main(speed: Path, stability: Path, commit: str) -> None:
-    """Print the page."""
-    borders = sorted(stability.glob("steps/*_borders/cube.nc"))
-    print(
-        choosing_page(
-            td.open_cube(speed / "steps/accuracy/cube.nc"),
-            {path.parent.name.removesuffix("_borders"): td.open_cube(path) for path in borders},
-            commit,
-        ),
-        end="",
-    )
+def main(speed: Path, stability: Path | None, commit: str) -> None:
+    """Write page and pictures."""
+    accuracy = td.open_cube(speed / "steps/accuracy/cube.nc")
+    _draw("speed_accuracy", ladder_charts(accuracy)[0])
+    if stability is None:
+        limits = _LIMITS + _PAGE.read_text(encoding="utf-8").partition(_LIMITS)[2].partition(_FINDINGS)[0]
+    else:
+        paths = sorted(stability.glob("steps/*_borders/cube.nc"))
+        borders = {path.parent.name.removesuffix("_borders"): td.open_cube(path) for path in paths}
+        _draw("stability", stability_charts(borders[_JOINT])[0])
+        limits = stability_section(borders, commit)
+    _PAGE.write_text(choosing_page(accuracy, limits, commit), encoding="utf-8")
+
+
+def _draw(name: str, chart: Chart) -> None:
+    (_PICTURES / f"{name}.svg").write_text(chart.svg(), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])
+    main(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 3 else None, sys.argv[-1])

@@ -10,6 +10,7 @@ import xarray as xr
 
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, panels
+from tripod_doe.report.responses import listed
 from tripod_doe.simulator import Outcome
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -41,21 +42,26 @@ def ladder_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
             if np.unique(runs["model"].values[known[:, at]]).size > 1
         ]
         if several:
-            charts.append(_ladder_chart(runs, str(scene), sorted(several, key=lambda each: each != "third_order")[:2]))
+            cases = data.isel(case=np.flatnonzero(data["case_scene"].values == scene))
+            charts.append(
+                _ladder_chart(runs, cases, str(scene), sorted(several, key=lambda each: each != "third_order")[:2])
+            )
     return charts
 
 
-def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
+def _ladder_chart(runs: xr.Dataset, cases: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
+    """Errors below that of the finest model's reference stand at its edge, as nothing is known of them."""
     price, models = runs["cpu_per_second"].values, list(dict.fromkeys(runs["model"].values.tolist()))
-    finest = str(runs["case_model"].values[runs["case_scene"].values == scene][-1])
-    tables, errors = [], 100 * runs.sel(quantity=quantities)["model_error"].values
-    shown = errors[np.isfinite(errors) & (errors > 0)]
-    low, high = float(shown.min()) / 2, 2 * float(shown.max())
+    finest, tables = str(cases["case_model"].values[-1]), []
+    floors = [100 * max(float(cases["reference_error"].sel(quantity=each)[-1]), 1e-14) for each in quantities]
+    errors = 100 * runs["model_error"].sel(quantity=quantities).values
+    least = float(errors.min(initial=np.nanmax(errors), where=errors > floors))
+    low, high = max(min(floors), least / 2) / 3, 2 * float(np.nanmax(errors))
     with panels(len(quantities), len(quantities), 4.1, 4.3) as (figure, axes):
-        for panel, quantity in zip(axes, quantities, strict=True):
+        for panel, quantity, floor in zip(axes, quantities, floors, strict=True):
             of = runs.sel(quantity=quantity)
-            error = 100 * of["model_error"].values
-            done = np.isfinite(error) & (error > 0)
+            error = np.maximum(100 * of["model_error"].values, max(floor, 1.5 * low))
+            done = np.isfinite(error)
             _frame(panel, "", "")
             panel.set_title(str(of["quantity_meaning"].item()))
             for at, model in enumerate(models):
@@ -66,6 +72,7 @@ def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
             panel.plot(
                 price[default], error[default], "o", ms=12, mfc="none", mec=INK, mew=1.4, ls="none", label="default"
             )
+            panel.axhspan(low, max(floor, low), color=MUTED, alpha=0.12, lw=0, label="below the reference's error")
             panel.set_ylim(low, 4 * high)
             _failed_at_top(panel, runs, done, models, 2 * high)
             tables.append(of)
@@ -80,7 +87,8 @@ def _ladder_chart(runs: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
     caption = (
         f"Difference to the finest model, {finest}, over price: runs of all models and methods. On the broad line no "
         "run is cheaper and more exact; rings are the defaults. Crosses at the top: failed runs, at their price until "
-        f"the failure: {_why_failed(runs) or 'none'}."
+        f"the failure: {_why_failed(runs) or 'none'}. Grey: below the error of the reference, "
+        f"{listed([f'{floor:.2g} %' for floor in floors])}, where no difference is known."
     )
     return Chart(f"{scene}-ladder", "All models and methods: error over price", caption, figure, table)
 

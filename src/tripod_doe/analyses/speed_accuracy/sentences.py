@@ -73,7 +73,7 @@ def _what_to_use(data: xr.Dataset, scene: str) -> str:
         )
     finest = str(cases["case_model"].values[-1])
     what = f"the {runs['quantity_meaning'].item()}, by the difference to {finest} there"
-    return f"What to use in {_spoken(scene)} for {what}: within {'; within '.join(parts)}."
+    return f"What to use in the {_spoken(scene)} for {what}: within {'; within '.join(parts)}."
 
 
 def _spoken(case: str) -> str:

@@ -270,7 +270,7 @@ def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
 
 
 def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: list[str]) -> list[str]:
-    known = [name for name, parameter in parameters.items() if parameter.kind == "switch"]
+    known = [name for name, each in parameters.items() if each.kind == "switch" and each.default == 1]  # what is on
     names = part.factors or ([name for name in own if name in known] if known else own) or known
     if not names:
         raise InputError(
