@@ -53,7 +53,13 @@ def test_no_more_than_three_sentences_are_the_answer_and_none_is_lost():
 def test_a_page_has_only_the_sections_that_its_cube_can_fill(line_cube):
     page = make_page(line_cube, {})
     sections = re.findall(r'<section id="(\w+)"', page)
-    assert sections == ["findings", "cost", "setting", "provenance"]  # its only chart is the picture at the top
+    assert sections == [
+        "findings",
+        "cost",
+        "setting",
+        "provenance",
+        "reading",
+    ]  # its only chart is the picture at the top
     contents = re.search(r"<nav.*?</nav>", page, re.DOTALL)[0]
     assert re.findall(r'href="#(\w+)"', contents) == sections[1:]
     assert "no analysed output" not in page

@@ -16,7 +16,18 @@ from tripod_doe.study.cube.netcdf import write_dataset
 OWN = ("initial_skew_1_deg", "roller_width_mm")
 """What the study of the joint gives itself: the paper names the one, the other is assumed."""
 
-SECTIONS = ["findings", "effects", "waveforms", "spectrum", "region", "failed", "cost", "setting", "provenance"]
+SECTIONS = [
+    "findings",
+    "effects",
+    "waveforms",
+    "spectrum",
+    "region",
+    "failed",
+    "cost",
+    "setting",
+    "provenance",
+    "reading",
+]
 
 
 class Page(HTMLParser):
@@ -209,6 +220,7 @@ def test_a_cube_with_no_or_one_finished_point_gives_a_page(make_cube, part):
         *(["failed", "cost"] if part.stop else ["failed"]),
         "setting",
         "provenance",
+        "reading",
     ]
     left = "1 of 2 points is not computed yet." if part.stop else "2 of 2 points are not computed yet."
     assert left in page.sections["findings"]

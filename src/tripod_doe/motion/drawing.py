@@ -17,7 +17,7 @@ def joint_drawing(parameters: Mapping[str, Value]) -> str:
     """The drawing as SVG, 720 by 340 units; colours follow the page (currentColor), sizes are stated below it."""
     values = point_values(parameters).point(0)
     reach = values.pitch_radius + values.groove_radius
-    scale = min(0.46 * _HEIGHT / reach, 0.2 * _WIDTH / values.roller_radius)
+    scale = min(0.44 * _HEIGHT / reach, 0.2 * _WIDTH / values.roller_radius)
     scaled = f'scale({scale:.5g})" stroke-width="{1 / scale:.4g}">'
     parts = [
         f'<g transform="translate({0.26 * _WIDTH:g} {0.46 * _HEIGHT:g}) {scaled}',

@@ -11,8 +11,10 @@ from markupsafe import Markup
 
 from tripod_doe.quantities import number, size
 from tripod_doe.report.charts.chart import Chart
+from tripod_doe.report.reading import reading_of, readings
 from tripod_doe.report.template_cache import compiled_templates
 
+_TO_READING = re.compile(r'<a class="why" href="#reading-([\w-]+)"')
 _MOST_BYTES = 10_000_000
 _LARGE = {
     re.compile(r'<a class="data" [^>]*>Data \(CSV\)</a>'): "Its data are",
@@ -31,13 +33,23 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         bytecode_cache=compiled_templates(),
     )
+    environment.globals["reading_of"] = reading_of
     environment.filters |= {"number": number, "typeset": typeset, "csv_link": _csv_link, "svg": _svg}
     return environment
 
 
 def render(template: str, **content: object) -> str:
-    """A page from one of the templates, of at most 10 MB; text is escaped, charts are drawn inline."""
-    return _of_limited_size(_templates().get_template(template).render(**content))
+    """A page from one of the templates, of at most 10 MB; text is escaped, charts are drawn inline.
+
+    Sentences that `readings.toml` explains lead to their explanation, at the end of the page: it is read anywhere.
+    """
+    page = _templates().get_template(template).render(**content)
+    if used := set(_TO_READING.findall(page)):
+        shown = [each for each in readings() if each.key in used]
+        section = _templates().get_template("reading.html").render(readings=shown)
+        page = page.replace("</nav>", '  <a href="#reading">How to read</a>\n</nav>', 1)
+        page = f"{section}</main>".join(page.rsplit("</main>", 1))
+    return _of_limited_size(page)
 
 
 def _of_limited_size(page: str) -> str:
