@@ -26,7 +26,7 @@
     [scene, ring, plot] = ["scene", "ring", "plot"].map((name) => element(`${name}-${which}`));
     at = Math.floor((state.at * data.count) / samples);
   }
-  let colour = {};
+  let colour = {}, mixed = [];  // from cold to hot, in hundredths
 
   function largest(values) {
     let most = -Infinity;
@@ -37,6 +37,8 @@
     const style = getComputedStyle(document.documentElement);
     for (const name of ["ink", "paper", "faint", "line", "steel", "hot", "cold", "force", "slide"])
       colour[name] = style.getPropertyValue("--" + name).trim();
+    const [hot, cold] = [colour.hot, colour.cold].map((hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16)));
+    for (let n = 0; n <= 100; n++) mixed[n] = `rgb(${hot.map((c, at) => Math.round(cold[at] + (n / 100) * (c - cold[at]))).join()})`;
   }
 
   // vectors
@@ -105,7 +107,7 @@
     return half(sorted).concat(half(sorted.reverse()));
   }
   function mix(share) {
-    return `color-mix(in srgb, ${colour.hot} ${Math.round(100 * Math.max(0, Math.min(1, share)))}%, ${colour.cold})`;
+    return mixed[Math.round(100 * Math.max(0, Math.min(1, share)))];
   }
 
   // needles of trunnion k: centre and half axis, in space
@@ -300,6 +302,23 @@
   const shades = ["#0b6bcb", "#7c3aed", "#0f8a5f", "#b45309", "#be185d", "#64748b"];
   function paintPlot() {
     const [g, w, h] = fit(plot), left = 46, right = w - 10, top = 22, bottom = h - 22;
+    const key = [plot.width, plot.height, colour.ink].join();
+    if (data.drawn !== key) {  // the curves stand still: they are painted once for each size and theme
+      data.drawn = key;
+      data.curves = document.createElement("canvas");
+      [data.curves.width, data.curves.height] = [plot.width, plot.height];
+      const pen = data.curves.getContext("2d");
+      pen.setTransform(plot.width / w, 0, 0, plot.width / w, 0, 0);
+      pen.font = g.font;
+      paintCurves(pen, left, right, top, bottom, h);
+    }
+    g.drawImage(data.curves, 0, 0, w, h);
+    g.strokeStyle = colour.hot;
+    g.lineWidth = 1.5;
+    const now = left + (at / data.count) * (right - left);
+    path(g, [[now, top], [now, bottom]], false); g.stroke();
+  }
+  function paintCurves(g, left, right, top, bottom, h) {
     const count = data.parts.length;
     const x = (i) => left + (i / data.count) * (right - left), y = (v) => (top + bottom) / 2 - (v / mostThrust) * 0.5 * (bottom - top);
     g.strokeStyle = colour.line;
@@ -327,9 +346,6 @@
     });
     g.fillStyle = colour.ink;
     for (let q = 0; q <= 4; q++) g.fillText(String(90 * q), x((data.count * q) / 4) - (q === 4 ? 22 : 8), h - 6);
-    g.strokeStyle = colour.hot;
-    g.lineWidth = 1.5;
-    path(g, [[x(at), top], [x(at), bottom]], false); g.stroke();
   }
 
   function numbers() {
