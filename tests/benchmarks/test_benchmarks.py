@@ -41,6 +41,18 @@ def test_sentences_of_one_design_of_a_kind_are_true(benchmark, capsys):
     assert capsys.readouterr().out == "grid: no sentence of 1 designs lies\n"
 
 
+def test_optimisations_and_their_peers_find_fronts(benchmark, capsys):
+    cheap = ["--cheap", "equilibrium", "--fine", "equilibrium", "--candidates", "24", "--direct", "24"]
+    module = benchmark("optimisation")
+    module.main([*cheap, "--only", "ours", "direct"])
+    rows = [line.split("|") for line in capsys.readouterr().out.splitlines() if "equilibrium" in line and "|" in line]
+    assert len(rows) == 2
+    assert all(0 < float(row[4]) < 1 for row in rows)
+    module.main(["--robust", "--grid", "4", "--sample", "64"])
+    found, best = (float(part.split(",")[1].split()[-1]) for part in capsys.readouterr().out.split(";"))
+    assert found == pytest.approx(best, rel=0.05)  # a search over all 16 joints; samples of 256 and 64
+
+
 def test_flips_are_refused_or_harmless(benchmark, capsys):
     """It ends with an AssertionError where one is not."""
     benchmark("flips").main(["--flips", "25", "--runs", "5"])

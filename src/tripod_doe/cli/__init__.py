@@ -4,3 +4,5 @@ A module imports what its command needs when it is called, so that each command 
 """
 
 from tripod_doe.cli.main import main
+
+__all__ = ["main"]

@@ -189,8 +189,7 @@ def run(
         again = [repeat_finer(assembly, chosen, states, steps, settings, not equal_steps) for states, steps in pieces]
     ways = path_lengths(assembly, passage.states if again else (), memory)
     balance = EnergyBalance.of(assembly, passage, limits.turned_over)
-    repeated = _Repeated(again, whole, chosen.order, not equal_steps)
-    disagreement, energy = _judge(assembly, balance, repeated, ways, limits, checks)
+    disagreement, energy = _judge(assembly, balance, again, ways, whole, chosen.order, not equal_steps, limits, checks)
     reversals = _reversals(assembly, memory, limits, motion.state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
@@ -341,32 +340,30 @@ def _inspect(assembly: Assembly, states: States, passage: Passage, limits: Limit
     return checks
 
 
-@dataclass(frozen=True)
-class _Repeated:
-    """Stretches of a run, repeated in finer steps."""
-
-    stretches: Sequence[RepeatedStretch]
-    whole: bool  # whether the only stretch is the whole run
-    order: int  # order of the method
-    controlled: bool  # whether the method chose its steps by its tolerance
-
-
 def _judge(
-    assembly: Assembly, balance: EnergyBalance, repeated: _Repeated, ways: PathLengths, limits: Limits, checks: _Checks
+    assembly: Assembly,
+    balance: EnergyBalance,
+    again: Sequence[RepeatedStretch],
+    ways: PathLengths,
+    whole: bool,
+    order: int,
+    controlled: bool,
+    limits: Limits,
+    checks: _Checks,
 ) -> tuple[float, float]:
     """Largest relative difference to the repeated run, and largest share of energy that the balance misses."""
-    failed = [piece for piece in repeated.stretches if piece.outcome != Outcome.FINISHED]
-    if failed or not repeated.stretches:
+    failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
+    if failed or not again:
         for piece in failed:
             checks.fail(Outcome.INACCURATE, f"half the step fails after t = {piece.begin:.6g}: {piece.outcome.label}")
         return math.nan, _energy_balance(limits, checks, balance)
-    largest = difference(assembly, repeated.stretches, ways)
-    if not largest.size * error_over_difference(repeated.order, repeated.controlled) <= limits.error:
+    largest = difference(assembly, again, ways)
+    if not largest.size * error_over_difference(order, controlled) <= limits.error:
         text = f"half the step changes the motion by {number(100 * largest.size)} % of the {largest.way}"
         body = assembly.names[largest.body]
         checks.fail(Outcome.INACCURATE, f"{text}, most after t = {largest.begin:.6g}, body {body}")
-    elif repeated.whole:
-        refined = balance.refined(repeated.stretches[0].balance, error_over_difference(1, repeated.controlled))
+    elif whole:
+        refined = balance.refined(again[0].balance, error_over_difference(1, controlled))
         return largest.size, _energy_balance(limits, checks, min(balance, refined, key=EnergyBalance.worst))
     return largest.size, _energy_balance(limits, checks, balance)
 

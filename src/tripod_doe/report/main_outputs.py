@@ -28,12 +28,15 @@ class OutputPart(NamedTuple):
     answers: xr.Dataset
 
 
-def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> list[OutputPart]:
-    """The third and second order of the thrust, and the responses of the study; of a function, its first four outputs.
+def main_outputs(
+    result: xr.Dataset, key: str, over: Collection[str] = (), orders: Collection[int] = (3, 2)
+) -> list[OutputPart]:
+    """Orders of the thrust, usually the third and second, and the responses of the study; of a function, four outputs.
 
     Args:
         key: Its answer; parts in which it has no number are left out.
         over: Dimensions of the answer that are not those of the output.
+        orders: Of the thrust.
     """
     several = [str(name) for name in result["output"].values] if "output" in result.dims else []
     outputs = several or str(result.attrs.get("outputs", _UNNAMED)).split(", ")[:1]
@@ -44,7 +47,7 @@ def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> li
     parts = []
     for output in outputs[: max(_MOST, len(own))]:
         of_output = result.sel(output=output) if several else result
-        for order in (3, 2) if "order" in result.dims and output not in own else (None,):
+        for order in orders if "order" in result.dims and output not in own else (None,):
             part = of_output if order is None else of_output.sel(order=order)
             part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0))
             if part[key].notnull().any():

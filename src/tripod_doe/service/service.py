@@ -15,11 +15,11 @@ from typing import Any, cast
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.names import path_within
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.uploads import STUDY, main_file
+from tripod_doe.service.requests.uploads import STUDY, UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.one_run import OneRun
 from tripod_doe.service.runs.result_directory import result_directories
-from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
+from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.runs.table import Run
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.security.shares import Shares
@@ -263,12 +263,39 @@ class Service:
         Raises:
             RefusedError: 409 if the run is not at rest, or runs a workflow.
         """
+        return self._extend("extend", run_id, body)
+
+    def derive(self, run_id: str, body: bytes) -> Run:
+        """Queue a run with variables by formula added to its study: its results are kept.
+
+        Raises:
+            RefusedError: As for `extend`.
+        """
+        return self._extend("derive", run_id, body)
+
+    def _extend(self, question: str, run_id: str, body: bytes) -> Run:
+        path = self._extended(run_id)
+        with self._upload_folder() as upload:
+            plan = self._ask_plan(question, body, folder=str(upload), path=path)
+            return self.runs.extend(run_id, upload, plan)
+
+    def _extended(self, run_id: str) -> str:
+        """The directory of a run whose study may grow."""
         if self.runs.find(run_id).kind != "study":
             raise RefusedError(409, "only the run of a study can be extended, by a study")
-        path = str(self.directory(run_id))
-        with self._upload_folder() as upload:
-            plan = self._ask_plan("extend", body, folder=str(upload), path=path)
-            return self.runs.extend(run_id, upload, plan)
+        self.runs.refuse_extension(run_id)
+        return str(self.directory(run_id))
+
+    def plan_extension(self, run_id: str, body: bytes, as_json: bool = False) -> Any:
+        """Price of what a larger study, or variables by formula, add to the results of a run.
+
+        Raises:
+            RefusedError: As for `extend`.
+        """
+        path = self._extended(run_id)
+        arguments = {"body": body, "limits": self.settings.limits, "path": path}
+        seconds = self.settings.limits.simulate_seconds
+        return self._computing.ask(f"{_QUESTIONS}:plan_extension", seconds, as_json, **arguments)
 
     def directory(self, run_id: str) -> Path:
         """The directory of a run, for delivery.

@@ -118,8 +118,8 @@ class ModelSummary:
         """One sentence per range that points leave."""
         sentences = []
         for (model, left), outside in self._outside.items():
-            count = self._errors[model].count
             if outside:
+                count = self._errors[model].count
                 where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
                 ends = " to ".join(dict.fromkeys(number(end, digits=2) for end in self._values[model, left]))
                 text = f"{left.text}, {'here' if count == 1 else 'there'} {ends}"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.array_types import FloatArray
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.cube.model_records import model_records
 from tripod_doe.study.definition.study import Study, load_study
@@ -94,17 +94,28 @@ class Plan:
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
 
 
-def plan(study: Study | Mapping[str, Any] | str | Path, timing: bool = True, recorded: bool = False) -> Plan:
+def plan(
+    study: Study | Mapping[str, Any] | str | Path,
+    timing: bool = True,
+    recorded: bool = False,
+    among: IntArray | None = None,
+) -> Plan:
     """Count the points of a study and time a few of them, for at most ten seconds.
 
     Args:
         study: A study, its file or its tables as a dict. Nothing is written and no cluster is started.
         timing: Whether to time points, in a process of its own.
         recorded: Whether recorded prices stand in where nothing is timed.
+        among: The points to compute; None for all of them.
     """
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
+    excluded = int((~points.allowed).sum())
+    if among is not None:
+        wanted = np.zeros(points.count, bool)
+        wanted[among] = True
+        points = replace(points, allowed=points.allowed & wanted)
     checked, able = points, points.allowed.copy()
     if many := points.count > _MOST_CHECKED:
         checked = points.chosen_rows(np.unique(np.random.default_rng(0).integers(0, points.count, _MOST_CHECKED)))
@@ -132,7 +143,7 @@ def plan(study: Study | Mapping[str, Any] | str | Path, timing: bool = True, rec
     return Plan(
         points=points.count,
         unique=unique,
-        excluded=int((~points.allowed).sum()),
+        excluded=excluded,
         blocks=blocks,
         cpu_hours=hours,
         cube_bytes=cube_bytes(study, points),

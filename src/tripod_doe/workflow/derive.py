@@ -23,10 +23,11 @@ def derive(directory: str | Path, file: str | Path) -> RunSummary:
         StorageError: If writing fails; the older files stay.
     """
     path = Path(directory)
-    study = with_responses(path, Path(file))
+    study, added = with_responses(path, Path(file))
     with ResultDirectory(path) as held:
         asked = points_of(study, path)
         held.accept(asked)
+        held.note_derived(added)
         missing = held.missing(asked).size
         written = held.write_cube(asked, f"tripod-doe derive: {', '.join(each.name for each in study.responses)}")
     done = int(asked.to_compute.sum()) - missing

@@ -39,6 +39,7 @@ from tripod_doe.study.failures import Failure, failures_in
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
+from tripod_doe.study.results.stored_study import with_derived
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 from tripod_doe.workflow.notebook import summary_html
@@ -165,6 +166,8 @@ def run_on(
     if refuse_impossible:
         asked.refuse_impossible()
     with ResultDirectory(out or results_of(study.file.study.name), take_over) as directory:
+        study = _with_derived(study, directory, progress)
+        asked = StudyPoints(study, asked.points)
         if study.auto_model:
             asked = _choose_models(asked, directory, execution, progress, take_over)
         piloted = 0
@@ -194,6 +197,22 @@ def run_on(
 def results_of(name: str) -> Path:
     """The usual result directory of a study by its name."""
     return path_within(Path("results"), re.sub(r"[^\w-]+", "_", name).strip("_") or "study")
+
+
+def _with_derived(study: Study, directory: ResultDirectory, progress: bool) -> Study:
+    """The study with the responses that were added to the results here; its own ones of the same names replace them."""
+    derived = directory.derived
+    own = {name: table for name, table in study.file.responses.items() if name in derived}
+    said = {
+        "kept: {}, added to these results before": [name for name in derived if name not in own],
+        "replaced: {}, added to these results before, by the study's formula": [
+            name for name, table in own.items() if table.formula != derived[name].get("formula")
+        ],
+    }
+    for text, names in said.items():
+        if names and progress:
+            print(text.format(", ".join(names)), file=sys.stderr)
+    return with_derived(study, derived)
 
 
 def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, **counts: Any) -> RunSummary:

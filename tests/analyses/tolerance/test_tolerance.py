@@ -7,11 +7,14 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
+from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.tolerance.sentences import find_in_tolerance
+from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points
 
 TEXT = """
@@ -142,3 +145,40 @@ def test_two_scatters_where_one_is_not_enough():
     assert 0.25 < float(scale.sel(factor="torque_n_m", factor_2="speed_rpm")) < 0.45
     said = " ".join(find_in_tolerance(result, "t"))
     assert "no single scatter suffices" in said
+
+
+def test_how_far_a_nominal_value_must_move_to_keep_a_limit():
+    """Exact: N(60, 0.5) exceeds 61 with 1 % where its mean is 59.837, 0.163 lower."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed)
+    result = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": 61}))
+    shift = result["shift_to_keep"]
+    for factor in ("joint_angle_deg", "torque_n_m"):
+        assert float(shift.sel(factor=factor)) == pytest.approx(-0.163, abs=0.04)
+    assert np.isnan(shift.sel(factor="speed_rpm"))
+    assert "move the nominal value of joint angle by -0.1" in " ".join(find_in_tolerance(result, "t"))
+
+
+def test_the_cheapest_scatters_keep_a_limit():
+    """Exact: of a scatter of 0.3 beside one of 0.4, 0.158 must be left where the other stays; it costs a tenth of the other."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed)
+    costs = {"joint_angle_deg": 1, "torque_n_m": 10}
+    result = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": 61}, costs=costs))
+    scale = result["cheapest_scale"]
+    assert float(scale.sel(factor="torque_n_m")) == float(scale.sel(factor="speed_rpm")) == 1
+    assert float(scale.sel(factor="joint_angle_deg")) == pytest.approx(0.158 / 0.3, abs=0.06)
+    assert float(result["cheapest_cost"]) == pytest.approx(1 / float(scale.sel(factor="joint_angle_deg")) - 1)
+    dear = tolerance(
+        cube, ToleranceSettings(outputs=["y"], limits={"y": 61}, costs={"joint_angle_deg": 10, "torque_n_m": 10})
+    )
+    assert float(dear["cheapest_scale"].sel(factor="torque_n_m")) < 0.95
+    with pytest.raises(InputError, match="costs: 'torque' is no factor"):
+        tolerance(cube, ToleranceSettings(outputs=["y"], costs={"torque": 1}))
+
+
+def test_a_uniform_scatter_is_not_moved_beyond_what_is_known():
+    """Exact: of uniform angles, shifting by a tenth of the range leaves a tenth unknown, which counts as beyond the limit."""
+    unit = np.random.default_rng(3).random(4000)
+    table = FactorTable(low=0.0, high=1.0)
+    sample = Sample(DesignTable(kind="latin-hypercube", samples=4000), {"x": table}, {"x": unit}, np.arange(4000), 1, 0)
+    moved = shift_to_keep(sample, unit[:, None], np.array([0.95]), 0.99)
+    assert np.isnan(moved).all()

@@ -30,6 +30,7 @@ from tripod_doe.service.explorer.what_if import contribution_study, price_of_poi
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.page.rendering import part
 from tripod_doe.service.requests.gallery import gallery, gallery_upload
+from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.service.requests.study_form import changed_text, study_form
 from tripod_doe.service.requests.uploads import main_file, upload_texts, write_upload
 from tripod_doe.study.definition.study import load_study, parse_study
@@ -431,21 +432,22 @@ def test_a_field_that_cannot_be_read_is_refused_in_words():
 
 def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):
     entries = gallery()
-    assert {"template-grid", "template-sensitivity", "template-contribution", "thrust_map"} <= {
-        entry["id"] for entry in entries
-    }
-    assert {"workflow-small", "workflow-paper", "speed_needle"} <= {entry["id"] for entry in entries}
+    ids = {entry["id"] for entry in entries}
+    assert {"template-grid", "template-sensitivity", "template-contribution", "thrust_map", "speed_needle"} <= ids
+    assert {"workflow-small", "workflow-paper", "optimisation-smaller_joint", "fit-frictions"} <= ids
+    limits = Limits(points=2_000_000)
     for entry in entries:
         upload = gallery_upload(entry["id"])
         kind, texts = upload_texts(upload)
         assert kind == entry["kind"]
         folder = tmp_path / entry["id"]
         write_upload(folder, texts)
-        load = load_study if kind == "study" else load_workflow
-        load(
-            folder / main_file(kind), folder=StudyFolder(folder, trusted=False)
-        )  # no function, and no file that is not sent
-        assert len(json.dumps(upload)) < Limits().body_bytes
+        if entry["id"].startswith(("template-", "fit-", "optimisation-")):
+            assert plan_upload(folder, kind, limits, timing=False)["kind"] == kind
+        else:  # as cheap as it is: no function, and no file that is not sent
+            load = load_study if kind == "study" else load_workflow
+            load(folder / main_file(kind), folder=StudyFolder(folder, trusted=False))
+        assert len(json.dumps(upload)) < limits.body_bytes
     with pytest.raises(InputError, match="no study or workflow of this name"):
         gallery_upload("../pyproject")
 

@@ -23,9 +23,10 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs import processes
 from tripod_doe.service.runs.result_directory import ending_of, remove_report
-from tripod_doe.service.runs.supervisor import UPLOAD, Supervisor
+from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.runs.table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.results.annotation import Annotation, read_annotation

@@ -106,6 +106,22 @@ def test_a_study_grows_by_responses_without_running_a_point(wave, tmp_path):
     assert answer["both"].where(answer["selected"]).values == pytest.approx([np.nan, 8, np.nan], nan_ok=True)
 
 
+def test_what_was_derived_is_kept_when_a_study_runs_on(wave, tmp_path, capsys):
+    """Invariance: neither a run of the same file nor one of a larger study loses a derived variable."""
+    wave({"peak": "max(force)"})
+    (tmp_path / "more.toml").write_text('[responses.twice]\nformula = "2 * peak"\nunit = "N"\nmeaning = "both sides"\n')
+    td.derive(tmp_path / "out", tmp_path / "more.toml")
+    td.run(tmp_path / "wave.toml", tmp_path / "out", workers=0)
+    assert "kept: twice, added to these results before" in capsys.readouterr().err
+    with td.open_cube(tmp_path / "out") as cube:
+        assert cube["twice"].values[:2].tolist() == [2, 4]
+        assert cube["twice"].attrs["units"] == "N"
+    cube = wave({"peak": "max(force)", "twice": "3 * peak"})  # the study's own formula comes first, and that is said
+    assert cube["twice"].values[:2].tolist() == [3, 6]
+    td.run(tmp_path / "wave.toml", tmp_path / "out", workers=0)
+    assert "replaced: twice, added to these results before, by the study's formula" in capsys.readouterr().err
+
+
 def test_what_the_results_do_not_hold_is_refused_and_nothing_changes(wave, tmp_path):
     wave({}, '[keep]\noutputs = ["size"]\n')
     before = (tmp_path / "out" / "study.toml").read_bytes()

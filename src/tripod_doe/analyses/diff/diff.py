@@ -93,14 +93,17 @@ def diff(a: str | Path, b: str | Path, variables: Collection[str] = ()) -> Diff:
         InputError: If one cannot be read, or a variable is in neither.
     """
     first, second = _read(Path(a)), _read(Path(b))
+    texts = [side if isinstance(side, str) else str(side.attrs.get("study", "")) for side in (first, second)]
+    study = study_differences(*texts)
     if isinstance(first, str) or isinstance(second, str):
-        study = study_differences(_study_text(first), _study_text(second))
         return Diff(study, note="results are compared where both are result directories or cubes")
-    return diff_cubes(first, second, variables)
+    return _with_results(first, second, study, variables)
 
 
-def _study_text(side: xr.Dataset | str) -> str:
-    return side if isinstance(side, str) else str(side.attrs.get("study", ""))
+def diff_cubes(a: xr.Dataset, b: xr.Dataset, variables: Collection[str] = ()) -> Diff:
+    """Compare two open cubes; see `diff`."""
+    study = study_differences(str(a.attrs.get("study", "")), str(b.attrs.get("study", "")))
+    return _with_results(a, b, study, variables)
 
 
 def _read(path: Path) -> xr.Dataset | str:
@@ -113,9 +116,7 @@ def _read(path: Path) -> xr.Dataset | str:
     return cube
 
 
-def diff_cubes(a: xr.Dataset, b: xr.Dataset, variables: Collection[str] = ()) -> Diff:
-    """Compare two open cubes; see `diff`."""
-    study = study_differences(_study_text(a), _study_text(b))
+def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], variables: Collection[str]) -> Diff:
     parameters = parameter_differences(a, b, [one.key.removeprefix("base.") for one in study])
     program = program_differences(a, b)
     names, others = _compared_variables(a, b, variables)

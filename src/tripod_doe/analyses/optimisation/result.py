@@ -49,7 +49,7 @@ def front_dataset(problem: Problem, solved: Solved) -> xr.Dataset:
         )
     if solved.confirmed:
         for at, name in enumerate(problem.objectives):
-            attributes = variables[name].attrs | {"long_name": f"{name} in the search"}
+            attributes = variables[name].attrs | {"long_name": f"{name} in the search", "role": "searched"}
             variables[f"{name}_search"] = xr.Variable("candidate", solved.searched.objectives[:, at], attributes)
     return xr.Dataset(variables, attrs=_attributes(problem, solved))
 

@@ -2,19 +2,41 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.quantities import interval, number, with_unit
 from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs, quantile_text
-from tripod_doe.report.responses import listed, spoken
+from tripod_doe.report.responses import listed, spoken, unit_text
 
 _MOST_NAMED = 3
+_AMPLITUDE = "thrust_amplitude"
+_NOTABLE = 0.1  # of the largest order, from which on another one is stated
+_MOST_ORDERS = 6
 
 
 def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
-    """Main outputs with their quantiles and gains."""
-    return main_outputs(result, "mean")
+    """Main outputs with their quantiles and gains; of the thrust also orders that are large, or have a limit."""
+    return main_outputs(result, "mean", orders=_orders(result))
+
+
+def _orders(result: xr.Dataset) -> tuple[int, ...]:
+    """The third and second order, those with a limit, and those of at least a tenth of the largest one."""
+    usual = (3, 2)
+    several = "output" in result.dims
+    if "order" not in result.dims or (several and _AMPLITUDE not in result["output"].values):
+        return usual
+    own = result.sel(output=_AMPLITUDE) if several else result
+    means = own["mean"].sel(order=own["order"] > 0)
+    means = means.isel(dict.fromkeys((dim for dim in means.dims if dim != "order"), 0)).fillna(0.0)
+    limits = own["limit"].isel(dict.fromkeys((dim for dim in own["limit"].dims if dim != "order"), 0))
+    large = means.sel(order=means >= _NOTABLE * means.max()).sortby(-means)["order"].values.tolist()
+    limited = own["order"].values[np.isfinite(limits.values)].tolist()
+    return tuple(dict.fromkeys([*usual, *limited, *large]))[:_MOST_ORDERS]
 
 
 def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
@@ -83,6 +105,44 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
         return []
     names, scale = [str(name) for name in part["factor"].values], part["scale_to_keep"].values
     aim = f"To keep {what} within {with_unit(number(float(part['limit'])), unit)} with {100 * keep:g} %"
+    return [*_smaller_scatter(aim, names, scale), *_cheapest(part, names), *_shift(part, names)]
+
+
+def _cheapest(part: xr.Dataset, names: list[str]) -> list[str]:
+    """The cheapest set of smaller scatters, where costs are given."""
+    if "cheapest_scale" not in part or not np.isfinite(part["cheapest_cost"]):
+        return []
+    sizes = part["cheapest_scale"].values
+    changed = [
+        f"{spoken(name)} {number(float(s), 2)} times as far" for name, s in zip(names, sizes, strict=True) if s < 1
+    ]
+    cost = float(part["cheapest_cost"])
+    verb = "scatters" if len(changed) == 1 else "scatter"
+    return [
+        f"At the costs given, the cheapest way is that {listed(changed)} {verb}, for {number(cost, 3)} "
+        "(a scale s costs 1 / s - 1 times what it costs to halve that scatter)."
+    ]
+
+
+def _shift(part: xr.Dataset, names: list[str]) -> list[str]:
+    """Which nominal value to move, with the scatter as it is: the one that moves least, in its standard deviations."""
+    if "shift_to_keep" not in part:
+        return []
+    units = json.loads(str(part.attrs.get("factor_units", "{}")))
+    moves = [
+        f"{spoken(name)} by {with_unit(f'{float(move):+.3g}', unit_text(units.get(name, '1')))}"
+        for name, move in zip(names, part["shift_to_keep"].values, strict=True)
+        if np.isfinite(move)
+    ]
+    if not moves:
+        return []
+    return [
+        f"With the scatter as it is, it is enough to move the nominal value of {' or of '.join(moves[:_MOST_NAMED])}."
+    ]
+
+
+def _smaller_scatter(aim: str, names: list[str], scale: NDArray[np.floating[Any]]) -> list[str]:
+    """One scatter that is enough, else two."""
     alone = sorted((-scale[k, k], names[k]) for k in range(len(names)) if np.isfinite(scale[k, k]))
     if alone:
         ways = [f"{spoken(name)} scatters {number(-size, 2)} times as far" for size, name in alone[:_MOST_NAMED]]
@@ -94,7 +154,7 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
         size, first, second = pairs[0]
         both = f"{spoken(first)} and {spoken(second)} both scatter {number(-size, 2)} times as far"
         return [f"{aim}, no single scatter suffices; it is enough that {both} (by the same points)."]
-    return [f"{aim}, these points resolve no smaller scatter of one factor or two that is enough: shift a mean value."]
+    return [f"{aim}, these points resolve no smaller scatter of one factor or two that is enough."]
 
 
 def _percent(row: tuple[str, float, float, float]) -> str:

@@ -9,7 +9,8 @@ Phases are ordered by their difference from the circular mean, and so is their l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import xarray as xr
@@ -21,7 +22,8 @@ from tripod_doe.analyses.outputs import OutputTable, is_course, output_attribute
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
-from tripod_doe.analyses.tolerance.keeping import scale_to_keep
+from tripod_doe.analyses.tolerance.keeping import cheapest_to_keep, scale_to_keep
+from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
@@ -38,6 +40,10 @@ class ToleranceSettings(SensitivitySettings):
         {}, description="largest values allowed: OUTPUT_ORDER = value, as thrust_amplitude_3, or OUTPUT = value"
     )
     keep: float = Field(0.99, gt=0.5, lt=1, description="share of the joints that must keep the limits")
+    costs: dict[str, float] = Field(
+        {},
+        description="what it costs to halve the scatter of a factor; one of which nothing stands here stays as it is",
+    )
 
 
 def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:
@@ -129,6 +135,15 @@ def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> Non
             raise InputError(f"limits: {key!r} is no output or order of one{near_match(key, known)}")
 
 
+def _check_costs(costs: Mapping[str, float], factors: Collection[str]) -> None:
+    """Refuse a cost of nothing, and one that is none."""
+    for name, cost in costs.items():
+        if name not in factors:
+            raise InputError(f"costs: {name!r} is no factor{near_match(name, factors)}")
+        if not 0 < cost < np.inf:
+            raise InputError(f"costs: {name} = {cost:g}: must be above 0")
+
+
 def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
     values, limit = table.values, _limits(settings.limits, table)
     bound = table.relative(limit)
@@ -139,11 +154,16 @@ def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) 
     gains = _gains(_halved_weights(sample), values, bound, settings)
     gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
     scale = scale_to_keep(sample, values, bound, settings.keep)
+    remedies = {"shift_to_keep": shift_to_keep(sample, values, bound, settings.keep)}
+    if settings.costs:
+        scales, single["cheapest_cost"] = cheapest_to_keep(sample, values, bound, settings.keep, settings.costs)
+        remedies["cheapest_scale"] = scales
     return xr.Dataset(
         {"distribution": table.labelled(quantiles.pop("distribution"), ("share",))}
         | {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
         | {key: table.labelled(answer, ()) for key, answer in single.items()}
         | {key: table.labelled(answer, ("factor",)) for key, answer in gains.items()}
+        | {key: table.labelled(answer, ("factor",)) for key, answer in remedies.items()}
         | {"scale_to_keep": table.labelled(scale, ("factor", "factor_2"))}
     )
 
@@ -160,6 +180,9 @@ _MEANINGS = {
     "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
     "gain_of_halving_conf": "half width of the interval of the gain",
     "scale_to_keep": "largest scale of the scatter of two factors, or of one, by which the limit is kept",
+    "shift_to_keep": "smallest shift of the nominal value of the factor, in its unit, by which the limit is kept",
+    "cheapest_scale": "scale of the scatter of the factor in the cheapest set of one or two by which the limit is kept",
+    "cheapest_cost": "cost of that set, by what it costs to halve each scatter",
     "mean": "mean",
     "std": "standard deviation",
     "limit": "largest value allowed",
@@ -177,7 +200,8 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     Returns:
         quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its
         interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), scale_to_keep (factor,
-        factor_2, ...), mean, std, limit; with the dimensions of the output, and with several outputs also along
+        factor_2, ...), shift_to_keep (factor, ...), with costs cheapest_scale (factor, ...) and cheapest_cost; mean,
+        std, limit; with the dimensions of the output, and with several outputs also along
         ``output``. The gain of a factor with listed values is NaN.
 
     Raises:
@@ -190,11 +214,12 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
     _check_limits(settings.limits, tables)
+    _check_costs(settings.costs, sample.tables)
     parts = [_of_output(sample, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))
     result = result.assign_coords(factor_2=list(sample.tables))
-    pure = ("exceedance", "gain", "scale")
+    pure = ("exceedance", "gain", "scale", "cheapest")
     for name in result.data_vars:
         unit = {"units": "1"} if str(name).startswith(pure) else {}
         result[name].attrs = {"long_name": _MEANINGS[str(name)]} | unit
@@ -207,5 +232,6 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         keep=settings.keep,
+        factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
         **region,
     )

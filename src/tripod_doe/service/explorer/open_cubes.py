@@ -10,6 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import CubeError
+from tripod_doe.service.explorer.candidates import as_points
 from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.cube.netcdf import reading
@@ -48,7 +49,8 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
         cube = _lazy(files, stack)
         if cube.nbytes <= _SMALL:
             with reading(files[0]):
-                _keep(key, cube.load())
+                cube = as_points(cube.load())
+                _keep(key, cube)
         yield cube
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request
-from starlette.responses import HTMLResponse, RedirectResponse
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.errors import InputError
 from tripod_doe.service import answers
@@ -32,6 +32,13 @@ _TABS = (
     ("study", "Study"),
 )
 _WORKFLOW_TABS = (("steps", "Steps"), *_TABS[:3], _TABS[4])
+_SEARCH_TABS = (
+    ("result", "Result"),
+    ("steps", "Progress"),
+    ("?step=points", "Explore"),
+    *_TABS[2:4],
+    ("study", "File"),
+)
 
 
 Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose extremes are shown")]
@@ -102,11 +109,16 @@ def run_head(run_id: str, service: AnyService) -> HTMLResponse:
 
 
 @router.get("/runs/{run_id}")
-def explorer(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
-    """The cube explorer; the query string is the view."""
+def explorer(run_id: str, request: Request, service: AnyService) -> Response:
+    """The cube explorer; the query string is the view. Of a search without one its progress, or its result."""
     run = service.runs.find(run_id)
+    if run.is_search and not request.query_params:
+        return RedirectResponse(
+            f"{service.settings.root}/runs/{run.id}/{'steps' if run.counts.missing else 'result'}", 303
+        )
     steps = [name for name, step in run.plan.get("steps", {}).items() if "points" in step]
-    begun = [name for name in steps if service.results(run_id, name).is_dir()]
+    steps += service.analysis_files(run_id) if run.kind == "optimisation" else []
+    begun = [name for name in steps if service.results(run_id, name).exists()]
     chosen = request.query_params.get("step") or next(iter(begun or steps), None)
     found, trouble = _explored(service, run, request, chosen)
     return _run_page(
@@ -210,24 +222,45 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
     run = service.runs.find(run_id)
     rows = {"heads": [], "rows": [], "count": 0}
     if run.counts.failed:
+        step = step or ("points" if run.is_search else None)
         rows = service.ask("explorer.questions:failures", path=str(service.results(run_id, step)))
-    return _run_page("failed.html", service, run, "Failed points", **rows)
+    return _run_page("failed.html", service, run, "Failed points", step=step, **rows)
 
 
 @router.get("/runs/{run_id}/study")
 def study(run_id: str, service: AnyService) -> HTMLResponse:
     """The text that was submitted."""
     run = service.runs.find(run_id)
-    return _run_page("study.html", service, run, "Study", texts=service.submitted_texts(run_id))
+    tab = "File" if run.is_search else "Study"
+    return _run_page("study.html", service, run, tab, texts=service.submitted_texts(run_id))
 
 
 @router.get("/runs/{run_id}/steps")
 def steps(run_id: str, service: AnyService) -> HTMLResponse:
-    """The chain of a workflow with states and times."""
+    """The chain of a workflow, or the stages of a search, with states and times."""
     run = service.runs.find(run_id)
+    if run.is_search:
+        return _run_page("progress.html", service, run, "Progress")
     if run.kind != "workflow":
         raise RefusedError(404, "this run is a study; it has no steps")
     return _run_page("steps.html", service, run, "Steps")
+
+
+@router.get("/runs/{run_id}/result")
+def result(run_id: str, service: AnyService) -> HTMLResponse:
+    """The answer of a search, and the joint that it gives."""
+    run = service.runs.find(run_id)
+    if not run.is_search:
+        raise RefusedError(404, "only fits and optimisations have a result of this kind")
+    found: Any = None
+    if files := service.analysis_files(run_id):
+        place, question = next(iter(files.values())), "explorer.candidates:front"
+        if run.kind == "optimisation":
+            found = service.ask(question, path=place)
+        else:
+            found = service.ask("explorer.analysis_tables:results", paths=files, order=None)[0]
+    base = service.base_of(run_id) if found and found.get("count", 1) else ""
+    return _run_page(f"{run.kind}.html", service, run, "Result", found=found, base=base)
 
 
 @router.get("/diff")
@@ -272,7 +305,7 @@ def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
 
 
 def _run_page(template: str, service: Service, run: Run, tab: str, **values: Any) -> HTMLResponse:
-    tabs = _WORKFLOW_TABS if run.kind == "workflow" else _TABS
+    tabs = _SEARCH_TABS if run.is_search else _WORKFLOW_TABS if run.kind == "workflow" else _TABS
     return show(template, service.settings, run=run, tabs=tabs, tab=tab, **values)
 
 

@@ -8,7 +8,8 @@ from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
 from tripod_doe.service.page.rendering import part, show
-from tripod_doe.service.requests.gallery import gallery, gallery_upload
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.gallery import gallery, gallery_upload, study_of_joint
 from tripod_doe.service.routes.dependencies import Body, WritingService
 
 router = APIRouter(include_in_schema=False)
@@ -22,15 +23,22 @@ def new(
     contributions: str = "",
     point: int = 0,
     step: str | None = None,
+    joint: str = "",
+    candidate: int | None = None,
 ) -> HTMLResponse:
-    """Write a study: from the gallery, from an earlier run, or on the contributions at a point of one."""
-    if contributions:
+    """Write a study: from the gallery, an earlier run, the contributions at a point, or the joint of a search."""
+    if joint:
+        upload = {
+            "study": study_of_joint(service.runs.find(joint).shown_name, service.base_of(joint, candidate), candidate),
+            "files": {},
+        }
+    elif contributions:
         path = str(service.results(contributions, step))
         study_text = service.ask("explorer.what_if:contribution_study", path=path, number_of_point=point)
         upload = {"study": study_text, "files": {}}
     else:
         upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")
-    text = str(upload["study" if "study" in upload else "workflow"])
+    text = str(next(text for kind, text in upload.items() if kind != "files"))
     form = service.ask_body("study_form", json.dumps({"study": text}).encode()) if "study" in upload else None
     return show(
         "new.html",
@@ -40,8 +48,21 @@ def new(
         form=form,
         files=upload["files"],
         gallery=gallery(),
-        chosen=study or origin or contributions,
+        chosen=study or origin or contributions or joint,
+        extended=None,
     )
+
+
+@router.get("/runs/{run_id}/extend")
+def extend(run_id: str, service: WritingService) -> HTMLResponse:
+    """Write a larger version of the study of a run, with the price of what is new."""
+    run = service.runs.refuse_extension(run_id)
+    upload = service.upload_of(run_id)
+    if "study" not in upload:
+        raise RefusedError(409, "only the run of a study can be extended, by a study")
+    form = service.ask_body("study_form", json.dumps({"study": upload["study"]}).encode())
+    values = {"text": upload["study"], "form": form, "files": upload["files"]}
+    return show("new.html", service.settings, gallery=[], chosen=run_id, extended=run, **values)
 
 
 @router.post("/parts/form")
@@ -54,6 +75,12 @@ def form(body: Body, service: WritingService) -> HTMLResponse:
 def change(body: Body, service: WritingService) -> dict[str, str]:
     """The text after a field was changed."""
     return {"study": service.ask_body("changed_text", body)}
+
+
+@router.post("/parts/runs/{run_id}/price")
+def price_of_extension(run_id: str, body: Body, service: WritingService) -> HTMLResponse:
+    """The price of what a larger study, or variables by formula, add to a run, in words."""
+    return HTMLResponse(part("price.html", plan=service.plan_extension(run_id, body)))
 
 
 @router.post("/parts/price")

@@ -46,6 +46,33 @@ class PlanRequest(Submission):
     timing: bool = Field(True, description="time some points, for at most ten seconds; else use recorded prices")
 
 
+class Derivation(_Form):
+    """Variables by formula to add to the results of a study."""
+
+    responses: dict[str, dict[str, Any]] = Field(
+        min_length=1,
+        description="tables by name, each with formula, unit and meaning, as [responses.NAME] of a study",
+        examples=[{"peak": {"formula": "max(abs(thrust))", "unit": "N", "meaning": "largest thrust force"}}],
+    )
+
+
+class ExtensionPlan(_Form):
+    """The larger version of a study, or variables by formula, to be priced against its results."""
+
+    study: str | None = Field(None, description="text of the larger study")
+    files: dict[str, str] = Field({}, description="texts of the files that it names, by their plain names")
+    responses: dict[str, dict[str, Any]] | None = Field(
+        None, min_length=1, description="variables by formula, in place of a study"
+    )
+    timing: bool = Field(False, description="time some points, for at most ten seconds; else use recorded prices")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.study is None) == (self.responses is None):
+            raise ValueError("give either study or responses")
+        return self
+
+
 class Comparison(_Form):
     """A measurement, and the point that it is compared with."""
 

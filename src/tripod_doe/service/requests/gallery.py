@@ -1,7 +1,8 @@
-"""Studies to start from: templates, and the studies and workflows of the project, ready to be submitted."""
+"""Files to start from: templates, and studies, workflows, optimisations and fits of the project, ready to submit."""
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tomllib
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
+from tripod_doe.service.requests.uploads import KINDS
 from tripod_doe.study.definition.template import TEMPLATES
 
 _TEMPLATE_NAMES = {
@@ -23,6 +25,7 @@ _TEMPLATE_NAMES = {
     "multifidelity": "Several models at once",
 }
 _NAMED_FILE = re.compile(r'\b(study|table|measurement)(\s*=\s*)"([^"\n]+\.(?:toml|csv))"')
+_RECORD = re.compile(r"^([^,\n]+\.csv)\b", re.MULTILINE)  # first cells of a table of records
 _PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
 
 
@@ -32,7 +35,7 @@ def gallery() -> list[dict[str, str]]:
     found = [_entry(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
     for name, path in _files().items():
         text = path.read_text(encoding="utf-8")
-        if "function" not in tomllib.loads(text).get("study", {}):
+        if "function" not in tomllib.loads(text).get(_kind(text), {}):
             found.append(_entry(name, text))
     return found
 
@@ -50,6 +53,9 @@ def gallery_upload(name: str) -> dict[str, Any]:
         raise InputError(f"gallery: {name[:100]!r}: no study or workflow of this name")
     texts: dict[str, str] = {}
     text = _plain_text(_files()[name], texts)
+    for table in [texts[name] for name in texts if _kind(text) == "fit"]:  # a table of records names their files
+        places = {record: _files()[name].parent / record for record in _RECORD.findall(table)}
+        texts |= {record: path.read_text(encoding="utf-8") for record, path in places.items() if path.is_file()}
     return {_kind(text): text, "files": texts}
 
 
@@ -71,7 +77,8 @@ def _plain_text(path: Path, texts: dict[str, str]) -> str:
 
 
 def _kind(text: str) -> str:
-    return "workflow" if "workflow" in tomllib.loads(text) else "study"
+    tables = tomllib.loads(text)
+    return next((kind for kind in KINDS if kind in tables), "study")
 
 
 def _template(kind: str) -> str:
@@ -86,9 +93,29 @@ def _entry(name: str, text: str) -> dict[str, str]:
 
 
 def _files() -> dict[str, Path]:
-    """The project's studies and workflows by their ids: of an installation, or of the clone that this is run from."""
+    """The project's files by their ids: of an installation, or of the clone that this is run from."""
     place = next((place for place in _PLACES if (place / "studies").is_dir()), None)
     if place is None:
         return {}
     studies = {path.stem: path for path in sorted((place / "studies").glob("*.toml"))}
-    return studies | {f"workflow-{path.stem}": path for path in sorted((place / "workflows").glob("*.toml"))}
+    others = (
+        ("workflow", "workflows/*.toml"),
+        ("optimisation", "optimisations/*.toml"),
+        ("fit", "measurements/*/*.toml"),
+    )
+    return studies | {f"{kind}-{path.stem}": path for kind, names in others for path in sorted(place.glob(names))}
+
+
+def study_of_joint(name: str, base: str, candidate: int | None) -> str:
+    """A study of the joint that a search gave, over the joint angle.
+
+    Args:
+        name: Of the run of the search.
+        base: Its table [base].
+        candidate: Of a front; None for the joint of a fit, or at the knee.
+    """
+    which = "" if candidate is None else f", candidate {candidate}"
+    head = json.dumps(f"{name}{which}", ensure_ascii=False)
+    lines = [line for line in base.splitlines() if not line.startswith("joint_angle_deg ")]
+    angles = "[factors.joint_angle_deg]\nvalues = [4, 8, 12]\n"
+    return "\n".join(["[study]", f"name = {head}", "", *lines, "", angles])

@@ -158,8 +158,7 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
         "most_points": price.most_points,
         "blocks": price.blocks,
         "bytes": price.cube_bytes,
-        "cpu_seconds": _seconds(price.cpu_hours),
-        "timed": price.timed,
+        **price_of(price),
         "model_chosen_by_pilot": price.chosen,
         "choice": describe_choice(study, None).splitlines() if price.chosen else describe_split(study, None),
         "foreseen": [{"outcome": f.outcome.label, "reason": f.reason, "count": f.count} for f in price.foreseen],
@@ -168,6 +167,11 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
         "warnings": list(price.warnings),
         "expected_outcomes": list(study.file.run.expected_outcomes),
     }
+
+
+def price_of(plan: Plan) -> dict[str, Any]:
+    """The price in a plan as JSON."""
+    return {"cpu_seconds": _seconds(plan.cpu_hours), "timed": plan.timed}
 
 
 def _seconds(hours: tuple[float, float, float] | None) -> dict[str, float] | None:

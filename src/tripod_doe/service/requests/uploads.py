@@ -20,6 +20,9 @@ KINDS = ("study", "workflow", "fit", "optimisation")
 STUDY = "study.toml"
 """Name under which a submitted study is kept."""
 
+UPLOAD = "upload"
+"""Folder of a result directory with what the client submitted."""
+
 _RECORDS = (".csv", ".txt")  # endings of tables and records, which may be long
 
 

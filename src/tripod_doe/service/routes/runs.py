@@ -11,7 +11,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.responses import PlainTextResponse
 
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.forms import RunChange, RunRecord, Submission
+from tripod_doe.service.requests.forms import Derivation, ExtensionPlan, RunChange, RunRecord, Submission
 from tripod_doe.service.routes.dependencies import (
     CHANGES,
     REFUSALS,
@@ -146,6 +146,23 @@ def retry_failed(run_id: str, service: WritingService) -> RunRecord:
 def extend(run_id: str, body: Body, service: WritingService) -> RunRecord:
     """Run a study that grew on the results of this run: only its new points are computed."""
     return RunRecord(**service.extend(run_id, body).record())
+
+
+@router.post("/runs/{run_id}/derive", responses=CHANGES | errors_at(404), openapi_extra=takes(Derivation))
+def derive(run_id: str, body: Body, service: WritingService) -> RunRecord:
+    """Add variables by formula to the results of a study; points that are there do not run again."""
+    return RunRecord(**service.derive(run_id, body).record())
+
+
+@router.post(
+    "/runs/{run_id}/plans",
+    responses=CHANGES | errors_at(404),
+    response_model=dict[str, Any],
+    openapi_extra=takes(ExtensionPlan),
+)
+def plan_extension(run_id: str, body: Body, service: WritingService) -> Response:
+    """Price of what a larger study, or variables by formula, add to the results of a run; nothing is kept."""
+    return Response(service.plan_extension(run_id, body, as_json=True), media_type="application/json")
 
 
 @router.get("/runs/{run_id}/plan", responses=errors_at(404))

@@ -20,7 +20,7 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.uploads import main_file
+from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs import processes
 from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
@@ -33,9 +33,6 @@ from tripod_doe.study.journal import journal_path
 from tripod_doe.study.results.annotation import annotated, write_annotation
 
 _COMMANDS = {"study": "run", "workflow": "workflow", "fit": "fit", "optimisation": "optimise"}
-
-UPLOAD = "upload"
-"""Folder of a result directory with what the client submitted."""
 
 _PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
 _PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to
@@ -239,9 +236,7 @@ class Supervisor:
             RefusedError: 409 if it waits or runs, 413 if the queue is full.
         """
         with self._lock:
-            run = self._own(run_id)
-            if not run.state.at_rest or processes.is_held(self.directory(run_id)):
-                raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
+            run = self.refuse_extension(run_id)
             self._refuse_full_queue()
             own = self.directory(run_id) / UPLOAD
             own.rename(own.with_name(f".{UPLOAD}.old"))
@@ -258,6 +253,14 @@ class Supervisor:
                     question=plan["question"],
                 )
             )
+
+    def refuse_extension(self, run_id: str) -> Run:
+        """The run, unless its study may not grow (409): it waits or runs, or is not the service's own."""
+        with self._lock:
+            run = self._own(run_id)
+            if not run.state.at_rest or processes.is_held(self.directory(run_id)):
+                raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
+            return run
 
     def annotate(self, run_id: str, changes: dict[str, Any]) -> Run:
         """Change what people say about a run: name, owner, tags, note.

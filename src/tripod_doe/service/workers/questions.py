@@ -18,6 +18,8 @@ from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
 from tripod_doe.service.requests.bodies import read_form, read_json
 from tripod_doe.service.requests.forms import (
     Comparison,
+    Derivation,
+    ExtensionPlan,
     FieldChange,
     PlanRequest,
     PointRequest,
@@ -25,7 +27,14 @@ from tripod_doe.service.requests.forms import (
     StudyText,
     Submission,
 )
-from tripod_doe.service.requests.uploads import STUDY, refuse_large_texts, refuse_many_files, upload_texts, write_upload
+from tripod_doe.service.requests.uploads import (
+    STUDY,
+    UPLOAD,
+    refuse_large_texts,
+    refuse_many_files,
+    upload_texts,
+    write_upload,
+)
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 _MOST_AT_ONCE = 50_000  # cells of a small query: 4 MB of JSON
@@ -71,11 +80,49 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     kind, texts = upload_texts(read_form(body, Submission, limits.nesting).model_dump())
     if kind != "study":
         raise RefusedError(409, "only the run of a study can be extended, by a study")
+    return _extended(body, texts, Path(folder), path, limits, timing=False)
+
+
+def derive(body: bytes, folder: str, path: str, limits: Limits) -> Any:
+    """Check variables by formula against the results in a directory, and write its upload with them into a folder."""
+    from tripod_doe.study.results.directory import ResultDirectory
+
+    responses = read_form(body, Derivation, limits.nesting).responses
+    texts = _with_responses(Path(path) / UPLOAD, responses)
+    counted = _extended(body, texts, Path(folder), path, limits, timing=False)
+    with ResultDirectory(path) as directory:
+        directory.note_derived(responses)
+    return counted
+
+
+def plan_extension(body: bytes, path: str, limits: Limits) -> Any:
+    """Price of what a larger study, or variables by formula, add to the results in a directory."""
+    asked = read_form(body, ExtensionPlan, limits.nesting)
+    if asked.responses is None:
+        _, texts = upload_texts(asked.model_dump())
+    else:
+        texts = _with_responses(Path(path) / UPLOAD, asked.responses)
+    with tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
+        return _extended(body, texts, Path(name) / UPLOAD, path, limits, asked.timing)
+
+
+def _with_responses(upload: Path, tables: Mapping[str, Any]) -> dict[str, str]:
+    """The texts of an upload, its study with responses."""
+    from tripod_doe.study.results.stored_study import text_with_responses
+
+    texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(upload.iterdir())}
+    return {STUDY: text_with_responses(texts.pop(STUDY), tables), **texts}
+
+
+def _extended(
+    body: bytes, texts: Mapping[str, str], folder: Path, path: str, limits: Limits, timing: bool
+) -> dict[str, Any]:
+    """Counts and price of a larger study, with the number of its new points and their price."""
     with _pointing_into(texts):
-        counted = _checked(body, kind, texts, Path(folder), limits)
+        counted = _checked(body, "study", texts, folder, limits)
         try:
-            with _plain_names(Path(folder)):
-                _refuse_changes(Path(folder), Path(path))
+            with _plain_names(folder):
+                counted |= _news(folder, Path(path), timing)
         except InputError as error:
             changed = (
                 f"the study differs from the study of the results in {path}; choose another {option('out')}, or undo"
@@ -330,19 +377,33 @@ def lay_over(path: str, body: bytes, limits: Limits) -> Any:
     return lay_over(path, **read_form(body, Comparison, limits.nesting).model_dump())
 
 
-def _refuse_changes(folder: Path, path: Path) -> None:
+def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
+    """What a larger study adds to results: ``new_points``, and their ``cpu_seconds``; None where a pilot decides.
+
+    Raises:
+        InputError: If it did not only grow.
+    """
     from tripod_doe.analyses.multifidelity.study_split import needs_split, with_samples_so_far
+    from tripod_doe.service.requests.plans import price_of
     from tripod_doe.study.definition.study import parse_study
     from tripod_doe.study.designs import make_points
+    from tripod_doe.study.plan import plan as plan_study
     from tripod_doe.study.results.directory import ResultDirectory
     from tripod_doe.study.study_points import StudyPoints
 
     study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, StudyFolder(folder, trusted=False))
+    piloted = needs_split(study) or study.auto_model is not None
     if needs_split(study):
         study = with_samples_so_far(study, path)
     asked = StudyPoints(study, make_points(study))
     with ResultDirectory(path) as directory:
         directory.refuse_changes(asked)
+        missing = directory.missing(asked)
+    if piloted:
+        return {"new_points": None}
+    if not missing.size:
+        return {"new_points": 0, "cpu_seconds": {"low": 0.0, "mean": 0.0, "high": 0.0}, "timed": 0}
+    return {"new_points": int(missing.size), **price_of(plan_study(study, timing, recorded=True, among=missing))}
 
 
 def _netcdf_bytes(dataset: Any) -> bytes:

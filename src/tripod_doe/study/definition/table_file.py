@@ -27,8 +27,9 @@ class TableFile(Generic[F]):
     folder: StudyFolder  # where its files and functions are looked up
 
     def fail(self, where: str, error: InputError | str) -> InputError:
-        """An error that names this file and the key."""
-        return InputError(str(error)).at(f"{self.origin}: {where}" if where else self.origin)
+        """An error that names this file and the key; one of a kind stays of that kind."""
+        place = f"{self.origin}: {where}" if where else self.origin
+        return (error if isinstance(error, InputError) else InputError(error)).at(place)
 
 
 def read_table_file(path: str | Path, model: type[F], head: str, untrusted: bool) -> TableFile[F]:

@@ -13,3 +13,23 @@ from tripod_doe.study.designs.multifidelity import (
 from tripod_doe.study.designs.points import Points, make_points, point_bytes, point_count
 from tripod_doe.study.designs.request import Column, axis_levels, factor_groups
 from tripod_doe.study.designs.sampling import salib_problem
+
+__all__ = [
+    "CURVE_HARMONICS",
+    "FAMILIES",
+    "SAMPLE",
+    "Column",
+    "Points",
+    "axis_levels",
+    "factor_groups",
+    "make_points",
+    "most_points",
+    "most_samples",
+    "pilot_samples",
+    "point_bytes",
+    "point_count",
+    "random_factors",
+    "salib_problem",
+    "split_of",
+    "unit_sample",
+]

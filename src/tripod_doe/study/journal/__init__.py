@@ -6,3 +6,18 @@ The cube that is made of them is no part of it.
 from tripod_doe.study.journal.damage import KERNELS, SHOWN, STUDY, STUDY_HASH, damage, text_digest
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.journal import PILOT, FinishedEnds, Journal, Mark, journal_path
+
+__all__ = [
+    "KERNELS",
+    "PILOT",
+    "SHOWN",
+    "STUDY",
+    "STUDY_HASH",
+    "FinishedBlock",
+    "FinishedEnds",
+    "Journal",
+    "Mark",
+    "damage",
+    "journal_path",
+    "text_digest",
+]

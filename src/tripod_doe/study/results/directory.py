@@ -6,11 +6,13 @@ finished blocks; ``cube.nc`` and ``cost.nc`` are made of them. A later run needs
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -28,7 +30,7 @@ from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, 
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.results.directory_lock import DirectoryLock
 from tripod_doe.study.results.result_cube import opened_cube
-from tripod_doe.study.results.stored_study import STORED, keep_sources, stored_study
+from tripod_doe.study.results.stored_study import DERIVED, STORED, keep_sources, stored_study
 from tripod_doe.study.study_points import StudyPoints
 
 _SPARE_BYTES = 20_000_000
@@ -163,6 +165,15 @@ class ResultDirectory:
         notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
         self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
+
+    def note_derived(self, tables: Mapping[str, Any]) -> None:
+        """Remember responses that were added to the results, so that later runs keep them."""
+        self._journal.remember({DERIVED: json.dumps(self.derived | dict(tables))})
+
+    @property
+    def derived(self) -> dict[str, Any]:
+        """Tables of the responses that were added to the results, by name."""
+        return json.loads(self._journal.recall(DERIVED) or "{}")
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
         """Indices of the points to compute, each different one once.

@@ -30,6 +30,9 @@ STORED = "study.toml"
 FUNCTION = "function"
 """Note in the journal: arguments and candidates of the study's function."""
 
+DERIVED = "derived"
+"""Note in the journal: responses that were added to the results, as JSON of their tables by name."""
+
 _TABLES = "tables"  # folder of a result directory with copies of the study's tables
 
 
@@ -60,8 +63,11 @@ def _copy_name(name: str) -> str:
     return f"{hashlib.blake2b(name.encode(errors='replace'), digest_size=8).hexdigest()}.csv"
 
 
-def with_responses(directory: Path, file: Path) -> Study:
+def with_responses(directory: Path, file: Path) -> tuple[Study, dict[str, Any]]:
     """Read the study of a result directory, with the responses of a file added to its own, or in place of them.
+
+    Returns:
+        The study, and the tables of the responses that were added.
 
     Raises:
         InputError: If the file holds anything else, or a response that the study cannot have.
@@ -74,12 +80,24 @@ def with_responses(directory: Path, file: Path) -> Study:
         raise InputError(f"{file}: responses = {added['responses']!r}: expected tables, as [responses.NAME]")
     if not (directory / STORED).is_file():
         raise InputError(f"{directory}: no {STORED} here; name a result directory")
-    document: Any = tomlkit.parse(read_text(directory / STORED, "study"))
-    document["responses"] = {**document.get("responses", {}), **added["responses"]}
-    text = tomlkit.dumps(document)
-    return parse_study(
-        text, str(file), ResultFolder(directory, False, None, _record(directory, parse_file(text, str(file))))
-    )
+    text = text_with_responses(read_text(directory / STORED, "study"), added["responses"])
+    folder = ResultFolder(directory, False, None, _record(directory, parse_file(text, str(file))))
+    return parse_study(text, str(file), folder), added["responses"]
+
+
+def text_with_responses(text: str, tables: Mapping[str, Any]) -> str:
+    """The text of a study with responses added, or in place of those of the same names."""
+    document: Any = tomlkit.parse(text)
+    document["responses"] = {**document.get("responses", {}), **tables}
+    return tomlkit.dumps(document)
+
+
+def with_derived(study: Study, tables: Mapping[str, Any]) -> Study:
+    """A study with the responses that were added to its results, unless it has others of the same names."""
+    kept = {name: table for name, table in tables.items() if name not in study.file.responses}
+    if not kept:
+        return study
+    return parse_study(text_with_responses(study.text, kept), study.origin, study.folder)
 
 
 def stored_study(directory: Path, most_points: int | None = None) -> Study:

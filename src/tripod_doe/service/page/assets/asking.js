@@ -48,3 +48,15 @@ export function complain(error) {
   place.hidden = false;
   setTimeout(() => { place.hidden = true; }, 10000);
 }
+
+// The text of a file as it was written: UTF-8, UTF-16 by its mark, else the encoding of Western Windows.
+export async function textOf(file) {
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  const marked = { "255,254": "utf-16le", "254,255": "utf-16be" }[bytes.slice(0, 2).join()];
+  if (marked) return new TextDecoder(marked).decode(bytes);
+  try {
+    return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+  } catch {
+    return new TextDecoder("windows-1252").decode(bytes);
+  }
+}

@@ -1,7 +1,7 @@
 // A measurement laid over a point of a study.
 
 import { root } from "./address.js";
-import { post } from "./asking.js";
+import { post, textOf } from "./asking.js";
 import { settings, themed, themedData, whenThemeChanges } from "./theme.js";
 
 const form = document.getElementById("controls");
@@ -24,7 +24,7 @@ form?.addEventListener("submit", async (event) => {
   button.disabled = true;
   try {
     const answer = await (await post(`${root}/parts/runs/${document.getElementById("run").value}/compare`, {
-      measurement: await document.getElementById("table").files[0].text(), select, nearest: true,
+      measurement: await textOf(document.getElementById("table").files[0]), select, nearest: true,
       pulses_per_revolution: Number(document.getElementById("pulses").value),
       reference_angle: angle === "" ? null : Number(angle), speeds: speeds || null,
     })).json();

@@ -1,7 +1,7 @@
-// A study as text and as a form, each following the other, with its price and its faults while it is written.
+// A file as text, a study also as a form, each following the other, with its price and its faults while it is written.
 
 import { root } from "./address.js";
-import { post } from "./asking.js";
+import { post, textOf } from "./asking.js";
 
 const text = document.getElementById("text");
 const form = document.getElementById("form");
@@ -9,8 +9,10 @@ const lines = document.getElementById("lines");
 const problems = document.getElementById("problems");
 const price = document.getElementById("price");
 const submit = document.getElementById("submit");
+const extended = document.getElementById("extended")?.dataset.run;  // the run whose study grows here
 const PAUSE = 350;  // ms after the last key
-const attached = document.getElementById("attached");
+const LONG = 20000;  // characters of a file from which only its beginning is shown
+const attached = document.getElementById("attached"), long = new WeakMap();
 let timer = null, asked = null;
 let changes = Promise.resolve(true);  // of the form, one after the other: each starts from the text of the one before
 
@@ -26,19 +28,26 @@ function number() {
   lines.scrollTop = text.scrollTop;
 }
 
-function isWorkflow() {
-  return /^\s*\[workflow\]/m.test(text.value);
+function kind() {
+  return text.value.match(/^\s*\[(workflow|fit|optimisation)\]/m)?.[1] ?? "study";
 }
 
 function body(more = {}) {
-  const files = Object.fromEntries([...attached.children].map((file) => [file.dataset.file, file.querySelector("textarea").value]));
-  return { [isWorkflow() ? "workflow" : "study"]: text.value, files, ...more };
+  const files = Object.fromEntries([...attached.children].map((file) => [file.dataset.file, long.get(file) ?? file.querySelector("textarea").value]));
+  return { [kind()]: text.value, files, ...more };
 }
 
-function attach(name, content) {
+function attach(given, content) {
+  const name = given.replace(/[^A-Za-z0-9._-]+/g, "_").replace(/^[.-]+/, "").replace(/\.{2,}/g, ".").slice(-100);
   const file = document.getElementById("attached-file").content.firstElementChild.cloneNode(true);
-  file.dataset.file = file.querySelector("summary").textContent = name;
-  Object.assign(file.querySelector("textarea"), { value: content, ariaLabel: name });
+  const field = file.querySelector("textarea");
+  file.dataset.file = name;
+  file.querySelector("summary").textContent = name === given ? name : `${name}, from ${given}`;
+  Object.assign(field, { value: content, ariaLabel: name });
+  if (content.length > LONG) {  // a field would be slow, and no one writes into a record
+    long.set(file, content);
+    Object.assign(field, { value: `${content.slice(0, LONG)}\n…`, readOnly: true });
+  }
   attached.querySelector(`[data-file="${CSS.escape(name)}"]`)?.remove();
   attached.append(file);
 }
@@ -47,14 +56,14 @@ async function check({ timing = false, keepForm = false } = {}) {
   asked?.abort();
   asked = new AbortController();
   submit.disabled = true;
-  form.hidden = isWorkflow();
+  form.hidden = kind() !== "study";
   form.parentElement.classList.toggle("alone", form.hidden);
-  submit.textContent = form.hidden ? "Run this workflow" : "Run this study";
+  submit.textContent = extended ? "Run what is new" : `Run this ${kind()}`;
   try {
     if (!form.hidden && !keepForm && !form.contains(document.activeElement)) {
       form.innerHTML = await (await post(`${root}/parts/form`, { study: text.value }, { signal: asked.signal })).text();
     }
-    const html = await (await post(`${root}/parts/price`, body({ timing }), { signal: asked.signal })).text();
+    const html = await (await post(`${root}/parts/${extended ? `runs/${extended}/` : ""}price`, body({ timing }), { signal: asked.signal })).text();
     price.innerHTML = html;
     problems.replaceChildren();
     submit.disabled = false;
@@ -127,7 +136,7 @@ form.addEventListener("change", ({ target }) => {
   if (target.name) changes = changes.then(() => change(target));
 });
 document.getElementById("files").addEventListener("change", async (event) => {
-  for (const file of event.target.files) attach(file.name, await file.text());
+  for (const file of event.target.files) attach(file.name, await textOf(file));
   check();
 });
 document.getElementById("time").addEventListener("click", async (event) => {
@@ -147,7 +156,8 @@ submit.addEventListener("click", async () => {
   submit.disabled = true;
   try {
     const key = crypto.randomUUID?.() ?? String(Math.random());
-    const run = await (await post(`${root}/api/v1/runs`, body(), { headers: { "idempotency-key": key } })).json();
+    const address = `${root}/api/v1/runs${extended ? `/${extended}/extend` : ""}`;
+    const run = await (await post(address, body(), { headers: { "idempotency-key": key } })).json();
     location.assign(`${root}/runs/${run.id}`);
   } catch (error) {
     show(error.problems || [{ message: error.message }]);

@@ -1,0 +1,313 @@
+"""What a front costs, and how good it is: searched on a cheap model and confirmed, beside plain loops of pymoo and Optuna.
+
+A joint with 29 needles at three operating points: third order against diameter, with a limit on the pressure of the
+needles. Everybody's front is judged by the fine model. With `--robust`, a front that holds for 95 % of the joints with
+scatter, beside all joints of a grid, each with a sample of its own.
+
+Run as: python benchmarks/optimisation.py [--fine needles] [--candidates 400] [--direct 60] [--robust] [--only NAME]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from moocore import hypervolume, is_nondominated
+
+import tripod_doe as td
+from tripod_doe.errors import InputError
+from tripod_doe.study.simulate import simulate_point
+
+DIAMETERS = [1.6, 1.8, 2.0, 2.2, 2.5]
+RANGES = {"pitch_radius_mm": (20.0, 26.0), "roller_radius_mm": (14.0, 18.5)}
+FIXED: dict[str, Any] = {"needle_count": 29, "torque_n_m": 130.0}
+ANGLES = [4.0, 8.0, 12.0]
+LIMIT = 1900.0
+"""Largest pressure of the needles, MPa."""
+WORST = (60.0, 90.0)
+"""Third order (N) and diameter (mm) from which hypervolumes are measured, in parts of both."""
+
+FILE = """
+[optimisation]
+name = "29 needles"
+[base]
+model = "{cheap}"
+needle_count = 29
+torque_n_m = 130
+[variables.pitch_radius_mm]
+low = 20
+high = 26
+[variables.roller_radius_mm]
+low = 14
+high = 18.5
+[variables.needle_diameter_mm]
+values = [1.6, 1.8, 2.0, 2.2, 2.5]
+[variables.needle_pitch_diameter_mm]
+formula = "needle_count * (needle_diameter_mm + 0.008) / 3.14159265"
+[at.joint_angle_deg]
+values = [4, 8, 12]
+[responses.diameter]
+formula = "2 * (pitch_radius_mm + roller_radius_mm) + 0 * largest_needle_pressure_mpa"
+[objectives.third]
+output = "thrust_amplitude"
+order = 3
+[objectives.size]
+output = "diameter"
+[constraints.pressure]
+output = "largest_needle_pressure_mpa"
+high = 1900
+[search]
+evaluations = {candidates}
+confirm = "{fine}"
+confirmed = {confirmed}
+"""
+
+Judge = Callable[[Sequence[float], str], tuple[float, float, float]]
+
+
+def judge(place: Sequence[float], model: str) -> tuple[float, float, float]:
+    """Third order, diameter and pressure of a candidate (two radii, number of a diameter), as a plain loop has them."""
+    pitch, roller, diameter = float(place[0]), float(place[1]), DIAMETERS[int(place[2])]
+    own = {"pitch_radius_mm": pitch, "roller_radius_mm": roller, "needle_diameter_mm": diameter}
+    own["needle_pitch_diameter_mm"] = 29 * (diameter + 0.008) / math.pi
+    thirds, pressures = [], []
+    for angle in ANGLES:
+        try:
+            point = simulate_point(
+                "joint", ("largest_needle_pressure_mpa",), model=model, joint_angle_deg=angle, **FIXED, **own
+            )
+        except InputError:
+            return math.nan, math.nan, math.nan
+        if "thrust_amplitude" not in point.outputs:
+            return math.nan, math.nan, math.nan
+        thirds.append(float(point.outputs["thrust_amplitude"].data[3]))
+        pressures.append(float(point.outputs["largest_needle_pressure_mpa"].data))
+    return max(thirds), 2 * (pitch + roller), max(pressures)
+
+
+def volume(front: np.ndarray[Any, Any]) -> float:
+    """Part of the box below `WORST` that a front dominates."""
+    inside = front[np.isfinite(front).all(axis=1) & (front < WORST).all(axis=1)]
+    return float(hypervolume(inside / np.array(WORST), ref=np.ones(2))) if len(inside) else 0.0
+
+
+def front_of(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Numbers of the candidates that keep the limit and that no other one dominates."""
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & (values[:, 2] <= LIMIT))
+    return rows[is_nondominated(np.ascontiguousarray(values[rows, :2]))] if rows.size else rows
+
+
+def ours(options: argparse.Namespace) -> tuple[str, float, np.ndarray[Any, Any], str]:
+    """Our command: the search on the cheap model, confirmed by the fine one."""
+    text = FILE.format(
+        cheap=options.cheap, fine=options.fine, candidates=options.candidates, confirmed=options.confirmed
+    )
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "joint.toml").write_text(text)
+        started = time.process_time()
+        summary = td.optimise(Path(folder) / "joint.toml", Path(folder) / "out", workers=0, progress=False)
+        seconds = time.process_time() - started
+    front = np.stack([summary.front["third"].values, summary.front["size"].values], axis=1)
+    return f"tripod-doe optimise, confirmed by {options.fine}", seconds, front, "all confirmed"
+
+
+def with_pymoo(options: argparse.Namespace, model: str, candidates: int) -> tuple[float, np.ndarray[Any, Any], Any]:
+    """A plain loop around NSGA-II of pymoo; CPU time, values and places of all candidates."""
+    from pymoo.algorithms.moo.nsga2 import NSGA2
+    from pymoo.core.problem import ElementwiseProblem
+    from pymoo.optimize import minimize
+
+    seen: list[tuple[float, float, float]] = []
+    places: list[list[float]] = []
+
+    class Joint(ElementwiseProblem):  # type: ignore[misc]
+        def __init__(self) -> None:
+            low, high = zip(*RANGES.values(), (0.0, len(DIAMETERS) - 1e-9), strict=True)
+            super().__init__(n_var=3, n_obj=2, n_ieq_constr=1, xl=np.array(low), xu=np.array(high))
+
+        def _evaluate(self, x: Any, out: dict[str, Any], *_: Any, **__: Any) -> None:
+            third, size, pressure = judge(x, model)
+            seen.append((third, size, pressure))
+            places.append([float(value) for value in x])
+            whole = math.isfinite(third)
+            out["F"] = [third, size] if whole else [1e6, 1e6]  # which pymoo leaves to its user
+            out["G"] = [pressure / LIMIT - 1 if whole else 10.0]
+
+    started = time.process_time()
+    minimize(Joint(), NSGA2(pop_size=min(20, candidates)), ("n_eval", candidates), seed=1)
+    return time.process_time() - started, np.array(seen), np.array(places)
+
+
+def with_optuna(options: argparse.Namespace, model: str, candidates: int) -> tuple[float, np.ndarray[Any, Any], Any]:
+    """A plain loop around NSGA-II of Optuna."""
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    seen: list[tuple[float, float, float]] = []
+    places: list[list[float]] = []
+
+    def value(trial: Any) -> tuple[float, float]:
+        place = [trial.suggest_float(name, *ends) for name, ends in RANGES.items()]
+        place.append(trial.suggest_int("diameter", 0, len(DIAMETERS) - 1))
+        found = judge(place, model)
+        seen.append(found)
+        places.append(place)
+        trial.set_user_attr("far", [found[2] / LIMIT - 1 if math.isfinite(found[2]) else 10.0])
+        return (found[0], found[1]) if math.isfinite(found[0]) else (1e6, 1e6)
+
+    started = time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its constraints are experimental
+        sampler = optuna.samplers.NSGAIISampler(
+            population_size=min(20, candidates), seed=1, constraints_func=lambda trial: trial.user_attrs["far"]
+        )
+        optuna.create_study(directions=["minimize", "minimize"], sampler=sampler).optimize(value, n_trials=candidates)
+    return time.process_time() - started, np.array(seen), np.array(places)
+
+
+def plain(
+    name: str, search: Any, options: argparse.Namespace, model: str, candidates: int
+) -> tuple[str, float, np.ndarray[Any, Any], str]:
+    """A plain loop; where it ran on the cheap model, as many of its front as ours confirms are judged by the fine one."""
+    seconds, values, places = search(options, model, candidates)
+    rows = front_of(values)
+    label = f"{name}, {candidates} candidates by {model}"
+    if model == options.fine:
+        return label, seconds, values[rows, :2], f"{rows.size} candidates"
+    chosen = (
+        rows[np.unique(np.linspace(0, rows.size - 1, options.confirmed).round().astype(int))] if rows.size else rows
+    )
+    ordered = chosen[np.argsort(values[chosen, 0])]
+    started = time.process_time()
+    fine = np.array([judge(places[row], options.fine) for row in ordered]).reshape(-1, 3)
+    seconds += time.process_time() - started
+    kept = np.isfinite(fine[:, 2]) & (fine[:, 2] <= LIMIT)
+    return f"{label}, judged by {options.fine}", seconds, fine[kept, :2], f"{kept.sum()} of {len(fine)} keep the limit"
+
+
+def compare(options: argparse.Namespace) -> None:
+    """Price and front of each way, in a table."""
+    judge([23.0, 17.0, 2], options.cheap), judge([23.0, 17.0, 2], options.fine)  # compiled, and warm
+    started = time.process_time()
+    judge([22.0, 16.0, 1], options.fine)
+    price = time.process_time() - started
+    ways: dict[str, Callable[[], tuple[str, float, np.ndarray[Any, Any], str]]] = {
+        "ours": lambda: ours(options),
+        "pymoo": lambda: plain("pymoo", with_pymoo, options, options.cheap, options.candidates),
+        "optuna": lambda: plain("Optuna", with_optuna, options, options.cheap, options.candidates),
+        "direct": lambda: plain("pymoo", with_pymoo, options, options.fine, options.direct),
+    }
+    whole = price * options.candidates
+    print(f"a candidate by {options.fine}: {price:.3g} s; {options.candidates} of them: {whole:.4g} s", flush=True)
+    print(
+        "| way | CPU s | of a search by the fine model | hypervolume | front |\n| --- | --- | --- | --- | --- |",
+        flush=True,
+    )
+    for name, way in ways.items():
+        if options.only and name not in options.only:
+            continue
+        try:
+            label, seconds, front, note = way()
+        except ImportError:
+            print(f"| {name} | not installed | | | |", flush=True)
+            continue
+        print(f"| {label} | {seconds:.1f} | 1/{whole / seconds:.1f} | {volume(front):.4f} | {note} |", flush=True)
+
+
+ROBUST = """
+[optimisation]
+name = "robust"
+quantile = 0.95
+[base]
+model = "equilibrium"
+torque_n_m = 130
+joint_angle_deg = 9
+[variables.pitch_radius_mm]
+values = {pitches}
+[variables.groove_sliding_friction]
+values = {frictions}
+[scatter.groove_sliding_friction]
+distribution = "normal"
+std = 0.006
+[scatter.pitch_radius_mm]
+distribution = "normal"
+std = 0.15
+[objectives.third]
+output = "thrust_amplitude"
+order = 3
+[objectives.size]
+output = "pitch_radius_mm"
+[search]
+evaluations = {candidates}
+samples = 64
+confirm_samples = 256
+"""
+
+
+def robust(options: argparse.Namespace) -> None:
+    """A robust front beside that of all joints of a grid, each with a sample of its own."""
+    steps = options.grid
+    pitches = np.linspace(18, 26, steps).round(4).tolist()
+    frictions = np.linspace(0.03, 0.1, steps).round(6).tolist()
+    text = ROBUST.format(pitches=pitches, frictions=frictions, candidates=max(steps * steps // 4, 20))
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "robust.toml").write_text(text)
+        started = time.process_time()
+        summary = td.optimise(Path(folder) / "robust.toml", Path(folder) / "out", workers=0, progress=False)
+        seconds = time.process_time() - started
+    random = np.random.default_rng(5)
+    started, whole = time.process_time(), []
+    for pitch in pitches:
+        for friction in frictions:
+            pitch_sample = pitch + 0.15 * random.standard_normal(options.sample)
+            result = td.simulate(
+                model="equilibrium",
+                torque_n_m=130,
+                joint_angle_deg=9,
+                pitch_radius_mm=_along(pitch_sample),
+                groove_sliding_friction=_along(friction + 0.006 * random.standard_normal(options.sample)),
+            )
+            third = result["thrust_amplitude"].sel(order=3).values
+            whole.append((np.quantile(third, 0.95), np.quantile(pitch_sample, 0.95)))
+    brute = time.process_time() - started
+    every, found = np.array(whole), np.stack([summary.front[name].values for name in ("third", "size")], axis=1)
+    best = every[is_nondominated(np.ascontiguousarray(every))]
+    low, high = best.min(axis=0), every.max(axis=0)
+    of = [float(hypervolume((front - low) / (high - low), ref=np.ones(2))) for front in (found, best)]
+    print(
+        f"robust front: {seconds:.1f} s, hypervolume {of[0]:.4f}; all {len(every)} joints: {brute:.1f} s, {of[1]:.4f}"
+    )
+
+
+def _along(values: np.ndarray[Any, Any]) -> Any:
+    import xarray as xr
+
+    return xr.DataArray(values, dims="sample")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cheap", default="kinetostatic", help="model of the search")
+    parser.add_argument("--fine", default="needles", help="model that has the last word")
+    parser.add_argument("--candidates", type=int, default=400, help="candidates of a search on the cheap model")
+    parser.add_argument("--confirmed", type=int, default=6, help="candidates that the fine model judges")
+    parser.add_argument("--direct", type=int, default=60, help="candidates of the search on the fine model itself")
+    parser.add_argument("--only", nargs="*", default=[], choices=["ours", "pymoo", "optuna", "direct"])
+    parser.add_argument("--robust", action="store_true", help="the robust front, in place of all others")
+    parser.add_argument("--grid", type=int, default=16, help="values of each variable of the robust front")
+    parser.add_argument("--sample", type=int, default=512, help="joints of each sample beside it")
+    options = parser.parse_args(arguments)
+    (robust if options.robust else compare)(options)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

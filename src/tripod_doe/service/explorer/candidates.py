@@ -1,0 +1,75 @@
+"""Candidates of an optimisation as a list of points, so that a front is explored as any other results are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+import xarray as xr
+
+from tripod_doe.analyses.kinds import kind_of
+from tripod_doe.analyses.optimisation.candidates import file_of, findings_in, knee_of, names_of
+from tripod_doe.quantities import number
+from tripod_doe.report.responses import unit_text
+from tripod_doe.service.explorer.figures.elements import with_brackets
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube.lazy_dataset import read_dataset
+
+_MOST_ROWS = 200
+_LABELS = {outcome.label: outcome for outcome in Outcome}
+
+
+def as_points(data: xr.Dataset) -> xr.Dataset:
+    """Stored candidates as points: variables are factors, objectives and constraints results; other data unchanged."""
+    if kind_of(data) != "optimisation":
+        return data
+    points = data.rename(candidate="point").assign_coords(point=np.arange(data.sizes["candidate"], dtype=np.int32))
+    factors = names_of(data, "variable")
+    for name in factors:
+        points[name].attrs["source"] = "variable of an optimisation"
+    aims = names_of(data, "objective")
+    whole = np.isfinite(np.stack([points[name].values for name in aims])).all(axis=0)
+    reasons = points["reason"].values.astype(str) if "reason" in points else np.full(whole.shape, "")
+    labels = [str(reason).partition(":")[0].partition(" (")[0] for reason in reasons.tolist()]
+    ends = np.array([_LABELS.get(label, Outcome.OUT_OF_RANGE) for label in labels], np.int8)
+    points = points.drop_vars("reason", errors="ignore").set_coords(factors)
+    points["outcome"] = xr.Variable("point", np.where(whole, np.int8(Outcome.FINISHED), ends))
+    points["outcome_detail"] = xr.Variable("point", reasons.astype(object))
+    return points.assign_attrs(study=_study(data))
+
+
+def _study(data: xr.Dataset) -> str:
+    """The head and the base values of a study of these joints."""
+    file = file_of(data)
+    base = {name: value for name, value in file.base.items() if name not in file.variables}
+    return tomlkit.dumps({"study": {"name": file.optimisation.name, "scene": file.optimisation.scene}, "base": base})
+
+
+def front(path: str) -> Any:
+    """A stored front for a page.
+
+    Returns:
+        ``findings``, ``heads`` and ``rows`` of texts, the ``knee`` (None of an empty front), and the ``count`` of
+        candidates.
+    """
+    data = read_dataset(Path(path))
+    shown = [name for role in ("objective", "constraint", "variable") for name in names_of(data, role)]
+    columns = [data[name].values[:_MOST_ROWS].tolist() for name in shown]
+    count = data.sizes["candidate"]
+    return {
+        "findings": findings_in(data),
+        "heads": [_head(data[name]) for name in shown],
+        "rows": [[_word(value) for value in row] for row in zip(*columns, strict=True)],
+        "knee": knee_of(data) if count else None,
+        "count": count,
+    }
+
+
+def _head(values: xr.DataArray) -> str:
+    return with_brackets(str(values.name), unit_text(str(values.attrs.get("units", "1"))))
+
+
+def _word(value: Any) -> str:
+    return value if isinstance(value, str) else number(float(value), 5)

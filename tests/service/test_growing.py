@@ -1,0 +1,74 @@
+"""Runs that grow: larger studies and variables by formula, priced beforehand, without running a point again."""
+
+from __future__ import annotations
+
+import textwrap
+
+import pytest
+from service_client import COAST
+
+
+@pytest.fixture(scope="module")
+def grown(api):
+    run_id = api.submit(COAST.replace('"coast"', '"coast that grows"'))
+    assert api.wait(run_id, "finished", "failed")["state"] == "finished"
+    return run_id
+
+
+def larger(name="coast that grows"):
+    return textwrap.dedent(COAST.replace('"coast"', f'"{name}"').replace("[2.5, 17]", "[2.5, 17, 9]"))
+
+
+def test_only_what_is_new_has_a_price(api, grown):
+    plan = api.post(f"/runs/{grown}/plans", {"study": larger()}).json()
+    assert (plan["points"], plan["new_points"]) == (12, 4)
+    whole = api.post("/plans", {"study": larger(), "timing": False}).json()["cpu_seconds"]["mean"]
+    assert 0 < plan["cpu_seconds"]["mean"] < 0.6 * whole
+    same = api.get(f"/runs/{grown}/upload").json()
+    assert api.post(f"/runs/{grown}/plans", same).json()["new_points"] == 0
+    changed = larger().replace("-35", "-36")
+    answer = api.post(f"/runs/{grown}/plans", {"study": changed})
+    assert answer.status_code == 422
+    assert "base.torque_n_m: -35 -> -36" in answer.text
+
+
+def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
+    tables = {"spread": {"formula": "thrust_amplitude[3] - thrust_amplitude[6]", "unit": "N", "meaning": "gap"}}
+    plan = api.post(f"/runs/{grown}/plans", {"responses": tables}).json()
+    assert (plan["new_points"], plan["cpu_seconds"]["mean"]) == (0, 0)
+    assert api.post(f"/runs/{grown}/derive", {"responses": tables}).status_code == 200
+    assert api.wait(grown, "finished", "failed")["state"] == "finished"
+    cube = api.get(f"/runs/{grown}/cube").json()["variables"]["spread"]
+    assert (cube["units"], cube["long_name"]) == ("N", "gap")
+    amplitudes = api.get(
+        f"/runs/{grown}/query", params={"variable": "thrust_amplitude", "select": ["order=3,6"]}
+    ).json()
+    spreads = api.get(f"/runs/{grown}/query", params={"variable": "spread"}).json()
+    first = {record["order"]: record["thrust_amplitude"] for record in amplitudes[:2]}
+    assert spreads[0]["spread"] == pytest.approx(first[3] - first[6])
+    assert "[responses.spread]" in api.get(f"/runs/{grown}/upload").json()["study"]
+    assert api.post(f"/runs/{grown}/extend", {"study": larger()}).status_code == 200  # which knows nothing of it
+    done = api.wait(grown, "finished", "failed")
+    assert (done["state"], done["points"]["total"]) == ("finished", 12)
+    records = api.get(f"/runs/{grown}/query", params={"variable": "spread", "where": "spread > 0"}).json()
+    assert {record["joint_angle_deg"] for record in records} == {2.5, 9, 17}
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({"spread": {"formula": "thrust_amplitud[3]"}}, "did you mean 'thrust_amplitude'"),
+        ({"spread": {"formula": "max(abs(thrust))"}}, "not among the outputs"),
+        ({"../x": {"formula": "thrust_amplitude[3]"}}, "x"),
+        ({"spread": {"formula": "thrust_amplitude[3]", "units": "N"}}, "did you mean 'unit'"),
+        ({"spread": {"formula": "__import__('os')"}}, "formula"),
+        ({}, "responses"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_derived_is_said(api, grown, tables, words):
+    before = api.get(f"/runs/{grown}/upload").json()
+    for address in (f"/runs/{grown}/plans", f"/runs/{grown}/derive"):
+        answer = api.post(address, {"responses": tables})
+        assert answer.status_code == 422, answer.text
+        assert words in answer.json()["errors"][0]["message"]
+    assert api.get(f"/runs/{grown}/upload").json() == before
