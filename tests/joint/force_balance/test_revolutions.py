@@ -6,7 +6,7 @@ import pytest
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.outputs import BY_CYCLE, SETTLED
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS, point_values
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.simulate import simulate_point
 
@@ -59,3 +59,8 @@ def test_bodies_are_not_extrapolated():
     done = simulate_point("joint", model="needles", settled_needles=1)
     assert done.outcome == Outcome.NOT_APPLICABLE
     assert "raise cycles" in done.detail
+
+
+def test_an_ablation_switches_mechanisms_only():
+    """Needles that repeat are no mechanism: an ablation without factors leaves them as they are."""
+    assert [name for name, each in JOINT_PARAMETERS.items() if each.kind == "switch"] == list(MECHANISMS)
