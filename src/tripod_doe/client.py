@@ -210,11 +210,7 @@ class ServiceRun:
         return self._take(self._ask("GET", ""))
 
     def wait(self, *, progress: bool = True) -> ServiceRun:
-        """Wait for its end.
-
-        Raises:
-            TripodDoeError: If it fails.
-        """
+        """Wait for its end; TripodDoeError if it fails."""
         from tripod_doe.workflow.progress import Progress
 
         with Progress(self.points["total"], progress) as shown:

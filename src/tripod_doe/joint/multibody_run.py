@@ -83,10 +83,8 @@ def run_joint(
     """Simulate one operating point.
 
     Args:
-        values: The operating point.
         needles: Model ``needles`` (True) or ``rollers``.
         method: How it is integrated, with the step or the tolerance among the values where they are given.
-        wanted: Results to read off it.
         accuracy: To which a run without a given tolerance or step is refined; unless given, the accuracy of the third
             order among the values.
         usual: Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.

@@ -113,11 +113,7 @@ class Run:
 
 
 def method_named(name: str) -> Method:
-    """Find a method of the registry.
-
-    Raises:
-        InputError: If there is none of this name.
-    """
+    """Find a method of the registry; InputError if there is none of this name."""
     if name not in METHODS:
         raise InputError(f"method {name!r}: unknown{near_match(name, METHODS)}")
     return METHODS[name]
@@ -151,12 +147,9 @@ def run(
     """Simulate a scene from its start, or from another state.
 
     Args:
-        assembly: The scene.
         method: Name of a method of the registry.
-        duration: Simulated time.
         step: Step of a method without step control; it is shortened to divide the time between samples.
         samples: Number of equal parts of the duration, each of which ends in a sample.
-        settings: Numerics.
         limits: Bounds within which it counts as finished.
         start: State to go on from, at its own time; that of the scene unless given.
         every_step: Whether to return the states after all steps in place of samples. A method that controls its steps

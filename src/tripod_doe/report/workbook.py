@@ -33,11 +33,7 @@ class Sheet:
 
 
 def workbook(sheets: Sequence[Sheet]) -> bytes:
-    """The file of some tables.
-
-    Raises:
-        InputError: If a table is larger than a sheet may be.
-    """
+    """The file of some tables; InputError if a table is larger than a sheet may be."""
     import xlsxwriter
 
     buffer = io.BytesIO()

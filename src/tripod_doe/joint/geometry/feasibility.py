@@ -38,11 +38,7 @@ _EXPONENT = 10 / 9
 
 
 def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]]:
-    """Points that no model can run, with outcome and reason.
-
-    Args:
-        points: The points.
-    """
+    """Points that no model can run, with outcome and reason."""
     both = np.flatnonzero((points.contact_damping_time > 0) & (points.contact_damping > 0))
     reasons: dict[int, tuple[Outcome, str]] = {int(row): (Outcome.OUT_OF_RANGE, BOTH) for row in both}
     for row, reason in misfits(points):
@@ -65,11 +61,7 @@ def _too_slow(enough: float) -> str:
 
 
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
-    """Points whose parts cannot be put together or cannot move, with the reason.
-
-    Args:
-        points: The points.
-    """
+    """Points whose parts cannot be put together or cannot move, with the reason."""
     conflicts = [*_rings(points), *overlaps(points), *_preloads(points), *_skewed(points)]
     return [(i, each.reason(i)) for each in conflicts for i in map(int, np.flatnonzero(each.bad))]
 

@@ -207,7 +207,6 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], accuracy: Acc
 
     Args:
         model, points: As for `known_errors`.
-        accuracy: Required accuracy.
 
     Returns:
         Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or

@@ -52,11 +52,7 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
 
 
 def vibration_share(errors: FloatArray) -> FloatArray:
-    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,).
-
-    Args:
-        errors: `vibration_errors` of the points.
-    """
+    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,)."""
     share: FloatArray = (errors > NOTABLE_ERROR).mean(axis=1)
     return share
 

@@ -27,7 +27,6 @@ def contact_readings(
 
     Args:
         positions, velocities: States of two revolutions, shapes (sample, body, 7) and (sample, body, 6).
-        values: The operating point.
         names: Outputs that are wanted, from `contact_outputs`; some others are returned with them.
     """
     if not names:

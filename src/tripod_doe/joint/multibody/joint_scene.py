@@ -111,7 +111,6 @@ def build_joint(values: JointValues[float], needles: bool) -> Scene:
     """Scene of the joint at one operating point.
 
     Args:
-        values: The operating point.
         needles: Whether every needle is a body (model ``needles``), or each bearing one element (model ``rollers``).
 
     Returns:
@@ -137,9 +136,6 @@ def build_trunnion(values: JointValues[float]) -> Scene:
     Trunnions 2 and 3 are guided without friction: a body of a roller's mass slides along the line in which the roller
     would roll, and stays on its trunnion. So the spider moves as in the joint, and trunnion 1 carries its third of the
     torque, |T| / (3 R_p).
-
-    Args:
-        values: The operating point.
 
     Returns:
         The contact of the roller with its groove is the last one.

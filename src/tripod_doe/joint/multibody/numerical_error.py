@@ -53,7 +53,6 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
     Args:
         thrust, finer: Thrust over the samples of a run, and over those of its last revolution run again in half the
             steps; where that stopped before its end, the error is NaN.
-        samples: Samples per revolution.
         method: The method of both.
     """
     if finer.size < samples:
@@ -73,7 +72,6 @@ def miss_of_given(result: Run, again: Run, thrust: FloatArray, error: FloatArray
         result, again: The run, and its last revolution run again.
         thrust: Of the last revolutions, shape (revolution, sample).
         error: Numerical error of every order.
-        values: The operating point.
     """
     if again.outcome != Outcome.FINISHED:
         return f"the run with half the tolerance or step failed: {again.detail}"
@@ -88,10 +86,8 @@ def judge(result: Run, thrust: FloatArray, missed: str, values: JointValues[floa
     """Whether the orders of a run may be used: its outcome, and why not.
 
     Args:
-        result: The run.
         thrust: Of the last revolutions, shape (revolution, sample).
         missed: Why its numerical error is too large; empty where it is not.
-        values: The operating point.
     """
     if result.outcome != Outcome.FINISHED:
         return result.outcome, result.detail

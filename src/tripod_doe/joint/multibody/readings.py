@@ -93,8 +93,6 @@ def needle_skews(
     """Skew of the most loaded needle of each trunnion: the one with the largest penetration into the trunnion.
 
     Args:
-        positions: States of whole revolutions, shape (sample, body, 7).
-        values: The operating point.
         cycles: Revolutions among the samples.
 
     Returns:
@@ -119,7 +117,6 @@ def needle_drift(assembly: Assembly, positions: FloatArray, values: JointValues[
 
     Args:
         positions: States of a run, shape (sample, body, 7).
-        values: The operating point.
 
     Returns:
         ndarray, shape (sample,), mm

@@ -170,8 +170,6 @@ def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Mot
     """Follow a joint, refining steps and adding revolutions until they are accurate enough.
 
     Args:
-        joint: The joint.
-        accuracy: Required accuracy.
         setting: Tolerance or step of the first pass.
     """
     order = 1 if joint.method.controlled else joint.method.order

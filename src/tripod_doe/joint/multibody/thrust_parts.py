@@ -151,7 +151,6 @@ def thrust_parts(
     Args:
         times, positions, velocities: States of a run at equal distances, shapes (sample,), (sample, body, 7) and
             (sample, body, 6).
-        values: The operating point.
 
     Returns:
         Axial force on the housing in N, shape (part, groove, sample), parts in the order of `outputs.PARTS`; their sum

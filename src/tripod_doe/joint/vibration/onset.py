@@ -120,7 +120,6 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
     are tested with lumped bearings.
 
     Args:
-        values: The operating point.
         assembly: Its joint with lumped bearings, where that is there already.
     """
     assembly = assembly or assemble(build_joint(values, needles=False))
@@ -167,7 +166,6 @@ def damping_against(values: JointValues[float], states: Sequence[State]) -> str:
     motion are asked for all, and their matrices are linear in contact damping, as the forces are.
 
     Args:
-        values: The operating point.
         states: Of its smooth motion (`Vibration.states`).
 
     Returns:

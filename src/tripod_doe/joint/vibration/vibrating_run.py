@@ -103,7 +103,6 @@ def follow_vibration(
     """Follow a joint from its start until the mean orders of its thrust are certain, or its budget is nearly used up.
 
     Args:
-        joint: The joint, with a method that hardly damps vibrations.
         setting: Tolerance or step to begin with.
         allowed: Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
         builds_up: Whether the vibration builds up within a revolution, so that only the first one is dropped.

@@ -38,9 +38,6 @@ class VibratingJoint:
     """A joint in which departures from the smooth motion grow.
 
     Args:
-        values: Its operating point.
-        vibration: What grows.
-        wanted: Results to read off it.
         limits: What a revolution may show.
         allowed: Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
     """

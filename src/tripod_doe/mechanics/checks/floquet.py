@@ -59,7 +59,6 @@ def departure_matrices(assembly: Assembly, states: Sequence[State], duration: fl
     """The matrices of the equation of departures, shape (state, 2 x dof, 2 x dof).
 
     Args:
-        assembly: The scene.
         states: States at the middles of equal parts of the motion, in order.
         duration: How long the motion takes.
     """

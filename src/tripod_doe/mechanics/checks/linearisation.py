@@ -49,7 +49,6 @@ def linear_matrices(assembly: Assembly, state: State | None = None) -> Matrices:
     """Linearise a scene about a state.
 
     Args:
-        assembly: The scene.
         state: The state; the scene's start unless given.
     """
     state, work, tables = state or assembly.initial_state(), assembly.work(), assembly.tables
@@ -101,7 +100,6 @@ def rates_at(matrices: Matrices, pace: float) -> Rates:
     """The rates of one state.
 
     Args:
-        matrices: Its linearisation.
         pace: Rate at which the motion changes, over which the secant's lag counts.
     """
     m, k, d = matrices.mass, matrices.stiffness, matrices.tangent

@@ -44,7 +44,6 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
     """Add the forces and moments of all needle bearings, and their energies.
 
     Args:
-        bearings: Table of bearings.
         positions, velocities: Shapes (body, 7) and (body, 6).
         force: Receives forces and moments about the centres of mass, shape (body, 6).
         ledger: Receives stored energy and lost powers (`tables.LEDGER`).

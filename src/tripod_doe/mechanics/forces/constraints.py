@@ -36,7 +36,6 @@ def evaluate_constraints(rows, positions, velocities, time, phi, phi_t, gamma, j
     """Evaluate all constraint equations.
 
     Args:
-        rows: Table of equations.
         positions, velocities, time: The state.
         phi, phi_t, gamma: Receive residuals, partial time derivatives and the right-hand side of Eq. 1, shape (row,).
         jacobian: Receives Phi_q for velocity and angular velocity of body a and of body b, shape (row, 12).

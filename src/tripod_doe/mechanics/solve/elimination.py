@@ -203,7 +203,6 @@ def eliminate(pattern, matrix, first, last, scratch):
     Diagonal blocks become their inverses, lower blocks the factors L_ik = A_ik / A_kk.
 
     Args:
-        pattern: The elimination.
         matrix: Blocks, shape (block, 6, 8).
         first, last: Pivots first to last - 1 are eliminated; blocks of later ones receive their updates.
         scratch: Shape (any, 6, 8).

@@ -23,11 +23,7 @@ _SILENT = "its process ended without a message; resume goes on at the next missi
 
 
 def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]], directory: Path) -> tuple[State, str]:
-    """State and message of a run whose process has ended.
-
-    Args:
-        run: As it was known last.
-    """
+    """State and message of a run whose process has ended."""
     if run.is_search:
         whole, failed = has_report(directory), []
     elif run.kind == "workflow":

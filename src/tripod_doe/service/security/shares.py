@@ -61,11 +61,7 @@ class Shares:
                 ) from error
 
     def add(self, run_id: str, days: int) -> tuple[Share, str]:
-        """Make a link to a run; gives its secret, which is not kept.
-
-        Raises:
-            RefusedError: 413 if there are too many.
-        """
+        """Make a link to a run; gives its secret, which is not kept (RefusedError 413 if there are too many)."""
         secret, now = secrets.token_urlsafe(32), self._clock()
         share = Share(secrets.token_hex(8), run_id, _hash(secret), now, now + days * _DAY)
         with self._lock:
@@ -80,11 +76,7 @@ class Shares:
         return [share for share in self._shares.values() if share.run_id == run_id and self.is_open(share.id)]
 
     def revoke(self, run_id: str, share_id: str) -> None:
-        """End a link at once.
-
-        Raises:
-            RefusedError: 404 if this run has no such link.
-        """
+        """End a link at once; RefusedError 404 if this run has no such link."""
         with self._lock:
             share = self._shares.get(share_id)
             if share is None or share.run_id != run_id:
