@@ -45,7 +45,7 @@ _KINDS: Mapping[str, tuple[Callable[[object], bool], str]] = {
     "Sequence[str]": (_is_list_of_texts, "a list of texts"),
     "Collection[str]": (_is_list_of_texts, "a list of texts"),
 }
-"""What a part of an annotation admits, and what it is called."""
+"""The types that a part of an annotation admits, and their name for people."""
 
 
 def with_checked_arguments(function: Function) -> Function:

@@ -64,7 +64,7 @@ def find(cube: xr.Dataset) -> list[str]:
 
 
 def _unfinished(cube: xr.Dataset, part: xr.Dataset, good: int, total: int) -> list[str]:
-    """How many points failed, with the reasons and the region (of a part), and how many are not computed yet."""
+    """Number of failed points, with the reasons and the region (of a part), and how many are not computed yet."""
     left = int(waiting(cube).sum())
     failed, sentences = total - good - left, []
     if failed:
@@ -205,7 +205,7 @@ def _named(response: Response) -> str:
 
 
 def _range(response: Response, cube: xr.Dataset) -> str:
-    """Where the values of a response lie, with the points of the smallest and the largest; empty without any."""
+    """Range of a response, with the points of the smallest and the largest value; empty without any."""
     values = response.values.values
     known = values[np.isfinite(values)]
     if known.size == 0:

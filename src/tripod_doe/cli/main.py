@@ -177,7 +177,7 @@ def _printed(error: Exception) -> int:
 
 
 def _reason(error: Exception) -> str:
-    """What is wrong with the machine; empty where it is the program."""
+    """The fault of the machine behind an error; empty where the program is at fault."""
     if isinstance(error, MemoryError) or (isinstance(error, ImportError | OSError) and _NO_MEMORY.search(str(error))):
         return "there is not enough memory, or ulimit -v is too low; finished points are kept"
     if isinstance(error, OSError) and error.errno in _DISK:

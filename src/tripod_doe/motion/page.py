@@ -150,7 +150,7 @@ def _differs(point: SimulatedPoint, name: str, value: Value) -> bool:
 
 
 def motion_data(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> dict[str, Any]:
-    """What the script reads: sizes in mm, and arrays of a revolution as base64 of little-endian 32-bit floats.
+    """Data of the script: sizes in mm, and arrays of a revolution as base64 of little-endian 32-bit floats.
 
     Samples are left out evenly until the text of all arrays is at most a megabyte.
     """

@@ -111,7 +111,7 @@ def _needles(
 
 
 def _rolled(values: JointValues[float], phi: FloatArray) -> FloatArray:
-    """How far the needles of a roller that rolls in its groove have moved around, from phi = 0: (sample, trunnion)."""
+    """Way of the needles around a trunnion while the roller rolls, from phi = 0: (sample, trunnion)."""
     turned, side = phi[:, None] + _TURNED, -1.0 if values.torque < 0 else 1.0
     cosine, sine = np.cos(turned), np.sin(turned)
     sin_theta, versine = np.sin(values.joint_angle), 1 - np.cos(values.joint_angle)

@@ -168,7 +168,7 @@ def make_page(
 
 @dataclass(frozen=True)
 class Answer:
-    """What a study says first, and all that its page shows."""
+    """The answer of a study, its other findings, and all that its page shows."""
 
     sentences: list[str]  # at most three
     more: list[str]  # all others
@@ -247,7 +247,7 @@ def _content(
 
 
 def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) -> list[str]:
-    """What the analyses say, then what the cube shows; first of all that most points have no result, if so."""
+    """Findings of the analyses, then of the cube; first of all that most points have no result, if so."""
     most_missing = int(finished(cube).sum()) < int(asked(cube).sum()) / 2
     return [*findings[:1], *said, *findings[1:]] if most_missing else [*said, *findings]
 

@@ -37,7 +37,7 @@ class StoredChart:
 
     @property
     def title(self) -> str:
-        """What is shown, in a few words; empty without a title."""
+        """Heading in a few words; empty without a title."""
         match = re.search(r"<title>(.*?)</title>", self.svg())
         return unescape(match[1]) if match else ""
 
@@ -98,7 +98,7 @@ class PagePart:
 
     @property
     def columns(self) -> str:
-        """How many figures stand side by side: wide ones need more room, a single one gets it."""
+        """Number of figures side by side: wide ones need more room, a single one gets it."""
         if len(self.charts) == 1:
             return "one"
         return "two" if len(self.charts) == 2 or max(chart.width for chart in self.charts) > _THIRD else "three"

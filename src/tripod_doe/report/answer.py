@@ -1,4 +1,4 @@
-"""What a page says first: the answer in at most three sentences, and the one picture that shows it."""
+"""The top of a page: the answer in at most three sentences, and the one picture that shows it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def answer_first(findings: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def beyond(findings: Sequence[str], answer: Sequence[str]) -> list[str]:
-    """What findings say beyond the sentences of an answer, so that a page says nothing twice."""
+    """Findings beyond the sentences of an answer, so that a page says nothing twice."""
     left = ([sentence for sentence in _NEXT_SENTENCE.split(finding) if sentence not in answer] for finding in findings)
     return [" ".join(sentences) for sentences in left if sentences]
 

@@ -79,7 +79,7 @@ def quantile_text(answers: xr.Dataset, unit: str) -> str:
 
 
 def _bounds(low: float, high: float, digits: int) -> str:
-    """What the points say of where a quantile lies."""
+    """Value and interval of a quantile from the points."""
     if np.isfinite(low) and np.isfinite(high):
         return f"{number(low, digits)} to {number(high, digits)}"
     if np.isfinite(low):
@@ -88,7 +88,7 @@ def _bounds(low: float, high: float, digits: int) -> str:
 
 
 def left_points(result: xr.Dataset) -> list[str]:
-    """How many points are missing and how many are left; nothing where all are there."""
+    """Numbers of missing and remaining points, in a sentence; none where all are there."""
     dropped = int(result.attrs.get("points_dropped", 0))
     if not dropped:
         return []

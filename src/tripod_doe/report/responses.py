@@ -141,17 +141,17 @@ def design_kind(cube: xr.Dataset) -> str:
 
 
 def finished(cube: xr.Dataset) -> xr.DataArray:
-    """Where the points finished, over the dimensions of the design."""
+    """Whether the points finished, over the dimensions of the design."""
     return cube["outcome"] == Outcome.FINISHED
 
 
 def waiting(cube: xr.Dataset) -> xr.DataArray:
-    """Where a point has not been computed yet: the study runs still, or was interrupted."""
+    """Whether a point is still to be computed: the study runs, or was interrupted."""
     return (cube["outcome"] == Outcome.NOT_RUN) & asked(cube)
 
 
 def asked(cube: xr.Dataset) -> xr.DataArray:
-    """Where there is a point to run: all but those that a constraint excludes."""
+    """Whether there is a point to run: all but those that a constraint excludes."""
     return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
 
 

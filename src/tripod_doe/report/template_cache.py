@@ -20,7 +20,7 @@ class _CompiledTemplates(FileSystemBytecodeCache):
 
 
 def compiled_templates() -> FileSystemBytecodeCache | None:
-    """Where templates are kept compiled, beside the kernels: to compile them was a tenth of a small run."""
+    """Folder of compiled templates, beside the kernels: compiling them took a tenth of a small run."""
     folder = cache_root() / "templates"
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -20,7 +20,7 @@ _LARGE = {
     re.compile(r'<a class="data" [^>]*>Data \(CSV\)</a>'): "Its data are",
     re.compile(r"<svg role=.*?</svg>", re.DOTALL): "This figure is",
 }
-"""What a page can do without, and the subject of the sentence that says so."""
+"""Parts that a page can do without, and the subject of the sentence that says so."""
 
 
 @cache

@@ -13,7 +13,7 @@ Answer = dict[str, Any]
 
 
 def explore(service: Service, run_id: str, items: Items, step: str | None = None) -> Answer:
-    """What a view of a run's cube can be changed to."""
+    """Changes that a view of a run's cube allows."""
     place, minus = str(service.results(run_id, step)), _subtracted(items)
     name = service.runs.find(minus).name if minus else ""
     return service.ask("explorer.questions:explore", path=place, items=items, place=place, minus_name=name)

@@ -88,7 +88,7 @@ class ModelSummary:
 
     @property
     def verdict_texts(self) -> list[str]:
-        """How far the points can be trusted, in one sentence; none without points."""
+        """Trust in the points, in one sentence; none without points."""
         return self._verdicts.sentences(self._which)
 
     @property

@@ -1,4 +1,4 @@
-"""How far the result of a point can be trusted: sure, usable or doubtful, with the reason.
+"""Trust in the result of a point: sure, usable or doubtful, with the reason.
 
 The one rule for pages, terminals, cubes and sentences. It judges a model by its known errors at similar points and by
 the range in which it holds, and a run by its own numerical error.
@@ -23,7 +23,7 @@ LARGE_ERROR = 0.2
 
 
 class Trust(IntEnum):
-    """How far a result can be trusted; the integer is the CF flag value."""
+    """Trust in a result; the integer is the CF flag value."""
 
     NOT_KNOWN = -1
     """The point failed."""
@@ -53,7 +53,7 @@ _NOTABLE, _LARGE = f"{100 * NOTABLE_ERROR:g} %", f"{100 * LARGE_ERROR:g} %"
 
 @dataclass(frozen=True)
 class Verdicts:
-    """How far each of some points can be trusted."""
+    """Trust in each of some points."""
 
     trust: NDArray[np.int8]  # a `Trust` per point, shape (point,)
     reason: IntArray  # place of its reason in `reasons`, shape (point,)

@@ -57,7 +57,7 @@ MOST_VALUES = 50_000
 
 
 class Source(Protocol):
-    """Where the values of names come from."""
+    """Source of the values of names."""
 
     @property
     def rows(self) -> Collection[str]:

@@ -287,7 +287,7 @@ def _shared(
 
 
 def _notes(simulator: Simulator, points: Mapping[str, NDArray[Any]], result: BlockResult) -> tuple[str, ...]:
-    """What there is to know about the points that finished."""
+    """Notes on the points that finished."""
     rows = np.flatnonzero(result.outcome == Outcome.FINISHED)
     if not rows.size:
         return ()

@@ -36,7 +36,7 @@ class StudyPoints:
 
     @cached_property
     def index(self) -> KeyIndex:
-        """Where the fingerprints stand."""
+        """Places of the fingerprints."""
         return KeyIndex(self.keys)
 
     @cached_property

@@ -271,7 +271,7 @@ class _Chain:
         return name
 
     def _exported(self, step: Step) -> list[Path]:
-        """Where an analysis that answers the workflow's question writes it for other programs."""
+        """File in which an analysis writes the answer to the workflow's question for other programs."""
         export = ANALYSES[step.analysis].export if isinstance(step.table, AnalysisStep) else None
         folder = self.directory / "quick" if self.workflow.quick else self.directory
         return [folder / export[0]] if export else []

@@ -1,4 +1,4 @@
-"""What an optimisation will cost: its points, and their price by some that are timed."""
+"""Price of an optimisation before anything runs: its points, and the time of some."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(
 
 
 def find_in_claims(claims: xr.Dataset, name: str = "") -> list[str]:
-    """How many claims hold, then those that do not and those that are not decided, each with its reason."""
+    """Number of claims that hold, then the others, each with its reason."""
     verdicts = claims["verdict"].values
     counts = {verdict: int((verdicts == verdict).sum()) for verdict in Verdict}
     sentences = [

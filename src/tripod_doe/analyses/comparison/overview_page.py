@@ -71,7 +71,7 @@ def overview_text(records: Sequence[ComparedRecord]) -> str:
 
 
 def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
-    """How many records agree in each order that is shown, and which were not compared."""
+    """Number of records that agree in each shown order, and the records that were not compared."""
     rows, sentences = overview_rows(records), []
     for order in _SHOWN:
         own = [row for row in rows if row.order == order and row.verdict != NOT_COMPARED]

@@ -91,7 +91,7 @@ def _run_up_sentence(comparison: xr.Dataset) -> list[str]:
 
 
 def _beat(envelope: np.ndarray[Any, Any]) -> str:
-    """What an envelope does over a revolution, as the end of a sentence."""
+    """Change of an envelope over a revolution, as the end of a sentence."""
     depth = 100 * _depth(envelope)
     return f"rises and falls by {number(depth, 2)} % about its mean" if depth > _CONSTANT else "is constant"
 

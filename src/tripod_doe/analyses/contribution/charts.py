@@ -101,7 +101,7 @@ def _draw_spread(axes: Axes, row: int, known: FloatArray, low: float, high: floa
 
 
 def _beyond(part: Contribution, low: float, high: float) -> str:
-    """How many shares the axis leaves out, and the most extreme one with its operating point."""
+    """Number of shares that the axis leaves out, and the most extreme one with its operating point."""
     values = part.shares[part.fairest]
     outside = np.isfinite(values) & ((values < low) | (values > high))
     if not outside.any():

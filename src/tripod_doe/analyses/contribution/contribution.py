@@ -167,7 +167,7 @@ def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.Da
 
 
 def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) -> dict[str, _Variable]:
-    """What every ablation gives, each of shape (operating point, ...)."""
+    """Results of every ablation, each of shape (operating point, ...)."""
     bits = [1 << position for position in range(part.count)]
     off = np.stack([100 - part(part.all_on - bit) for bit in bits], axis=1)
     on = np.stack([part(bit) for bit in bits], axis=1)
@@ -219,7 +219,7 @@ def _direct(
 
 
 def _cooperation(part: Projections, own: tuple[str, ...], mechanisms: list[str]) -> dict[str, _Variable]:
-    """What needs all combinations: Shapley values and interactions."""
+    """Results that need all combinations: Shapley values and interactions."""
     everything = [part(combination) for combination in range(part.all_on + 1)]
     pairs = list(combinations(range(part.count), 2))
     shapley = np.stack([shapley_index(everything, part.count, (each,)) for each in range(part.count)], axis=1)

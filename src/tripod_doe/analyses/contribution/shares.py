@@ -1,4 +1,4 @@
-"""What the mechanisms contribute: shares by every definition as tables and sentences, beside those of the paper."""
+"""Contributions of the mechanisms by every definition, as tables and sentences beside the paper's."""
 
 from __future__ import annotations
 

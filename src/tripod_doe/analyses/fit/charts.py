@@ -146,7 +146,7 @@ def _correlations(fit: xr.Dataset) -> Chart:
 
 
 def _next(fit: xr.Dataset) -> Chart:
-    """How far one more record at each candidate narrows the unknown."""
+    """Gain by one more record at each candidate."""
     part = fit["next"].values
     order = [at for at in np.argsort(part) if np.isfinite(part[at])][:_MOST_CANDIDATES]
     texts = [candidate_text(fit, int(at)) for at in order]

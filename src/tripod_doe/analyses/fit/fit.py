@@ -38,7 +38,7 @@ _STAYS = 0.1  # of the standard deviation: a minimum that moves less by a correc
 
 @dataclass(frozen=True)
 class Solution:
-    """What a fit gives, on the unit cube of its scalars."""
+    """Result of a fit, on the unit cube of its scalars."""
 
     problem: Problem  # the last one: without bad records, with the corrected model
     best: Descent  # its minimum, with derivatives

@@ -1,4 +1,4 @@
-"""What data say of each unknown: verdicts, correlations, and the combinations that are known where a single one is not.
+"""Identifiability of the unknowns: verdicts, correlations, and combinations that are known where a single one is not.
 
 Everything follows from the whitened Jacobian over the unit cube of the unknowns: a singular value s means that its
 direction is known to a standard deviation of 1/s of the ranges.
@@ -46,7 +46,7 @@ def correlation_of(covariance: FloatArray) -> FloatArray:
 
 
 def verdict(profile: Profile, jacobian: FloatArray, allowed: float) -> str:
-    """What data say of one scalar.
+    """Verdict on one scalar.
 
     Found where its profile ends on both sides. Where it does not, but would if all other unknowns were known, only a
     combination is known; so it is where only bounds end it, and it is far longer than it would be if all other unknowns

@@ -87,7 +87,7 @@ class Misfit:
         return int(self._angles.size)
 
     def _shared_columns(self, size: FloatArray) -> ComplexArray:
-        """What shared nuisances of deviation 1 add to the prediction, shape (row, nuisance)."""
+        """Change of the prediction by shared nuisances of deviation 1, shape (row, nuisance)."""
         rows, columns = self.rows, []
         for order in np.unique(rows.order):
             own = np.where(rows.order == order, rows.shared_error, 0.0) * self._unit

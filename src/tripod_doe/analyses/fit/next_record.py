@@ -22,7 +22,7 @@ _MOST_RECORDS = 1000  # beyond which records of one point are said not to reach 
 
 @dataclass(frozen=True)
 class CandidateRows:
-    """What the model says of one candidate."""
+    """Prediction and derivatives of the model at one candidate."""
 
     prediction: ComplexArray  # at the fitted values, shape (order,)
     slope: ComplexArray  # its derivatives by the scalars, and by those of a new record alone, shape (order, scalar)
@@ -32,7 +32,7 @@ class CandidateRows:
 
 @dataclass(frozen=True)
 class Gain:
-    """What a record at a candidate would do."""
+    """Effect of one more record at a candidate."""
 
     part: float  # half width of the interval with it, over that without
     records: float  # records there until the aim is reached; infinite where it is not within a thousand
@@ -41,7 +41,7 @@ class Gain:
 
 @dataclass(frozen=True)
 class Next:
-    """What records at candidates would do."""
+    """Effects of records at all candidates."""
 
     unknown: str  # the one to narrow, with its record or group
     within: float  # relative half width that is aimed at
@@ -53,7 +53,7 @@ class Next:
 def gains(
     solution: Solution, orders: Sequence[int], candidates: Sequence[CandidateRows], scalar: int, aim: float
 ) -> list[Gain]:
-    """What one more record at each candidate would do to the interval of one scalar.
+    """Effect of one more record at each candidate on the interval of one scalar.
 
     Args:
         candidates: The candidates; a scalar that a new record would have for itself follows those of the fit.

@@ -57,7 +57,7 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
 
 
 def _remarks(records: Sequence[RigRecord]) -> str:
-    """What was assumed when the records were read, a line each; what several have in common once."""
+    """Assumptions about the records as they were read, a line each; common ones once."""
     by_text: dict[str, list[str]] = {}
     for record in records:
         for remark in record.remarks:

@@ -131,7 +131,7 @@ class RigFit:
         return {name: value for name, value in known.items() if name not in ("model", *self.varied)}
 
     def _operating(self, own: Mapping[str, Value]) -> dict[str, Value]:
-        """What differs between records, of one of them or of a candidate."""
+        """Values of one record or candidate that differ between records."""
         usual: dict[str, Value] = {}
         for name in self.varied:
             parameter: Parameter = self.simulator.parameters[name]
@@ -218,7 +218,7 @@ class RigFit:
         return solution, errors[-1]
 
     def next(self, points: Answers, solution: Solution) -> Next | None:
-        """What one more record at each candidate would do."""
+        """Effect of one more record at each candidate."""
         if not self.candidates or self.file.next is None:
             return None
         layout, best = self.layout, solution.best

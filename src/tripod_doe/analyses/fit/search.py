@@ -31,7 +31,7 @@ _SAME = 0.02  # places nearer than this are one minimum
 
 @dataclass(frozen=True)
 class Descent:
-    """Where a descent ended."""
+    """The end of a descent."""
 
     place: FloatArray  # shape (scalar,)
     prediction: ComplexArray  # shape (row,)

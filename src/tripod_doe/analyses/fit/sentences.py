@@ -1,4 +1,4 @@
-"""What a fit says of each unknown and of the records, in sentences and rows of tables."""
+"""Sentences and tables of a fit: each unknown, and the records."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _subject(name: str) -> str:
 
 
 def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str) -> str:
-    """What is known of a value that is not determined, as the end of a sentence."""
+    """Knowledge of a value that is not determined, as the end of a sentence."""
     ends = f"{number(low)} to {with_unit(number(high), unit)}"
     if verdict == ONE_SIDED:
         ends_low, ends_high = (
@@ -92,7 +92,7 @@ def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str
 
 
 def _sentence_of_records(own: xr.Dataset, name: str) -> str:
-    """What is known of an unknown that has a value in each record or group."""
+    """Values of an unknown in each record or group, in a sentence."""
     values = own["value_of_record"].values
     words = own["verdict_of_record"].values.tolist()
     counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))

@@ -162,7 +162,7 @@ def _with_zero(
 
 
 def _zero_text(response: Response, cube: xr.Dataset, factor: str, zero: float | None) -> str:
-    """What a line without a marker at zero says."""
+    """The note on a line without a marker at zero."""
     if zero is None:
         return ""
     at = with_unit("0", factor_unit(cube, factor))

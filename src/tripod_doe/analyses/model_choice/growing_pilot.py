@@ -37,7 +37,7 @@ Runs = list[tuple[Candidate, IntArray]]
 
 
 def first_candidates(auto: AutoModel) -> list[Candidate]:
-    """What a pilot without a record starts with: the cheapest candidate and the full model."""
+    """First candidates of a pilot without a record: the cheapest candidate and the full model."""
     return [
         auto.candidates[0],
         next((candidate for candidate in auto.candidates[1:] if candidate.full), auto.candidates[-1]),

@@ -38,7 +38,7 @@ missed the accuracy."""
 
 @dataclass(frozen=True)
 class RecordedChoice:
-    """What the errors on record say that each point should run with."""
+    """The model of each point by the errors on record."""
 
     candidates: tuple[Candidate, ...]  # all candidates, as the study's accuracy has them
     number: IntArray  # number of each point's candidate among them, shape (point,)

@@ -49,7 +49,7 @@ def price_of_point(
 
 
 def known_candidates(file: StudyFile) -> Sequence[Candidate]:
-    """What the scene of a study knows of prices; nothing of a user's function, whose file may be gone."""
+    """Prices that the scene of a study knows; none of a user's function, whose file may be gone."""
     return () if file.study.function else load_simulator(file.study.scene, None).candidates
 
 

@@ -36,7 +36,7 @@ def _distribution(part: OutputPart, truth: str) -> str:
 
 
 def _gain(part: OutputPart, truth: str) -> list[str]:
-    """What the cheaper models are worth at equal price; nothing where prices are not known."""
+    """Gain by the cheaper models at equal price; nothing where prices are not known."""
     answers = part.answers
     if not np.isfinite(answers["gain"]):
         return []
@@ -52,7 +52,7 @@ def _gain(part: OutputPart, truth: str) -> list[str]:
 
 
 def _samples(result: xr.Dataset) -> str:
-    """How many samples of which model, and their price."""
+    """Number of samples of each model, and their price."""
     block = int(result.attrs["block_size"])
     rows = zip(result["model"].values, result["samples"].values, result["price"].values, strict=True)
     text = listed([f"{int(count):,} of {model}" for model, count, _ in rows])

@@ -32,7 +32,7 @@ model would grow without bound."""
 
 @dataclass(frozen=True)
 class Split:
-    """How many samples each model gets, and what that is expected to bring."""
+    """Samples of each model, and the expected gain."""
 
     samples: Mapping[str, int]  # samples of each model, the truth first
     prices: Mapping[str, float]  # CPU seconds of a point with each model
@@ -146,7 +146,7 @@ def _chains(truth: str, prices: Mapping[str, float], explained: Mapping[str, flo
 
 
 def _steps(chain: list[str], explained: Mapping[str, float]) -> list[float]:
-    """What each model of a chain explains beyond the next one; the truth, what the best cheaper model leaves."""
+    """Variance that each model explains beyond the next one; of the truth, the rest of the best cheaper one."""
     parts = [1.0, *(explained[model] for model in chain[1:]), 0.0]
     return [first - second for first, second in pairwise(parts)]
 

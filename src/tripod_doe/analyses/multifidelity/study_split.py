@@ -39,7 +39,7 @@ def _stored(study: Study, directory: Path) -> Study | None:
 
 
 def _asked(study: Study) -> dict[str, str]:
-    """What decides the points of a study, without its split."""
+    """The parts of a study that decide its points, without its split."""
     of_split = ("design.split", "design.prices")
     return {key: value for key, value in canonical(study).items() if not key.startswith(of_split)}
 

@@ -38,7 +38,7 @@ class Ends:
         return np.asarray(self.outcome != Outcome.FINISHED)
 
     def reasons(self) -> list[str]:
-        """Why candidates failed: the most frequent outcome of their points with a reason; empty if none did."""
+        """Reasons of failed candidates: the most frequent outcome of their points with a reason; empty if none did."""
         texts = []
         for outcomes, details, failed in zip(self.outcome, self.detail, self.failed, strict=True):
             if not failed.any():
@@ -149,7 +149,7 @@ def _reason(
     violation: FloatArray,
     constraints: Mapping[str, ConstraintTable],
 ) -> str:
-    """Why a candidate is not feasible; empty where it is."""
+    """The reason why a candidate is not feasible; empty where it is."""
     if not np.isfinite(objectives).all() or not np.isfinite(kept).all():
         return why or "an output has no value there"
     texts = []

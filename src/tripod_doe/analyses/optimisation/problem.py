@@ -64,7 +64,7 @@ class Problem:
 
     @property
     def start_unit(self) -> FloatArray:
-        """Where the search starts, on the unit cube, shape (variable,)."""
+        """Start of the search on the unit cube, shape (variable,)."""
         return np.array([each.unit(self.start[each.name]) for each in self.variables.chosen])
 
     def samples(self, count: int, seed: int) -> Sample:

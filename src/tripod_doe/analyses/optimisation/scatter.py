@@ -21,7 +21,7 @@ _ABOUT = ("normal", "truncated-normal")  # distributions with a mean
 
 @dataclass(frozen=True)
 class Scatter:
-    """What scatters, and how."""
+    """Parameters that scatter, with their distributions."""
 
     factors: Mapping[str, Factor]  # by name; of variables with an unlimited parameter
     relative: frozenset[str]  # names of variables, which scatter about the value of each candidate

@@ -96,7 +96,7 @@ class Search:
 
 
 def _first_generation(variables: Variables, population: int, seed: int, start: FloatArray | None) -> FloatArray:
-    """Where the search starts: the start itself, if there is one, and a latin hypercube."""
+    """First candidates: the start, if there is one, and a latin hypercube."""
     from scipy.stats import qmc
 
     units = qmc.LatinHypercube(len(variables.chosen), rng=seed).random(population)

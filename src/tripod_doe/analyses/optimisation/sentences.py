@@ -143,7 +143,7 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
 
 
 def _confirmation(problem: Problem, solved: Solved) -> list[str]:
-    """How far the last word is from the search."""
+    """Difference between the confirmed front and the search."""
     if not solved.confirmed:
         return []
     own, searched = solved.front.judged.objectives, solved.searched.objectives
@@ -183,7 +183,7 @@ def _left_out(solved: Solved) -> list[str]:
 
 
 def _nothing(problem: Problem, solved: Solved) -> list[str]:
-    """What to say where no candidate is feasible."""
+    """The sentence where no candidate is feasible."""
     judged = solved.archive.judged
     if judged.feasible.any():
         return [
@@ -251,7 +251,7 @@ def _digits(values: FloatArray) -> list[int]:
 
 
 def ends_table(problem: Problem, solved: Solved) -> Table:
-    """What binds at the ends and the knee of the front."""
+    """Active limits and bounds at the ends and the knee of the front."""
     front = solved.front
     if not len(front.units):
         return [], []

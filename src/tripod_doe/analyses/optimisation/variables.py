@@ -1,4 +1,4 @@
-"""What may be chosen: variables with ranges or values, on the unit interval for a search, and what follows them."""
+"""Variables with ranges or values, on the unit interval for a search, and the parameters that follow them."""
 
 from __future__ import annotations
 

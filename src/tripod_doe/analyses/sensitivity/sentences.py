@@ -157,7 +157,7 @@ def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
 
 
 def _holes(result: xr.Dataset) -> list[str]:
-    """What was dropped, and where the points failed."""
+    """Dropped blocks, and the region of failed points."""
     dropped, block = int(result.attrs.get("points_dropped", 0)), int(result.attrs.get("block_size", 1))
     if not dropped:
         return []

@@ -109,7 +109,7 @@ def _failed_at_top(panel: Axes, runs: xr.Dataset, done: np.ndarray, models: list
 
 
 def _why_failed(runs: xr.Dataset) -> str:
-    """How many runs failed, by their outcome."""
+    """Number of failed runs by their outcome."""
     kinds = [Outcome(int(kind)) for kind in runs["outcome"].values if kind != Outcome.FINISHED]
     counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
     return ", ".join(f"{count} {kind.label.replace('_', ' ')}" for kind, count in counts.items())

@@ -80,12 +80,12 @@ def find_in_stability(borders: xr.Dataset, name: str = "") -> list[str]:
 
 
 def _scene(name: str) -> str:
-    """What is in the study of a step, by the step's name."""
+    """The scene of the study of a step, by the step's name."""
     return spoken(name.removesuffix("_borders")).capitalize() if name.endswith("_borders") else ""
 
 
 def _defaults(borders: xr.Dataset, where: str) -> list[str]:
-    """How far the default step or tolerance of each method is from the measured limit of the base case."""
+    """Distance of each method's default step or tolerance from the measured limit of the base case."""
     if "default_setting" not in borders:
         return []
     base = borders.isel(case=int(np.flatnonzero(borders["varied"].values == "base")[0]))

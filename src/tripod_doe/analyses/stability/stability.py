@@ -52,7 +52,7 @@ class RunKind(IntEnum):
 
 
 class Limit(IntEnum):
-    """What limits the step in the prediction; the integer is the CF flag value."""
+    """Limit of the step in the prediction; the integer is the CF flag value."""
 
     NONE = 0
     FRICTION = 1

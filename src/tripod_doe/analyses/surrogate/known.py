@@ -1,4 +1,4 @@
-"""What is known of outputs before a surrogate learns them: zeros and symmetries that their simulator declares."""
+"""Zeros and symmetries of outputs that their simulator declares, before a surrogate learns them."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def grown(part: FloatArray, soft: float) -> FloatArray:
 
 
 def foreknown(columns: Mapping[str, Column], cube: xr.Dataset) -> Foreknown:
-    """What is known of the outputs of a cube over these factors.
+    """Zeros and symmetries of the outputs of a cube over these factors.
 
     Args:
         columns: Values of the factors at the points, shape (point,) each.

@@ -65,7 +65,7 @@ class Surrogates:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of components before anything is learned: where they are zero, and how they mirror."""
+    """Zeros and mirrors of components, known before anything is learned."""
 
     # envelope: a function of the point, shape (point,), that is zero where the components marked by `vanishes` are;
     # these are learned over it

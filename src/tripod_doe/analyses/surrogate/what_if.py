@@ -175,7 +175,7 @@ def _range(name: str, sample: Sample, cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> tuple[list[Component], FloatArray]:
-    """What is learned, with its values, shape (point, component)."""
+    """Learned quantities with their values, shape (point, component)."""
     if any(table.name == _AMPLITUDE for table in tables) and _PHASE in cube:
         amplitude, phase = (cube[name].isel(point=rows).values.astype(float) for name in (_AMPLITUDE, _PHASE))
         wave = amplitude * np.exp(1j * np.radians(phase))

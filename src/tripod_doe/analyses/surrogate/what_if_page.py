@@ -67,7 +67,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class WhatIfPage:
-    """What the page of one surrogate needs."""
+    """Data of the page of one surrogate."""
 
     name: str  # name of the analysis
     surrogate: WhatIf  # the surrogate

@@ -1,4 +1,4 @@
-"""How far one scatter, or two together, must shrink so that a limit is kept, from the points that are there.
+"""The scale by which one scatter, or two together, must shrink to keep a limit, from the existing points.
 
 Each point counts by how much more often it would occur if the scatter were s times as wide about its centre,
 w = f(c + (x - c) / s) / (s f(x)) with the density f of the factor; of two factors by the product.

@@ -99,7 +99,7 @@ def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
 
 
 def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
-    """How far one scatter, or two, must shrink so that the limit is kept; nothing where it is kept."""
+    """The scale by which one scatter, or two, must shrink to keep the limit; nothing where it is kept."""
     keep = float(part.attrs.get("keep", np.nan))
     if not np.isfinite(part["exceedance"]) or "scale_to_keep" not in part or not float(part["exceedance"]) > 1 - keep:
         return []
@@ -162,7 +162,7 @@ def _percent(row: tuple[str, float, float, float]) -> str:
 
 
 def tolerance_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """What halving the scatter of each factor gains, for each main output, the largest first."""
+    """Gain of halving the scatter of each factor for each main output, the largest first."""
     rows = []
     for _, what, _, part in tolerance_parts(result):
         gains = part["gain_of_halving"].values

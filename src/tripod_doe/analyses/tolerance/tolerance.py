@@ -96,7 +96,7 @@ def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
 def _gains(
     weights: FloatArray, values: FloatArray, limit: FloatArray, settings: ToleranceSettings
 ) -> dict[str, FloatArray]:
-    """What halving the scatter of each factor gains, shape (factor, component)."""
+    """Gain of halving the scatter of each factor, shape (factor, component)."""
     draws = bootstrap_weights(len(values), settings.resamples, settings.seed)
     draws = np.concatenate([np.full((1, len(values)), 1 / len(values)), draws])
     centred = values - values.mean(axis=0)

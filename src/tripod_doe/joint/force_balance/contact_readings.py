@@ -33,7 +33,7 @@ _READ = (
     "roller_place_mm",
     "roller_tilt_deg",
 )
-"""What the kernel reads, in its order."""
+"""Quantities that the kernel reads, in its order."""
 _ANGLES = ("groove_contact_angle_deg", "roller_tilt_deg")
 
 

@@ -58,7 +58,7 @@ class Skew(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Where a roller touches its groove."""
+    """The contact of a roller with its groove."""
 
     # sin_a, cos_a: of the contact angle
     sin_a: float
@@ -70,7 +70,7 @@ class Contact(NamedTuple):
 
 
 class AddedMotion(NamedTuple):
-    """What a roller's mass, and its motion between samples, add to the balance; zero in `equilibrium`."""
+    """Terms of the balance from a roller's mass and its motion between samples; zero in `equilibrium`."""
 
     # plunge, rocking: velocity along the trunnion in mm/s of the roller's centre, and of its bore besides, where the
     # needles are
@@ -96,7 +96,7 @@ STILL = AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @inlined_kernel
 def leaning_contact(p, m, lean):
-    """Where the roller touches its groove, if the normal must carry the force `lean` (over N) along the trunnion."""
+    """Contact of the roller with its groove if the normal must carry the force `lean` (over N) along the trunnion."""
     length = math.sqrt(m.t_r * m.t_r + m.t_t * m.t_t)
     sin_sum = min(max(-flank(p) * lean / length, -0.999), 0.999)
     cos_sum = math.sqrt(1.0 - sin_sum * sin_sum)

@@ -1,1 +1,1 @@
-"""What follows from dimensions alone: kinematics, contact stiffness, inertia, transition velocities, feasibility."""
+"""Consequences of the dimensions alone: kinematics, contact stiffness, inertia, transition velocities, feasibility."""

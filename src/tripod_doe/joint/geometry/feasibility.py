@@ -50,7 +50,7 @@ def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]
 
 
 def _too_slow(enough: float) -> str:
-    """Why a point has no thrust to compute, and from which speed in rpm on it has."""
+    """The reason why a point has no thrust to compute, and the lowest speed in rpm at which it has."""
     raised = "raise speed_rpm"
     if np.isfinite(enough):
         raised += f" to at least {rounded_up(enough)}, or joint_angle_deg"
@@ -137,13 +137,13 @@ def _skewed(points: JointValues[FloatArray]) -> list[Overlap]:
 
 
 def most_needles(diameter: FloatArray | float, pitch_diameter: FloatArray | float) -> FloatArray:
-    """How many unskewed needles of a diameter fit on their pitch circle; lengths in one unit, shapes broadcast."""
+    """Number of unskewed needles that fit on their pitch circle; lengths in one unit, shapes broadcast."""
     most: FloatArray = np.floor(np.pi / np.arcsin(np.minimum(np.divide(diameter, pitch_diameter), 1.0)) + 1e-9)
     return most
 
 
 def room_for_needles(values: JointValues[float]) -> int:
-    """How many more needles fit on the pitch circle of an operating point, unskewed."""
+    """Number of needles that still fit on the pitch circle of an operating point, unskewed."""
     return int(most_needles(values.needle_diameter, values.needle_pitch_diameter)) - int(values.needle_count)
 
 

@@ -101,14 +101,14 @@ def _rollers(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
 
 
 def _beyond_plane(points: JointValues[FloatArray], sizes: _Sizes) -> FloatArray:
-    """How far a roller that is farthest in reaches beyond the plane in the middle to the next one; negative before."""
+    """Reach of a roller that is farthest in, beyond the middle plane to the next one; negative before it."""
     towards = _support(-np.sin(_HALF_ANGLE), np.cos(_HALF_ANGLE), points.roller_radius, points.roller_width, sizes.face)
     beyond: FloatArray = towards - (points.pitch_radius - sizes.eccentricity) * np.sin(_HALF_ANGLE)
     return beyond
 
 
 def _support(along: Any, across: Any, radius: FloatArray, width: FloatArray, face: FloatArray | float) -> FloatArray:
-    """How far a roller extends from its centre in a direction with these parts along and across its axis."""
+    """Extent of a roller from its centre in a direction with these parts along and across its axis."""
     on_sphere = np.abs(along) * radius <= width / 2
     at_face = width / 2 * np.abs(along) + face * np.abs(across)
     return np.where(on_sphere, radius, np.minimum(at_face, radius))

@@ -43,7 +43,7 @@ WITHOUT_VIBRATION = ("equilibrium", "kinetostatic")
 """Models in which no joint vibrates by itself."""
 
 QUANTITY = "third order"
-"""What the errors are of that every answer states."""
+"""The output and order whose errors every answer states."""
 
 _FAR = 1e6
 """Place of a ratio that has no logarithm: far from all that was measured."""

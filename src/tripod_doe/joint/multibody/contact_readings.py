@@ -47,7 +47,7 @@ def contact_readings(
 def _grooves(
     assembly: Assembly, positions: FloatArray, velocities: FloatArray, values: JointValues[float]
 ) -> dict[str, FloatArray]:
-    """What is known of rollers and grooves, each of shape (groove, sample)."""
+    """Readings of rollers and grooves, each of shape (groove, sample)."""
     rollers = [assembly.names.index(f"roller {k}") for k in (1, 2, 3)]
     place, axis = positions[:, rollers, :3], turned(positions[:, rollers, 3:], _Z)
     off = place - values.pitch_radius * _OUTWARD
@@ -134,7 +134,7 @@ def _line_load(values: JointValues[float], depth: FloatArray) -> FloatArray:
 def _needles(
     assembly: Assembly, positions: FloatArray, velocities: FloatArray, values: JointValues[float]
 ) -> dict[str, FloatArray]:
-    """What is known of single needles, each of shape (trunnion, needle, sample)."""
+    """Readings of single needles, each of shape (trunnion, needle, sample)."""
     rows = _rows_of_needles(assembly)
     forces = {
         name: element_forces(assembly, assembly.tables.contacts[at], positions, velocities)[..., :3]

@@ -1,1 +1,1 @@
-"""What a run checks about itself: energy, halved steps, limits of a step, stability. Outcomes are set by `run`."""
+"""Checks of a run: energy, halved steps, limits of a step, stability. Outcomes are set by `run`."""

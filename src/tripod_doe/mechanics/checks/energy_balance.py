@@ -60,7 +60,7 @@ class Passage:
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """What a run missed."""
+    """Energy balance of a run."""
 
     turned_over: float  # largest of change, work put in and work lost, or a least value
     # times, residuals: of every sample: its time, and change less work put in plus work lost

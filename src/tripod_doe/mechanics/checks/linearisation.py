@@ -1,4 +1,4 @@
-"""What limits a step: the fastest rates of a scene's linearisation M u' + D u + K q = 0 about a state.
+"""Limits of a step: the fastest rates of a scene's linearisation M u' + D u + K q = 0 about a state.
 
 contact
     The stiffest mode of the contacts, omega with omega^2 the largest eigenvalue of M^-1 K.
@@ -114,7 +114,7 @@ def _largest(matrix: FloatArray, mass: FloatArray) -> float:
 
 
 def fastest_rates(assembly: Assembly, states: Iterable[State], pace: float) -> Rates:
-    """What limits a step on the way through these states.
+    """Limits of a step on the way through these states.
 
     Stability is lost where the rates are fastest; the lag adds up along the way, so its rate is the mean.
     """

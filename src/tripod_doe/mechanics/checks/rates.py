@@ -18,12 +18,12 @@ RATE_OUTPUTS = tuple(
         ),
     )
 )
-"""What limits a run's step, as outputs in the order of `Rates`."""
+"""Rates that limit a run's step, as outputs in the order of `Rates`."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """What limits a step, each per unit of time."""
+    """Rates that limit a step, each per unit of time."""
 
     contact: float  # angular frequency of the stiffest mode
     friction: float  # fastest relaxation by friction and damping

@@ -65,7 +65,7 @@ class _Reference(types.Type):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What makes two types the same."""
+        """The key by which numba compares types."""
         return self.name, self.fields
 
 

@@ -25,7 +25,7 @@ _MARK = "is_kernel"
 
 
 class KernelLocator:
-    """Where numba keeps the machine code of kernels; it asks other locators for other functions.
+    """Folder of the machine code of kernels; numba asks other locators for other functions.
 
     Kernels of other files, such as benchmarks, contain kernels of this package. Their folders stand within that of this
     package, each named by the text of its file.

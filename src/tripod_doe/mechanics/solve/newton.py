@@ -1,4 +1,4 @@
-"""What implicit methods share: the system matrix M + a D + b K with constraints, and one implicit stage.
+"""Newton's iteration of an implicit step: the system matrix M + a D + b K with constraints, and one implicit stage.
 
 D = -dQ/dv and K = -dQ/dq. With the secant (lagged) slope of friction a stage converges where Newton's method with the
 exact tangent diverges: the tangent of tanh is almost zero in slip, so the linear model sees no friction at all

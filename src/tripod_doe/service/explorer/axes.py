@@ -1,4 +1,4 @@
-"""What can be asked of a cube: its variables, and the coordinates along their dimensions; and a first view."""
+"""Variables of a cube, the coordinates along their dimensions, and a first view."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PREFERRED = ("thrust_amplitude", "axial_drift_mm", "axial_force_n")
 _DENSE = 40  # values of an output's dimension above which it is a curve
 _MOST_LISTED = 200  # points that can be chosen from a list
 _FIRST = {"order": 3, "statistic": "mean"}
-"""Where a view starts along dimensions of outputs; elsewhere at the first value."""
+"""First place of a view along dimensions of outputs; elsewhere the first value."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
 
 
 def _start(cube: xr.Dataset, axis: Axis) -> str:
-    """Where a view begins along an axis: where most points have finished, or as the field would choose."""
+    """First place of a view along an axis: where most points have finished, or as the field would choose."""
     wanted = str(_FIRST.get(axis.name, ""))
     if not axis.of_design or not axis.texts:
         return wanted if wanted in axis.texts else next(iter(axis.texts), "0")

@@ -1,4 +1,4 @@
-"""What a person can change about a view: one control per dimension, and for factors of a list a range."""
+"""Controls of a view: one per dimension, and for factors of a list a range."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _ends(wanted: str) -> tuple[str, str]:
 
 
 def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
-    """What a view shows, in words: ``thrust amplitude (N), order 3, over joint angle``.
+    """Title of a view: ``thrust amplitude (N), order 3, over joint angle``.
 
     Args:
         minus_name: Name of the run that is subtracted.

@@ -45,7 +45,7 @@ _MOST_ROWS = 500
 
 
 def explore(path: str, items: Items, place: str, minus_name: str = "") -> Any:
-    """What a view of a result directory can be changed to, and what it is called elsewhere.
+    """Changes that a view of a result directory allows, and its names elsewhere.
 
     Args:
         minus_name: Name of the run that is subtracted.
@@ -238,7 +238,7 @@ def parameters(scene: str) -> Any:
 
 
 def _price(found: xr.Dataset) -> str:
-    """What the point cost, as the price of another one like it."""
+    """The cost of the point, as the price of another one like it."""
     seconds = float(found["cpu_seconds"]) if "cpu_seconds" in found else np.nan
     return f"This point took {duration(seconds)} of CPU time." if np.isfinite(seconds) else ""
 

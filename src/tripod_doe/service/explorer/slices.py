@@ -1,4 +1,4 @@
-"""What a view shows of a cube, found by the same query as on the command line, and drawn as a figure."""
+"""The slice of a cube that a view shows, by the same query as on the command line, and its figure."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -
 
 
 def _note(data: xr.Dataset) -> str:
-    """How many of the points that are seen hold no number, and why; empty where all do."""
+    """Number of shown points without a number, with the reasons; empty where all have one."""
     if "outcome" not in data:
         return ""
     failed, codes = is_failed(data).values, data["outcome"].values

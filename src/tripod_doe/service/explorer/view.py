@@ -21,7 +21,7 @@ _WORDS = ("variable", "kind", "x", "by", "where", "analysis", "minus")
 
 @dataclass(frozen=True)
 class View:
-    """What a person looks at; empty means that the cube decides."""
+    """The selected part of a cube; the cube decides where a field is empty."""
 
     variable: str = ""  # name of the variable
     kind: str = ""  # one of `KINDS`
@@ -54,7 +54,7 @@ class View:
         return view
 
     def items(self) -> list[tuple[str, str]]:
-        """What an address says of it."""
+        """The view as items of an address."""
         texts = [(name, getattr(self, name)) for name in _WORDS if getattr(self, name)]
         limits = [(name, f"{value:g}") for name, value in (("low", self.low), ("high", self.high)) if value is not None]
         return texts + limits + [("select", text) for text in self.select]

@@ -26,7 +26,7 @@ _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in t
 
 
 def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
-    """What one point will cost by recorded prices.
+    """Price of one point by recorded prices.
 
     Returns:
         ``cpu_seconds``, None where no price is recorded, and ``foreseen``: why the point will fail, empty if it is not

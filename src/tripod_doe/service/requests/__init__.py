@@ -1,1 +1,1 @@
-"""What clients send: bodies and their forms, uploaded studies with their price, and studies to start from."""
+"""Requests of clients: bodies and their forms, uploaded studies with their price, and studies to start from."""

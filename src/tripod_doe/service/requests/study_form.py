@@ -139,7 +139,7 @@ def _set_parameter(document: Any, name: str, field: str) -> None:
 
 
 def _factor(name: str, field: str) -> dict[str, Any] | None:
-    """What a field says of a factor; None where it is one value or empty."""
+    """The factor that a field describes; None where it is one value or empty."""
     words, scale = (field[:-3].rstrip(), "log") if field.endswith("log") and ":" in field else (field, "linear")
     if ":" in words:
         try:

@@ -1,4 +1,4 @@
-"""What a client uploads: texts by plain names.
+"""Uploads of a client: texts by plain names.
 
 What they may name is decided where they are read (`tripod_doe.study.definition.study_folder`).
 """

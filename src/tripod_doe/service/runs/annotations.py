@@ -1,4 +1,4 @@
-"""What people write about runs: changed over HTTP, and read again where the command line has changed it."""
+"""Annotations of runs: changed over HTTP, and read again where the command line has changed it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What changes, for those who watch: each change is written once and given to all open streams."""
+"""Changes of runs for open streams: each change is written once and given to all open streams."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ _PAUSE = 2.0  # seconds between two looks into the cube of a run at work
 
 
 class Extremes:
-    """What is known of the extremes of runs.
+    """Known extremes of runs.
 
     Args:
         find: (run, order) -> extremes of its cube, or None where it has none to tell.
@@ -25,7 +25,7 @@ class Extremes:
         self._lock = threading.Lock()
 
     def known(self, runs: list[Run], order: int) -> dict[str, Mapping[str, Any]]:
-        """What has been found so far, by the ids of the runs."""
+        """The extremes so far, by the ids of the runs."""
         found = {run.id: self._known.get((run.id, order)) for run in runs}
         return {run_id: entry[2] for run_id, entry in found.items() if entry and entry[2]}
 

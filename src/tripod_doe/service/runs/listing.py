@@ -32,7 +32,7 @@ SORTS: tuple[str, ...] = get_args(Sort)
 
 @dataclass(frozen=True)
 class RunFilter:
-    """What a reader asks of the list; empty values let every run pass."""
+    """Filters of the list of runs; empty ones let every run pass."""
 
     text: str = ""  # words that all stand in name, question, note, owner, tags, factors, models or id
     tags: tuple[str, ...] = ()  # tags that a run has, all of them

@@ -124,7 +124,7 @@ def run_process(directory: Path) -> int | None:
 
 
 def run_log(directory: Path) -> str:
-    """What the latest run of a directory said, its end where that is long; its own place is left out."""
+    """Log of the latest run of a directory, its end where it is long; its own place is left out."""
     try:
         with (directory / LOG).open("rb") as log:
             log.seek(0, os.SEEK_END)

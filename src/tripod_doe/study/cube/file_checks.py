@@ -1,4 +1,4 @@
-"""What a netCDF file must be before it is read: a file, undamaged, and in a result directory one of its results.
+"""Checks of a netCDF file before it is read: a file, undamaged, and in a result directory one of its results.
 
 All readers of netCDF files call `refuse_unfit`.
 """

@@ -101,7 +101,7 @@ class ModelRecords:
 
     @property
     def verdict(self) -> list[str]:
-        """How far the points can be trusted, in one sentence; none without points."""
+        """Trust in the points, in one sentence; none without points."""
         return self._summary.verdict_texts
 
     @property

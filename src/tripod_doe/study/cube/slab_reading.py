@@ -24,12 +24,12 @@ def read_positions(variable: xr.Variable, positions: Mapping[str, IntArray]) -> 
 
 
 def all_finite(variable: xr.Variable) -> NDArray[np.bool_]:
-    """Where, along the first dimension, all values are finite."""
+    """Whether all values are finite, along the first dimension."""
     return _computed(np.isfinite(_in_slabs(variable)).all(variable.dims[1:]))
 
 
 def any_finite(variable: xr.Variable) -> NDArray[np.bool_]:
-    """Where, along the first dimension, any value is finite."""
+    """Whether any value is finite, along the first dimension."""
     return _computed(np.isfinite(_in_slabs(variable)).any(variable.dims[1:]))
 
 

@@ -257,7 +257,7 @@ def _with_points(value: NamedArray, known: Mapping[str, NamedArray]) -> NamedArr
 def _error(
     response: Response, value: NamedArray, known: Mapping[str, NamedArray], errors: Mapping[str, NDArray[Any]]
 ) -> NDArray[Any]:
-    """What the errors of all values that a formula uses change, summed, shape as the value."""
+    """Change of a formula by the errors of all its values, summed, shape as the value."""
     total = np.zeros(value.data.shape)
     for name, error in errors.items():
         array = known[name]

@@ -360,7 +360,7 @@ _NEEDED_TABLES = ("study", "workflow", "steps")
 """Tables without which a file is none of ours."""
 
 _TYPE = re.compile(r"(float|int|str|bool|dict)(\[.*)?")
-"""What pydantic puts into the location of a value that may have several types."""
+"""Parts of a pydantic location that name one of several types of a value."""
 
 
 def _complaint(item: ErrorDetails, model: type[BaseModel]) -> str:

@@ -19,7 +19,7 @@ _LISTED = 50  # files of a folder that a message names
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """Where files and functions of a study or workflow are looked up, and which are allowed."""
+    """Folder of the files and functions of a study or workflow, and which are allowed."""
 
     path: Path
     trusted: bool = True  # whether functions, and files outside of the folder, may be named

@@ -68,7 +68,7 @@ class Points:
         return {name: column[rows] for name, column in (*self.columns.items(), *self.chosen.items())}
 
     def settings_of(self, row: int) -> dict[str, Any]:
-        """What differs between points, of one of them, as plain numbers and words."""
+        """The varied values of one point, as plain numbers and words."""
         return {name: column.tolist()[0] for name, column in self.at(np.array([row % self.count])).items()}
 
     def part(self, start: int, stop: int) -> Points:

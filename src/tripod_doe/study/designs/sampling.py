@@ -28,7 +28,7 @@ from tripod_doe.study.designs.request import (
 )
 
 INDEPENDENT = "its indices divide the variance among independent factors"
-"""Why the factors of designs for variance-based indices cannot be correlated."""
+"""The reason why factors of designs for variance-based indices cannot be correlated."""
 
 
 def salib_problem(tables: Mapping[str, FactorTable]) -> dict[str, Any]:

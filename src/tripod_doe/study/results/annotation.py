@@ -1,4 +1,4 @@
-"""What people write about a result: a name, an owner, tags and a note, in the file `about.toml` of its directory.
+"""Annotations of a result: a name, an owner, tags and a note, in the file `about.toml` of its directory.
 
 It is no part of the study: changing it changes no point and no hash. The command `annotate`, the service and its page
 read and write the same file; reports print it.
@@ -29,7 +29,7 @@ _LARGEST_FILE = 200_000  # bytes
 
 @dataclass(frozen=True)
 class Annotation:
-    """What people write about a result; empty where they wrote nothing."""
+    """An annotation of a result; empty where nothing was written."""
 
     name: str = ""  # in place of the study's own; `customer/joint-7` puts it into the folder `customer`
     owner: str = ""

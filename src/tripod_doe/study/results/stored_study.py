@@ -38,7 +38,7 @@ _TABLES = "tables"  # folder of a result directory with copies of the study's ta
 
 @dataclass(frozen=True)
 class ResultFolder(StudyFolder):
-    """Where tables and the function of a stored study are looked up: in the directory itself."""
+    """Folder of tables and the function of a stored study: the directory itself."""
 
     record: Mapping[str, Any] = field(default_factory=dict)  # of the function, as `RecordedFunction` takes it
 

@@ -132,13 +132,13 @@ def ramp(count: int) -> list[str]:
 
 
 def is_failed(data: xr.Dataset) -> xr.DataArray:
-    """Where a point ran and gave no numbers."""
+    """Whether a point ran and gave no numbers."""
     codes = data["outcome"]
     return ~codes.isin([Outcome.FINISHED, Outcome.NOT_RUN, Outcome.NOT_APPLICABLE])
 
 
 def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
-    """Why a cell holds no number, of the shape of the outcome; empty where it holds one."""
+    """The reason why a cell holds no number, of the shape of the outcome; empty where it holds one."""
     codes = data["outcome"].values
     texts = np.full(codes.shape, "", object)
     for at in zip(*np.nonzero(codes != Outcome.FINISHED), strict=True):

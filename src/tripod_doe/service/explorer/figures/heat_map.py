@@ -109,7 +109,7 @@ def _ticks(coordinate: xr.DataArray) -> dict[str, Any]:
 
 
 def _names(data: xr.Dataset, x: str, y: str) -> list[list[str]]:
-    """What each cell is, for its tooltip."""
+    """Tooltips of the cells."""
     labels = {name: label_of(data[name]) for name in (x, y)}
     across, up = ([f"{labels[name]} {_word(value)}" for value in data[name].values.tolist()] for name in (x, y))
     return [[f"{right}, {top}" for right in across] for top in up]
