@@ -1,0 +1,130 @@
+"""Makes the records of a stranger's rig: own names, ugly formats, a poor tachometer, a joint that nobody is told.
+
+It shares no code with the package: the thrust comes from `tripod-doe simulate --format json` on the command line, and
+everything else is written here. The rig has a reversed force sensor with a preload and a drift, three recorders (a
+German one with a header, decimal commas and Latin-1; one that writes UTF-16 and tabs; one with quotes and milliseconds),
+and tachometers of 1, 6 and 60 pulses whose contacts bounce and miss.
+
+Run as: python benchmarks/stranger_rig.py FOLDER [--model needles] [--records 15] [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+HIDDEN = {
+    "groove_sliding_friction": 0.068,
+    "needle_sliding_friction": 0.047,
+    "initial_skew_1_deg": 0.45,
+    "initial_skew_2_deg": -0.3,
+}
+DRAWING = {
+    "needle_length_mm": 9.5,
+    "bearing_radial_clearance_mm": 0.02,
+    "roller_radius_mm": 15.5,
+    "needle_axial_clearance_mm": 0.25,
+}
+POINTS = [
+    (4, 180, 500), (5, 90, 900), (6, 240, 400), (6.5, 130, 700), (7, 300, 600), (8, 60, 1000), (8, 200, 300),
+    (9, 150, 800), (10, 280, 500), (10.5, 110, 1100), (11, 220, 650), (12, 80, 450), (12.5, 170, 900), (13, 260, 350),
+    (14, 140, 750),
+]  # fmt: skip
+RATE = 5000.0
+SECONDS = 2.6
+RUNNER = [sys.executable, "-m", "tripod_doe"]
+
+
+def orders_of(model: str, point: tuple[float, float, float]) -> list[tuple[float, float]]:
+    """Amplitude and phase of the orders of the hidden joint."""
+    values = {**HIDDEN, **DRAWING, "joint_angle_deg": point[0], "torque_n_m": point[1], "speed_rpm": point[2]}
+    flags = [text for name, value in values.items() for text in (f"--{name}", str(value))]
+    done = subprocess.run(
+        [*RUNNER, "simulate", "--model", model, *flags, "--format", "json"], capture_output=True, check=True
+    )
+    answer = json.loads(done.stdout)
+    return list(zip(answer["thrust_amplitude"], answer["thrust_phase_deg"], strict=True))
+
+
+def signals(orders, rpm, pulses, dice):
+    """Rows of time, force, tachometer, torque ripple, speed."""
+    turns, gain, high, rows = dice.random(), 1.0, False, []
+    bounce = -1
+    skipped = False
+    for sample in range(int(RATE * SECONDS)):
+        time = sample / RATE
+        speed = rpm * (1 + 0.004 * math.sin(2 * math.pi * 0.7 * time))
+        before = turns
+        turns += speed / 60 / RATE
+        if int(turns) > int(before):
+            gain = 1 + 0.004 * dice.gauss(0, 1)
+        phi = 2 * math.pi * turns
+        force = gain * sum(a * math.cos(k * phi + math.radians(p)) for k, (a, p) in enumerate(orders))
+        force += 0.02 * orders[3][0] * dice.gauss(0, 1) + 37 + 1.5 * time + 0.3 * math.sin(2 * math.pi * 50 * time)
+        up = turns * pulses % 1 < 0.4
+        if up and not high:
+            skipped = dice.random() < 0.02
+            bounce = sample + dice.choice((0, 0, 2, 3)) if RATE * 60 / rpm / pulses > 40 else -1
+        high = up
+        level = 5.0 if up and not skipped and sample != bounce else 0.1
+        rows.append((time, -force, level + 0.05 * dice.gauss(0, 1), speed))
+    return rows
+
+
+def number(value: float, digits: int, comma: bool) -> str:
+    text = f"{value:.{digits}f}"
+    return text.replace(".", ",") if comma else text
+
+
+def german(path: Path, point, rows, dice) -> None:
+    lines = [
+        "Prüfstand 4;Gelenkprüfung", "Prüfer;Müller", f"Beugewinkel;{number(point[0], 1, True)};°",
+        f"Drehmoment [Nm];{number(point[1], 0, True)}", "", "Messzeit;Axialkraft Gehäuse;Drehzahlgeber;Öltemperatur;Bemerkung",
+        "s;kN;V;°C;",
+    ]  # fmt: skip
+    for time, force, tacho, _ in rows:
+        lost = dice.random() < 0.001
+        lines.append(";".join([number(time, 5, True), "-" if lost else number(force / 1000, 7, True), number(tacho, 2, True),
+                               number(61 + time, 1, True), ""]))  # fmt: skip
+    path.write_bytes("\r\n".join([*lines, ""]).encode("latin-1"))
+
+
+def tabbed(path: Path, point, rows, dice) -> None:
+    lines = ["Recorder XR-7", "Channels: 5", "Time\tAxial force\tTacho\tDrive torque\tPressure", "s\tN\tV\tNm\tbar"]
+    for time, force, tacho, _ in rows:
+        torque = point[1] * (1 + 0.01 * dice.gauss(0, 1))
+        lines.append(f"{time:.5f}\t{force:.4f}\t{tacho:.2f}\t{torque:.2f}\t2.1")
+    path.write_bytes("\n".join([*lines, ""]).encode("utf-16"))
+
+
+def quoted(path: Path, point, rows, dice) -> None:
+    lines = ["# made by logger 2.3", '"t (ms)","F_ax (N)","Speed pulse","Speed (1/min)"']
+    for time, force, tacho, speed in rows:
+        lines.append(f'"{1000 * time:.2f}","{force:.4f}","{tacho:.2f}","{speed:.1f}"')
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8-sig")
+
+
+def make(folder: Path, model: str, records: int, seed: int) -> None:
+    """Write the records."""
+    dice = random.Random(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    for at, point in enumerate(POINTS[:records]):
+        write, end, pulses = [(german, "asc", 1), (tabbed, "txt", 6), (quoted, "csv", 60)][at % 3]
+        angle = f"{point[0]:g}".replace(".", "p")
+        rows = signals(orders_of(model, point), point[2], pulses, dice)
+        write(folder / f"Lauf {at + 1:02d} {angle}grad {point[1]}Nm.{end}", point, rows, dice)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--model", default="needles")
+    parser.add_argument("--records", type=int, default=15)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    make(given.folder, given.model, given.records, given.seed)
