@@ -53,6 +53,14 @@ def test_a_spike_beyond_the_range_hides_no_pulse():
     assert find_pulses(time, tacho).times == pytest.approx(clean.times, abs=1e-9)
 
 
+def test_a_bounce_whose_pulse_began_before_the_record_is_none():
+    edges = np.concatenate([[-0.86], np.arange(8.0)])
+    assert mended(edges).times.tolist() == np.arange(8.0).tolist()
+    assert mended(-edges[::-1]).times.tolist() == np.arange(-7.0, 1.0).tolist()
+    run_down = 30 - np.sqrt(900 - 20 * np.arange(30.0))
+    assert mended(run_down).times.size == 30
+
+
 def test_the_longer_part_beside_an_uneven_interval_is_kept():
     edges = np.concatenate([np.arange(20.0), 19.5 + np.arange(1.0, 41.0)])
     got = mended(edges)

@@ -20,6 +20,7 @@ _WINDOW = 15  # edges around one, for the time between pulses among bounces
 _RARE = 10  # edges among which one may be a spike
 _LOOSE = 1.5  # times the next interval, from which the first or last one may hide a pulse
 _UNEVEN = 0.3  # part of an interval by which it may differ from a whole multiple of its neighbours
+_SHORT = 0.05  # relative, by which the first or last interval may be shorter at an even speed
 _RAGGED = 0.15  # part of an interval by which half of them may differ from whole multiples
 _MOST_CUT = 0.5  # of the time of a record, that may lie beyond pulses that cannot be mended
 
@@ -190,15 +191,21 @@ def _is_uneven(ratio: FloatArray, whole: IntArray) -> IntArray:
 
 
 def _without_loose_ends(edges: FloatArray) -> FloatArray:
-    """Edges without a first or last interval much longer than the next one.
+    """Edges without a first or last interval that does not go on as the next ones do.
 
-    At the ends of a record a missing pulse and a start from rest look alike, so neither is counted.
+    At the ends of a record a missing pulse and a start from rest look alike, so neither is counted; and a bounce whose
+    pulse began before the record stands there alone.
     """
-    while edges.size > 3 and edges[1] - edges[0] > _LOOSE * (edges[2] - edges[1]):
+    while edges.size > 3 and _is_loose(*np.diff(edges[:4])):
         edges = edges[1:]
-    while edges.size > 3 and edges[-1] - edges[-2] > _LOOSE * (edges[-2] - edges[-3]):
+    while edges.size > 3 and _is_loose(*np.diff(edges[-4:])[::-1]):
         edges = edges[:-1]
     return edges
+
+
+def _is_loose(end: float, near: float, far: float) -> bool:
+    """Whether the interval at an end is much longer than its neighbour, or shorter as no change of speed makes it."""
+    return end > _LOOSE * near or np.log(near / end) > _SHORT + 3 * abs(np.log(far / near))
 
 
 def angle_between_pulses(pulses: Pulses, time_s: FloatArray, pulses_per_revolution: int) -> FloatArray:
