@@ -117,7 +117,7 @@ def test_what_cannot_be_read_is_named(read, text, message):
         read(text)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(st.text('0123456789.,;- \t\n\r"#eEnrothus_dgk[]()°µ\x1a', max_size=120))
 def test_any_text_is_read_or_refused_without_a_warning(read, text):
     with suppress(InputError):
