@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
+import numpy as np
 import pytest
 from axe_playwright_python.base import AXE_FILE_PATH
 
@@ -285,6 +286,25 @@ def test_a_measurement_is_laid_over_a_point(served, page, coast):
     page.locator(".findings").get_by_text("measured third order").first.wait_for()
     until(page, "document.getElementById('waveform').data?.map(trace => trace.name).join() === 'measured,model'")
     assert page.locator("#table-of-orders tbody tr").count() == 13
+
+
+def test_several_files_with_umlauts_and_a_column_that_is_chosen(served, page, coast, tmp_path):
+    """The record states its joint angle; two columns may be the force, of which one is chosen."""
+    angle = np.arange(1440.0)
+    rows = [f"{a:.1f};{14 * np.cos(np.radians(3 * a)):.4f};0".replace(".", ",") for a in angle]
+    text = "\n".join(["Beugewinkel;9;°", "Drehwinkel;Axialkraft Gehäuse;Axialkraft Gerät", "°;N;N", *rows, ""])
+    for name in ("a.asc", "b.asc"):
+        (tmp_path / name).write_bytes(text.encode("latin-1"))
+    page.goto(f"{served.home}/compare?run={coast}")
+    page.set_input_files("#table", [tmp_path / "a.asc", tmp_path / "b.asc"])
+    page.locator("#preview th", has_text="Axialkraft Gehäuse [N]").wait_for()
+    page.locator("#complaint", has_text="may be thrust_n").wait_for()
+    page.select_option("#column-thrust_n", "Axialkraft Gehäuse [N]")
+    for name, value in (("torque_n_m", "40"), ("bearing_radial_clearance_mm", "0.01")):
+        page.select_option(f"[data-select={name}]", value)
+    page.get_by_role("button", name="Compare").click()
+    page.locator("#overview tbody tr").nth(1).get_by_text("joint_angle_deg 9").wait_for()
+    assert "14 +-" in page.locator("#overview tbody tr").nth(1).inner_text()
 
 
 def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, page, coast, sampled, shares):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,19 @@ import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
 from tripod_doe.analyses.comparison.model_point import model_point
+from tripod_doe.analyses.comparison.overview import RecordRow, with_stated_values
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
+from tripod_doe.analyses.diff.shared_points import factors_of
+from tripod_doe.analyses.records.headings import OPERATING, ROLES, roles_of
 from tripod_doe.analyses.records.measurement import read_measurement
+from tripod_doe.analyses.records.record_file import read_table_of
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import interval, number
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
 from tripod_doe.study.results.result_cube import opened_cube
+
+_PREVIEWED = 6  # rows and notes
 
 MEASUREMENT = "measurement.csv"
 """How messages call the uploaded table."""
@@ -31,7 +39,8 @@ def compared_upload(
     select: Sequence[str],
     nearest: bool,
     columns: Mapping[str, str],
-    pulses_per_revolution: int,
+    pulses_per_revolution: int | None,
+    sign: int,
     reference_angle: float | None,
     speeds: str | None,
 ) -> xr.Dataset:
@@ -39,7 +48,7 @@ def compared_upload(
 
     Args:
         measurement: Text of the table (CSV).
-        select, nearest, columns, pulses_per_revolution, reference_angle, speeds: As the flags of ``tripod-doe
+        select, nearest, columns, pulses_per_revolution, sign, reference_angle, speeds: As the flags of ``tripod-doe
             compare``.
 
     Returns:
@@ -48,16 +57,49 @@ def compared_upload(
     Raises:
         InputError: If the table or the selection cannot be used.
     """
-    with opened_cube(path) as cube:
-        point = model_point(cube, select, nearest).load()
+    with uploaded(measurement) as file:
+        record = read_measurement(file, pulses_per_revolution, columns, sign=sign)
+        with opened_cube(path) as cube:
+            stated = with_stated_values(cube, RecordRow(file), record, select).values
+            own = [f"{name}={value}" for name, value in stated.items() if name in factors_of(cube)]
+            point = model_point(cube, [*own, *select], nearest).load()
+        return compare(record, point, reference_angle, parse_speeds(speeds))
+
+
+@contextmanager
+def uploaded(measurement: str) -> Iterator[Path]:
+    """A file with an uploaded table, which messages call `MEASUREMENT`."""
     with tempfile.TemporaryDirectory(prefix="tripod-doe-") as folder:
         file = Path(folder) / MEASUREMENT
         file.write_text(measurement, encoding="utf-8", newline="")
         try:
-            record = read_measurement(file, pulses_per_revolution, columns)
-            return compare(record, point, reference_angle, parse_speeds(speeds))
+            yield file
         except InputError as error:
             raise InputError(str(error).replace(f"{folder}/", "")) from error
+
+
+def preview(measurement: str) -> dict[str, Any]:
+    """Headings, first rows, and which heading is taken for which column; what is not clear is a complaint.
+
+    Raises:
+        InputError: If it is no table.
+    """
+    with uploaded(measurement) as file:
+        table = read_table_of(file, {})
+    complaint, columns = "", {}
+    try:
+        columns = {role: table.headings[at] for role, at in roles_of(table.headings, {}).items()}
+    except InputError as error:
+        complaint = str(error)
+    rows = zip(*(column.head(_PREVIEWED).astype("string").fillna("").tolist() for column in table.columns), strict=True)
+    return {
+        "headings": list(table.headings),
+        "rows": [list(row) for row in rows],
+        "columns": columns,
+        "roles": [role for role in ROLES if role not in OPERATING],
+        "complaint": complaint,
+        "notes": list(table.notes[:_PREVIEWED]),
+    }
 
 
 def compare_upload(path: str, measurement: str, **settings: Any) -> dict[str, Any]:
@@ -70,6 +112,7 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
     compared = compared_upload(path, measurement, **settings)
     return {
         "findings": find_in_comparison(compared),
+        "third": _third_of(compared),
         "heads": ORDER_HEADS,
         "rows": order_rows(compared),
         "figures": {
@@ -77,6 +120,21 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
             "orders": bars(_beside(compared, "amplitude", "thrust_amplitude"), "order", "of"),
         },
     }
+
+
+def _third_of(compared: xr.Dataset) -> list[str]:
+    """The point, and the third order in a row of the overview of several files."""
+    third = compared.sel(order=3)
+    measured, model, unsure = (
+        float(third[name]) for name in ("measured_amplitude", "model_amplitude", "amplitude_difference_uncertainty")
+    )
+    point = ", ".join(f"{name} {value}" for name, value in json.loads(str(compared.attrs["point"])).items())
+    return [
+        point,
+        interval(measured, unsure),
+        number(model),
+        f"{100 * (measured / model - 1):+.1f} %" if model else "-",
+    ]
 
 
 def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:

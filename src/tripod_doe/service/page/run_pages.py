@@ -301,7 +301,14 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
 def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
     """A measurement over a point, in words and figures."""
     found = service.ask_body("lay_over", body, path=str(service.results(run_id)))
-    return {"html": part("laid_over.html", **found), "figures": found["figures"]}
+    return {"html": part("laid_over.html", **found), "figures": found["figures"], "third": found["third"]}
+
+
+@router.post("/parts/compare/preview")
+def preview(body: Body, service: AnyService) -> dict[str, Any]:
+    """Headings and first rows of a measurement."""
+    found: dict[str, Any] = service.ask_body("preview", body)
+    return found
 
 
 def _run_page(template: str, service: Service, run: Run, tab: str, **values: Any) -> HTMLResponse:

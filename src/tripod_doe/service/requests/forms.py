@@ -80,11 +80,20 @@ class Comparison(_Form):
     select: list[str] = Field([], description="name=value, so that one point is left, or the points over speed_rpm")
     nearest: bool = Field(False, description="take the nearest value where none matches")
     columns: dict[str, str] = Field({}, description="headings of thrust_n, rotation_deg, time_s or tacho in the table")
-    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    pulses_per_revolution: int | None = Field(
+        None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
+    )
+    sign: Literal[1, -1] = Field(1, description="-1 where the force is positive away from the intermediate shaft")
     reference_angle: float | None = Field(
         None, allow_inf_nan=False, description="rotation angle of the housing at the first rising edge (deg)"
     )
     speeds: str | None = Field(None, description="range of speed LOW:HIGH of the revolutions that are used (rpm)")
+
+
+class Table(_Form):
+    """A table of a measurement."""
+
+    measurement: str = Field(description="table (CSV)")
 
 
 class RunChange(_Form):

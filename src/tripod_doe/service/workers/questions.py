@@ -26,6 +26,7 @@ from tripod_doe.service.requests.forms import (
     RunChange,
     StudyText,
     Submission,
+    Table,
 )
 from tripod_doe.service.requests.uploads import (
     STUDY,
@@ -375,6 +376,13 @@ def lay_over(path: str, body: bytes, limits: Limits) -> Any:
     from tripod_doe.service.explorer.measurements import lay_over
 
     return lay_over(path, **read_form(body, Comparison, limits.nesting).model_dump())
+
+
+def preview(body: bytes, limits: Limits) -> Any:
+    """Headings and first rows of an uploaded measurement, and what is taken for what."""
+    from tripod_doe.service.explorer.measurements import preview
+
+    return preview(read_form(body, Table, limits.nesting).measurement)
 
 
 def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
