@@ -410,7 +410,7 @@ def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
     sentences = findings_of("mine", sobol_result())
     assert len(sentences) == 1
     assert "Total Sobol' indices of the third order: joint angle 0.7 +- 0.05; all others at most 0.2; " in sentences[0]
-    assert "the first-order indices add up to 0.8 +- 0.11: the rest are interactions" in sentences[0]
+    assert "the first-order indices add up to 0.8 +- 0.11: interactions explain at least 8 % of the variance" in sentences[0]
     assert "(analysis mine)" in sentences[0]
 
 
@@ -418,7 +418,7 @@ def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
     ("first", "half", "said"),
     [
         ((0.1, 0.72), (0.1, 0.2), "interactions may explain up to 41 % of the variance"),
-        ((0.1, 0.7), (0.1, 0.05), "the rest are interactions"),
+        ((0.1, 0.7), (0.1, 0.05), "interactions explain at least 8 % of the variance"),
         ((0.4, 0.6), (0, 0), "interactions explain nothing"),
         ((0.4, np.nan), (np.nan, np.nan), "what interactions explain is not known"),
     ],

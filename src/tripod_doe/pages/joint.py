@@ -8,8 +8,10 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import xarray as xr
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.report.responses import factor_names
@@ -27,14 +29,16 @@ def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
     if not head or head.get("function") or head.get("scene", "joint") != "joint":
         return None
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
-    names = factor_names(cube)
-    first, last = ({name: _end(cube[name], at) for name in names} for at in (0, -1))
-    drawings = [drawing_of({**fixed, **values}) for values in (first, last)]
+    columns = {name: cube[name].values.ravel() for name in factor_names(cube)}
+    first = {name: _plain(column[0]) for name, column in columns.items()}
+    drawing = drawing_of({**fixed, **first})
+    changed = ({**fixed, **first, name: _farthest(column)} for name, column in columns.items())
+    same = all(drawing_of(values) == drawing for values in changed)
     of = ", ".join(f"{name} = {_word(value)}" for name, value in first.items())
-    caption = "All points have these sizes." if drawings[0] == drawings[1] else f"The first point: {of}."
+    caption = "All points have these sizes." if same else f"The first point: {of}."
     words = [word for name, value in first.items() for word in ("--select", f"{name}={_word(value)}")]
     command = shlex.join(["tripod-doe", "view", "DIR", *words, "--output", "joint.html"])
-    return drawings[0], caption, command
+    return drawing, caption, command
 
 
 def drawing_of(given: Mapping[str, Any]) -> Markup:
@@ -44,8 +48,15 @@ def drawing_of(given: Mapping[str, Any]) -> Markup:
     return Markup(joint_drawing(simulator.effective(known)))
 
 
-def _end(values: xr.DataArray, at: int) -> Any:
-    return values.values.ravel()[at].item()
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _farthest(column: NDArray[Any]) -> Any:
+    """The value that is farthest from the first one; of words, another one."""
+    if column.dtype.kind in "fiu":
+        return _plain(column[np.abs(column - column[0]).argmax()])
+    return _plain(next((value for value in column if value != column[0]), column[0]))
 
 
 def _word(value: Any) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import xarray as xr
 
@@ -77,8 +79,8 @@ def _interactions(first: float, half: float) -> str:
     """What the sum of the first-order indices and its half width say of interactions."""
     if not np.isfinite(first + half):
         return "what interactions explain is not known"
-    if first + half < 1:
-        return "the rest are interactions"
+    if first + half < 0.99:
+        return f"interactions explain at least {math.floor(100 * (1 - first - half))} % of the variance"
     most = rounded_up(100 * max(1 - (first - half), 0.0))
     return f"interactions may explain up to {most} % of the variance" if most != "0" else "interactions explain nothing"
 
