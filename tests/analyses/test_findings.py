@@ -410,7 +410,10 @@ def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
     sentences = findings_of("mine", sobol_result())
     assert len(sentences) == 1
     assert "Total Sobol' indices of the third order: joint angle 0.7 +- 0.05; all others at most 0.2; " in sentences[0]
-    assert "the first-order indices add up to 0.8 +- 0.11: interactions explain at least 8 % of the variance" in sentences[0]
+    assert (
+        "the first-order indices add up to 0.8 +- 0.11: interactions explain at least 8 % of the variance"
+        in sentences[0]
+    )
     assert "(analysis mine)" in sentences[0]
 
 
