@@ -1,4 +1,4 @@
-"""Every command and every Python block of the tutorials runs and prints what the page shows; so does the comparison."""
+"""Every command and every Python block of tutorials and cookbook runs and prints what the page shows."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import pytest
 
 from executed_page import ROOT, difference, execute_page, near
 
-PAGES = sorted((ROOT / "docs" / "tutorials").glob("[0-9]*.md"))
+PAGES = sorted(page for folder in ("tutorials", "cookbook") for page in (ROOT / "docs" / folder).glob("[0-9]*.md"))
 
 
-SLOW = ("3", "4", "5")
+SLOW = ("3_first_question", "4_from_records_to_frictions", "5_from_tolerances_to_a_decision")
 
 
 def marked(page):
-    return pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem.startswith(SLOW) else [])
+    return pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
 
 
 @pytest.mark.usefixtures("charts_not_drawn")
 @pytest.mark.parametrize("page", [marked(page) for page in PAGES])
-def test_a_tutorial_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
+def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
     """Regression: to 2 % of each number, or two units of its last digit."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(matplotlib, "use", lambda *args, **settings: None)
