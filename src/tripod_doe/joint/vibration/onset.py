@@ -139,7 +139,7 @@ def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
     """Whether oscillations grow, on average over a third of a revolution, at rates as if the motion stood still.
 
     Vibrations are much faster than the revolution, so they grow by little else, and thirds are alike but for skews. All
-    of 104 joints of the field that vibrate were suspected, and an eighth of the others.
+    of 107 joints of the field that vibrate were suspected, and an eighth of the others.
     """
     start, samples = _SUSPECTS.samples // _LEAD, _SUSPECTS.samples // 3
     smooth = run(
