@@ -117,7 +117,7 @@ def test_limits_and_reasons(solve, tmp_path):
         over = (candidates["x"].values > 0.4 + 1e-9) & ~thin
         assert all("strong = " in reason and "above 2.8" in reason for reason in reasons[over])
         assert (candidates["feasible"].values == (reasons == "")).all()
-    assert "binds: strong at its limit" in " ".join(summary.lines)
+    assert "Binding: strong at its limit" in " ".join(summary.lines)
     answer = td.query(tmp_path / "out" / "front.nc", "lightest", where="x > 0.3")
     assert answer["selected"].values.tolist() == [True]
     assert "too thin" in (tmp_path / "out" / "report" / "index.html").read_text()
