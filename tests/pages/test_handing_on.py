@@ -82,6 +82,29 @@ def test_the_workbook_has_units_widths_and_provenance(results):
     assert 'name = "Angles & <torques>"' in [row[0] for row in book["Study"].values]
 
 
+def test_numbers_of_an_analysis_are_sheets_by_their_dimensions(tmp_path):
+    """Exact: the numbers of the cube of the analysis, without those along a revolution."""
+    study = {
+        "study": {"name": "s"},
+        "base": {"model": "equilibrium"},
+        "factors": {"torque_n_m": {"low": 20, "high": 60}, "groove_sliding_friction": {"low": 0.02, "high": 0.1}},
+        "design": {"kind": "saltelli", "samples": 16},
+        "keep": {"outputs": ["thrust_amplitude", "thrust"]},
+        "analysis": {"sobol": {}},
+    }
+    td.run(study, tmp_path / "out", workers=0, progress=False)
+    book = openpyxl.load_workbook(io.BytesIO(handed(tmp_path / "out", "xlsx")))
+    analysis = td.open_cube(tmp_path / "out" / "analysis" / "sobol.nc")
+    heads, _, *rows = next(rows for sheet in book if "S1_conf" in (rows := list(sheet.values))[0])
+    dims = analysis["S1"].dims
+    at = {name: heads.index(name) for name in (*dims, "S1")}
+    for row in rows:
+        value = float(analysis["S1"].sel({dim: row[at[dim]] for dim in dims}))
+        assert (row[at["S1"]] is None) == (value != value)
+        assert row[at["S1"]] is None or row[at["S1"]] == pytest.approx(value, rel=1e-15)
+    assert not any("rotation_deg" in next(iter(sheet.values)) for sheet in book)
+
+
 def test_texts_of_strangers_are_no_formulas_and_names_of_sheets_are_free():
     rows = [("=1+1", float("nan")), ("http://a.example", 2), ("\x1b[2J\x00", float("inf")), ("{=A1}", None)]
     book = openpyxl.load_workbook(
@@ -100,7 +123,7 @@ def test_each_figure_is_an_svg_and_a_png(results, tmp_path):
     files = sorted((tmp_path / "out").iterdir())
     assert {file.stem for file in files if file.suffix == ".svg"} == {f.stem for f in files if f.suffix == ".png"}
     page = (results / "report" / "index.html").read_text()
-    assert len(files) == 2 * page.count('<p class="title">')
+    assert len(files) == 2 * len(re.findall(r'class="data" download="[^"]*\.csv"', page))
     for file in files:
         if file.suffix == ".svg":
             assert ET.parse(file).getroot().tag.endswith("svg")

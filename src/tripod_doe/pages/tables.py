@@ -12,7 +12,7 @@ import xarray as xr
 
 from tripod_doe.analyses.registry import table_of
 from tripod_doe.pages.study import read_analyses
-from tripod_doe.report.responses import factor_names, factor_unit, spoken, unit_text
+from tripod_doe.report.responses import factor_names, factor_unit, unit_text
 from tripod_doe.report.tables import factor_rows, fixed_rows
 from tripod_doe.report.workbook import MOST_COLUMNS, Sheet, workbook
 from tripod_doe.simulator import Outcome
@@ -117,18 +117,20 @@ def _parameters(cube: xr.Dataset) -> Sheet:
 
 
 def _of_analyses(analyses: Mapping[str, xr.Dataset]) -> Iterator[Sheet]:
-    """The table of each analysis; one without any as a line for each number, if these are not too many."""
+    """The table of each analysis; of one without any, a sheet for numbers along the same dimensions, no waveforms."""
     for name, result in analyses.items():
         if table := table_of(result):
             heads, rows = table
             yield Sheet(name, [str(head) for head in heads], [[str(cell) for cell in row] for row in rows])
             continue
+        alike: dict[tuple[Any, ...], list[Any]] = {}
         for variable, values in result.data_vars.items():
-            if values.dtype.kind == "f" and 0 < values.ndim <= 2 and values.size <= 10_000:
-                frame = values.to_series().reset_index()
-                heads = [spoken(str(head)) for head in frame.columns]
-                unit = unit_text(str(values.attrs.get("units", "1")))
-                yield Sheet(f"{name} {variable}", heads, frame.values.tolist(), [*[""] * (len(heads) - 1), unit])
+            if values.dtype.kind in "fi" and values.dims and max(values.shape) <= _MOST_PARTS:
+                alike.setdefault(values.dims, []).append(variable)
+        for dims, variables in alike.items():
+            frame = result[variables].to_dataframe().reset_index()[[*dims, *variables]]
+            units = [unit_text(str(result[column].attrs.get("units", "1"))) for column in variables]
+            yield Sheet(name, [str(head) for head in frame.columns], frame.values.tolist(), [*[""] * len(dims), *units])
 
 
 def _study(cube: xr.Dataset) -> Sheet:
