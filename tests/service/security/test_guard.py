@@ -134,6 +134,15 @@ def test_addresses_from_an_earlier_server_lead_on(client, settings):
     assert client.get(script).status_code == 200
 
 
+def test_who_has_a_link_signs_nobody_else_out():
+    sessions = Sessions()
+    owner, first = sessions.open("owner"), sessions.open("a link")
+    for _ in range(200):
+        sessions.open("a link")
+    assert sessions.is_open(owner, "owner")
+    assert not sessions.is_open(first, "a link")
+
+
 def test_sessions_end_with_time_and_with_the_server():
     now = [0.0]
     sessions = Sessions(lambda: now[0])

@@ -18,7 +18,7 @@ from collections.abc import Callable
 LIFETIME = 12 * 3600
 """Seconds from signing in to the end of a session."""
 
-_MOST = 200  # sessions at the same time: the oldest ends for a new one
+_MOST = 200  # sessions of one access at the same time: its oldest ends for a new one
 
 
 class Sessions:
@@ -37,8 +37,9 @@ class Sessions:
         with self._lock:
             now = self._clock()
             self._ends = {key: end for key, end in self._ends.items() if end[0] > now}
-            if len(self._ends) >= _MOST:
-                del self._ends[next(iter(self._ends))]
+            own = [key for key, (_, of) in self._ends.items() if of == access]
+            if len(own) >= _MOST:  # of others none ends: who has a link must not sign the owner out
+                del self._ends[own[0]]
             if not self._closed:
                 self._ends[_hash(value)] = now + LIFETIME, access
         return value
