@@ -1,7 +1,7 @@
 """Morris' elementary effects from trajectories, for all outputs at once.
 
-Equal to SALib's to rounding but for the intervals of mu_star: SALib's hold in 80 to 92 % where 95 % is said (10 and 20
-trajectories), and are 0 where two trajectories of twenty have an effect.
+Equal to SALib's to rounding but for the intervals of mu_star: normal ones, as SALib's, hold in 80 to 98 % where 95 % is
+said (10 and 20 trajectories), and are 0 where two trajectories of twenty have an effect.
 """
 
 from __future__ import annotations
