@@ -370,7 +370,7 @@ def test_the_synthetic_run_up_is_made_as_described():
 
 def test_a_model_and_its_own_waveform_agree_exactly():
     """The point's waveform taken as the measurement: two equal revolutions, no uncertainty, no difference."""
-    point = td.simulate(joint_angle_deg=10, initial_skew_1_deg=2)
+    point = td.simulate(joint_angle_deg=10, initial_skew_1_deg=2, model="equilibrium")
     rotation, thrust = point["rotation_deg"].values, point["thrust"].values
     result = compare(Measurement(rotation, thrust, None, "zero"), point, 0.0)
     assert float(np.abs(result["amplitude_difference"]).max()) < 1e-11
