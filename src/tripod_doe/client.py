@@ -157,7 +157,7 @@ class Service:
         request.add_unredirected_header("Authorization", f"Bearer {self._token}")
         again = method == "GET" or headers is not None
         status, kind, answer = self._sent(request, _TRIES if again else 1)
-        if status >= 400:
+        if status >= 300:  # no redirection is followed, and what it says is no answer
             raise _refused(status, answer, path)
         return json.loads(answer or b"null") if kind == "application/json" else answer
 

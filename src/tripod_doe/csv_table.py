@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from pathlib import Path
 
 from tripod_doe.errors import InputError
@@ -30,8 +31,9 @@ def read_csv_table(path: Path, where: str) -> tuple[list[str], dict[int, list[st
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{where}: cannot read {path}: {reason}") from error
     header = rows.pop(next(iter(rows), 0), [])
-    if twice := [name for name in header if header.count(name) > 1]:
-        raise InputError(f"{where}: column {twice[0]!r} stands there {header.count(twice[0])} times; keep one of them")
+    counts = Counter(header)
+    if twice := [name for name, count in counts.items() if count > 1]:
+        raise InputError(f"{where}: column {twice[0]!r} stands there {counts[twice[0]]} times; keep one of them")
     if not rows:
         raise InputError(f"{where}: no rows below the header")
     for line, row in rows.items():

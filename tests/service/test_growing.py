@@ -62,6 +62,7 @@ def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
         ({"../x": {"formula": "thrust_amplitude[3]"}}, "x"),
         ({"spread": {"formula": "thrust_amplitude[3]", "units": "N"}}, "did you mean 'unit'"),
         ({"spread": {"formula": "__import__('os')"}}, "formula"),
+        ({"spread": {"formula": None}}, "expected texts and numbers"),
         ({}, "responses"),
     ],
 )  # fmt: skip

@@ -13,6 +13,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli.main import main
+from tripod_doe.workflow.fit_plan import plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
 
 MEASUREMENTS = Path(__file__).parents[2] / "measurements"
@@ -240,3 +241,19 @@ def test_the_answer_of_the_documentation(tmp_path):
         )
         assert str(own["verdict"].item()) == word
         assert low < make_rig.TRUTH[name] < high
+
+
+def test_records_at_one_operating_point_with_an_unknown_each_are_priced_each(tmp_path):
+    """Equal records were priced as one, though each has points of its own: forty times too cheap, past any limit."""
+    rows = "".join(f"{at},{20 * np.sin(np.radians(3 * at)):.4f}\n" for at in range(0, 360 * 6, 5))
+    for which in range(10):
+        (tmp_path / f"rig_{which}.csv").write_text(f"rotation_deg,thrust_n\n{rows}")
+    prices = {}
+    for per in ("all", "record"):
+        (tmp_path / "fit.toml").write_text(
+            '[fit]\nname = "x"\nstarts = 1\n[base]\nmodel = "needles"\njoint_angle_deg = 8\ntorque_n_m = 200\n'
+            "speed_rpm = 600\n[unknowns.groove_sliding_friction]\nlow = 0.03\nhigh = 0.12\n"
+            f'per = "{per}"\n[records]\nfiles = ["rig_*.csv"]\nreference_angle_deg = 0\n'
+        )
+        prices[per] = plan_fit(tmp_path / "fit.toml", timing=False).seconds[1]
+    assert prices["record"] > 9 * prices["all"]

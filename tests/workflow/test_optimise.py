@@ -226,6 +226,18 @@ def test_weights_and_a_goal_to_maximise(solve, tmp_path, over, best):
     assert float(summary.front["s"][0]) == pytest.approx(1.6 * {"mean": 1.25, "max": 2, "min": 1}[over])
 
 
+def test_weights_whose_sum_is_no_number_are_refused(solve):
+    """Each would be zero, and every mean over the operating points zero in silence."""
+    with pytest.raises(InputError, match="weights"):
+        solve(
+            "hole",
+            {"x": {"values": [0, 0.3]}},
+            {"s": {"output": "stress", "over": "mean"}},
+            at={"load": {"values": [1, 2]}, "weights": [1e308, 1e308]},
+            search={"evaluations": 10},
+        )
+
+
 def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
     """Exact: the front holds what the better model says; needles that do not fit are left out, and cost nothing."""
     (tmp_path / "joint.toml").write_text("""

@@ -73,14 +73,20 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
     seconds = None
     if all(each.cpu_hours for each in plans):
         parts = [
-            [3600 * count / records * hours for hours in each.cpu_hours]
-            for each, count in zip(plans, counts, strict=True)
+            [3600 * count / records * hours * _distinct(rig, model) / each.unique for hours in each.cpu_hours]
+            for each, count, model in zip(plans, counts, models, strict=True)
             if each.cpu_hours
         ]
         low, mean, high = (sum(part) + _OWN_SECONDS * trials for part in zip(*parts, strict=True))
         seconds = low, mean, high
     asked = counts[1] if len(counts) > 1 else 0
     return FitPlan(records, tuple(rig.layout.names()), search, asked, (rig.model, rig.cheap), tuple(plans), seconds)
+
+
+def _distinct(rig: RigFit, model: str) -> int:
+    """How many records differ in a point of the search: also those whose unknowns alone are their own."""
+    columns = [column.tolist() for column in rig.columns_at_middle(model).values()]
+    return len(set(zip(*columns, *rig.layout.index.tolist(), strict=True)))
 
 
 def _one_of_each(rig: RigFit, model: str) -> Study:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 
 import pytest
-from service_client import ADDRESS, API, TOKEN
+from service_client import ADDRESS, API, READ_TOKEN, TOKEN
 
-from tripod_doe.service.security.guard import allowed_hosts
+from tripod_doe.service.security.access import Accesses
+from tripod_doe.service.security.guard import Guard, allowed_hosts
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
+from tripod_doe.service.security.shares import Shares
+from tripod_doe.service.settings import Settings
 
 BEARER = {"authorization": f"Bearer {TOKEN}"}
 OWN_PAGE = {"origin": ADDRESS, "sec-fetch-site": "same-origin"}
@@ -252,3 +256,34 @@ def test_every_answer_keeps_browsers_strict(client, path):
 def test_unknown_addresses_and_methods_are_told_as_errors(client):
     assert client.get(f"{API}/nowhere", headers=BEARER).json()["errors"][0]["message"]
     assert client.put(f"{API}/runs", headers=BEARER).status_code == 405
+
+
+def test_readers_take_no_thread_that_the_owner_needs(tmp_path):
+    """A link asked 120 times at once for a page held all threads: the owner waited 40 s for the list of runs."""
+    settings = Settings(tmp_path, token=TOKEN, read_token=READ_TOKEN)
+    inside, served = [], []
+
+    async def slow(scope, receive, send):
+        if scope["access"].name == "owner":
+            served.append(scope["path"])
+            return
+        inside.append(scope)
+        await asyncio.Event().wait()
+
+    async def asked():
+        guard = Guard(slow, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: None)
+
+        def ask(token):
+            headers = [(b"host", b"127.0.0.1:8811"), (b"authorization", f"Bearer {token}".encode())]
+            scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"", "headers": headers}
+            return asyncio.create_task(guard(scope, None, None))
+
+        waiting = [ask(READ_TOKEN) for _ in range(120)]
+        await asyncio.sleep(0)
+        await ask(TOKEN)
+        for each in waiting:
+            each.cancel()
+
+    asyncio.run(asked())
+    assert served == ["/"]
+    assert 0 < len(inside) < 10

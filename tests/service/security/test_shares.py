@@ -211,3 +211,30 @@ def test_the_owner_and_readers_need_tokens_of_their_own(tmp_path, capsys):
     words = ["serve", "--folder", str(tmp_path / "runs"), "--token-file", str(file), "--read-token-file", str(file)]
     assert main(words) == 2
     assert "this is the token of the owner" in capsys.readouterr().err
+
+
+def test_a_link_opened_many_times_ends_no_session_of_another(client, browser, link):
+    """Only so many sessions are kept: the owner's browser was signed out by whoever opened a link 200 times."""
+    owner = TestClient(client.app, ADDRESS, follow_redirects=False)
+    root = entered(owner, f"/?token={TOKEN}")
+    assert owner.get(root).status_code == 200
+    for _ in range(220):
+        page = entered(browser, link["address"])
+    assert owner.get(root).status_code == 200
+    assert browser.get(page).status_code == 200
+
+
+def test_a_link_revoked_by_another_server_of_the_folder_is_closed_here(tmp_path):
+    """A server with --read-only beside the one that revokes it read the file once, at its start."""
+    writing = Shares(tmp_path)
+    share, secret = writing.add("a", 3)
+    reading = Shares(tmp_path)
+    assert reading.by_secret(secret).id == share.id
+    kept, other = writing.add("b", 3)
+    assert reading.by_secret(other).id == kept.id
+    writing.revoke("a", share.id)
+    assert reading.by_secret(secret) is None
+    assert not reading.is_open(share.id)
+    assert reading.is_open(kept.id)
+    (tmp_path / SHARES).unlink()
+    assert reading.open() == writing.open() == []

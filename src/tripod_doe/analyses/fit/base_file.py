@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.fit.identifiability import FOUND
+from tripod_doe.errors import printable
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Value
 
@@ -19,7 +20,7 @@ _SAMPLES = 256
 
 def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     """The table [base] with what was known and what was fitted, each fitted value with its interval as a comment."""
-    lines = [f"# {result.attrs['title']}: the joint as it was fitted, to paste into a study", "[base]"]
+    lines = [f"# {_in_a_comment(result.attrs['title'])}: the joint as it was fitted, to paste into a study", "[base]"]
     lines += [f"{name} = {json.dumps(value)}" for name, value in base.items()]
     for name in result["unknown"].values.tolist():
         own = result.sel(unknown=name, unknown_2=name)
@@ -30,6 +31,11 @@ def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         verdict = str(own["verdict"].item())
         lines.append(f"{name} = {_rounded(own)}  # 95 %: {words}; {verdict}")
     return "\n".join(lines) + "\n"
+
+
+def _in_a_comment(text: object) -> str:
+    """A text that a file from a stranger gives, in one line: what stood behind a line end would be read as tables."""
+    return printable(str(text)).replace("\n", "\\n")
 
 
 def _rounded(own: xr.Dataset) -> str:
@@ -53,7 +59,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         if result[name].dims == ("record",) and name != "record" and (values := np.sort(result[name].values)).size
     }
     lines = [
-        f"# {result.attrs['title']}: what the fit leaves open, as distributions; run it as any study",
+        f"# {_in_a_comment(result.attrs['title'])}: what the fit leaves open, as distributions; run it as any study",
         "[study]",
         f"name = {json.dumps(str(result.attrs['title']) + ': what is not known')}",
         'question = "How far does what is not known of the joint spread the orders of its thrust force?"',

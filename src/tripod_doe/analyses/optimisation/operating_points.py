@@ -106,10 +106,11 @@ def _weights(given: Any, count: int) -> FloatArray:
     if not isinstance(given, list) or not all(isinstance(each, int | float) for each in given):
         raise InputError("weights: a list of numbers, or the name of a column of the table")
     weights = np.array(given, float)
-    if len(weights) != count or not np.isfinite(weights).all() or (weights < 0).any() or weights.sum() <= 0:
+    total = sum(weights.tolist())
+    if len(weights) != count or (weights < 0).any() or not 0 < total < math.inf:  # nor any that is not finite
         raise InputError(
             f"weights = {given}: one for each of the {count} operating points, none negative, not all zero"
         )
     if count > _MOST:
         raise InputError(f"{count:,} operating points; at most {_MOST:,} are allowed")
-    return np.asarray(weights / weights.sum())
+    return np.asarray(weights / total)

@@ -57,6 +57,7 @@ class Accesses:
 
     def __init__(self, settings: Settings, shares: Shares) -> None:
         self._settings, self._shares = settings, shares
+        self._of_shares: dict[str, Access] = {}  # as every request looks through all of them
         self.owner = Access(OWNER, settings)
         self._reader = Access(READER, self._seen(READER)) if settings.read_token else None
 
@@ -87,7 +88,10 @@ class Accesses:
             yield self._of_share(share.id, share.run_id)
 
     def _of_share(self, share_id: str, run_id: str) -> Access:
-        return Access(share_id, self._seen(share_id, run_id), lambda: self._shares.is_open(share_id))
+        if share_id not in self._of_shares:
+            seen = self._seen(share_id, run_id)
+            self._of_shares[share_id] = Access(share_id, seen, lambda: self._shares.is_open(share_id))
+        return self._of_shares[share_id]
 
     def _seen(self, name: str, only_run: str = "") -> Settings:
         digest = hmac.new(self._settings.key.encode(), name.encode(), hashlib.sha256).digest()

@@ -11,7 +11,9 @@ import asyncio
 import ipaddress
 import re
 import socket
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from urllib.parse import parse_qsl, urlencode
 
 from starlette.datastructures import Headers
@@ -20,7 +22,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
-from tripod_doe.service.security.access import Access, Accesses
+from tripod_doe.service.security.access import OWNER, Access, Accesses
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
 from tripod_doe.service.settings import Settings
@@ -34,6 +36,7 @@ _PUBLIC = ("/assets/", "/help/")
 _TOKENS = ("token", "share")
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
+_AT_ONCE, _READERS_AT_ONCE = 8, 24  # answers to one link or reader, and to all of them: of 40 threads, some stay free
 _HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
 
 _POLICY = "default-src 'none'; frame-ancestors 'none'"
@@ -76,6 +79,8 @@ class Guard:
         self._refusal_answer = refusal_answer
         self._hosts = allowed_hosts(settings.host)
         self._any_address = settings.host in _ANYWHERE
+        self._turns: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(_AT_ONCE))
+        self._readers = asyncio.Semaphore(_READERS_AT_ONCE)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -117,12 +122,23 @@ class Guard:
             await send(message)
 
         try:
-            await self._app(scope, receive, noted)
+            async with self._turn(scope):
+                await self._app(scope, receive, noted)
         except asyncio.CancelledError:
             if begun:
                 raise
             refusal = RefusedError(503, SERVER_ENDS)
             await JSONResponse(refusal.answer(), refusal.status)(scope, receive, send)
+
+    @asynccontextmanager
+    async def _turn(self, scope: Scope) -> AsyncIterator[None]:
+        """Let readers wait for each other: what they ask for at once takes no thread that the owner needs."""
+        access = scope["access"]
+        if access is None or access.name == OWNER or scope["path"].endswith("/events"):  # streams hold no thread
+            yield
+            return
+        async with self._turns[access.name], self._readers:
+            yield
 
     def _check_host(self, headers: Headers) -> None:
         given = headers.getlist("host")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
+import stat
 import threading
 import time
 from collections.abc import Callable
@@ -51,21 +52,44 @@ class Shares:
     def __init__(self, folder: Path, clock: Callable[[], float] = time.time) -> None:
         self._path, self._clock, self._lock = folder / SHARES, clock, threading.Lock()
         self._shares: dict[str, Share] = {}
-        if self._path.is_file():
+        self._state = self._state_now()
+        if self._state is not None:
             try:
-                rows = json.loads(self._path.read_text(encoding="utf-8"))
-                self._shares = {row["id"]: Share(**row) for row in rows}
+                self._shares = self._read()
             except (OSError, ValueError, TypeError, KeyError) as error:
                 raise InputError(
                     f"{self._path}: cannot read these links ({error}); delete the file, which revokes all of them"
                 ) from error
+
+    def _read(self) -> dict[str, Share]:
+        rows = json.loads(self._path.read_text(encoding="utf-8"))
+        return {row["id"]: Share(**row) for row in rows}
+
+    def _state_now(self) -> tuple[int, int] | None:
+        """By which a file that another server has written is known; None where there is none."""
+        try:
+            state = self._path.stat()
+        except OSError:
+            return None
+        return (state.st_ino, state.st_mtime_ns) if stat.S_ISREG(state.st_mode) else None
+
+    def _known(self) -> dict[str, Share]:
+        """All that are not revoked, also by another server of the folder; none where the file cannot be read."""
+        state = self._state_now()
+        if state != self._state:
+            try:
+                shares = self._read() if state else {}
+            except (OSError, ValueError, TypeError, KeyError):
+                shares = {}
+            self._shares, self._state = shares, state
+        return self._shares
 
     def add(self, run_id: str, days: int) -> tuple[Share, str]:
         """Make a link to a run; gives its secret, which is not kept (RefusedError 413 if there are too many)."""
         secret, now = secrets.token_urlsafe(32), self._clock()
         share = Share(secrets.token_hex(8), run_id, _hash(secret), now, now + days * _DAY)
         with self._lock:
-            left = {key: other for key, other in self._shares.items() if other.expires > now}
+            left = {key: other for key, other in self._known().items() if other.expires > now}
             if len(left) >= _MOST:
                 raise RefusedError(413, f"{_MOST:,} links are open, which is the limit: revoke some")
             self._store(left | {share.id: share})
@@ -73,34 +97,35 @@ class Shares:
 
     def of(self, run_id: str) -> list[Share]:
         """The links to a run that are open."""
-        return [share for share in self._shares.values() if share.run_id == run_id and self.is_open(share.id)]
+        return [share for share in self.open() if share.run_id == run_id]
 
     def revoke(self, run_id: str, share_id: str) -> None:
         """End a link at once; RefusedError 404 if this run has no such link."""
         with self._lock:
-            share = self._shares.get(share_id)
+            share = self._known().get(share_id)
             if share is None or share.run_id != run_id:
                 raise RefusedError(404, f"{share_id[:100]}: this run has no such link")
-            self._store({key: other for key, other in self._shares.items() if key != share_id})
+            self._store({key: other for key, other in self._known().items() if key != share_id})
 
     def by_secret(self, given: str) -> Share | None:
         """The open link with a secret; hashes are looked up, so that no answer takes longer for a better guess."""
         digest = _hash(given)
-        share = next((share for share in self._shares.values() if share.digest == digest), None)
+        share = next((share for share in self._known().values() if share.digest == digest), None)
         return share if share and self.is_open(share.id) else None
 
     def is_open(self, share_id: str) -> bool:
         """Whether a link is neither revoked nor expired."""
-        share = self._shares.get(share_id)
+        share = self._known().get(share_id)
         return share is not None and share.expires > self._clock()
 
     def open(self) -> list[Share]:
         """All links that are open."""
-        return [share for share in self._shares.values() if self.is_open(share.id)]
+        now = self._clock()
+        return [share for share in self._known().values() if share.expires > now]
 
     def _store(self, shares: dict[str, Share]) -> None:
         replace_text(self._path, json.dumps([asdict(share) for share in shares.values()]))
-        self._shares = shares
+        self._shares, self._state = shares, self._state_now()
 
 
 def _hash(secret: str) -> str:

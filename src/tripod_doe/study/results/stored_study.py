@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import CubeError, InputError, option
@@ -88,8 +89,11 @@ def with_responses(directory: Path, file: Path) -> tuple[Study, dict[str, Any]]:
 def text_with_responses(text: str, tables: Mapping[str, Any]) -> str:
     """The text of a study with responses added, or in place of those of the same names."""
     document: Any = tomlkit.parse(text)
-    document["responses"] = {**document.get("responses", {}), **tables}
-    return tomlkit.dumps(document)
+    try:
+        document["responses"] = {**document.get("responses", {}), **tables}
+        return tomlkit.dumps(document)
+    except TOMLKitError as error:  # null in JSON
+        raise InputError(f"responses: {error}: expected texts and numbers") from error
 
 
 def with_derived(study: Study, tables: Mapping[str, Any]) -> Study:

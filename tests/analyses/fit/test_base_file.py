@@ -1,0 +1,31 @@
+"""What a fit leaves to paste: no name that a stranger gives becomes a table of it."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
+
+HOSTILE = "x\n[study]\nfunction = 'upload.evil:f'\nname = '''#"
+
+
+@pytest.fixture
+def result():
+    names, one = ["groove_sliding_friction"], {"bound_low": 0.03, "bound_high": 0.12, "value": 0.05}
+    data = {name: ("unknown", [value]) for name, value in ({"low": 0.04, "high": 0.06} | one).items()}
+    data |= {"verdict": ("unknown", ["one-sided"]), "correlation": (("unknown", "unknown_2"), np.eye(1))}
+    return xr.Dataset(data, {"unknown": names, "unknown_2": names}, {"title": HOSTILE})
+
+
+@pytest.mark.parametrize("text_of", [base_text, tolerance_text])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\u0085", "\u2028", "\x00"])
+def test_a_name_stays_in_its_line(result, text_of, end):
+    """It was code: tolerance.toml of a fit that was uploaded ran a function from the upload, for whoever ran it."""
+    text = text_of(result.assign_attrs(title=HOSTILE.replace("\n", end)), {"torque_n_m": 200.0})
+    read = tomllib.loads(text)
+    assert "function" not in read.get("study", {})
+    assert read["base"]["torque_n_m"] == 200.0
