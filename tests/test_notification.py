@@ -59,6 +59,8 @@ def test_a_command_gets_the_facts_on_its_standard_input_and_no_shell_reads_them(
     assert words == ["$HOME;", "x"]
     assert told == {"text": "$(touch pwned); `touch pwned` \\x1b[2J: failed: full disk", **FACTS}
     assert {path.name for path in tmp_path.iterdir()} == {"n.py", "told.json"}
+    Notifier.of(command(tmp_path / "n.py", script)).tell({"name": "<!channel> A & B", "state": "finished"})
+    assert json.loads((tmp_path / "told.json").read_text())[1]["text"] == "&lt;!channel&gt; A &amp; B: finished"
 
 
 def test_a_webhook_gets_the_facts_and_its_trouble_names_the_host_only(hook, monkeypatch):

@@ -10,6 +10,7 @@ import json
 import secrets
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 _API = "/api/v1"
 _LOCAL = ("127.0.0.1", "localhost", "::1")
+_FILE_KEYS = ("study", "table", "file", "files", "measurement")  # whose values are names of files
 _SECONDS = 120.0  # a simulated point may take that long
 _PAUSE = 0.5  # seconds between two questions about a run
 _TRIES = 5  # where the service is busy
@@ -57,6 +59,10 @@ def connect(url: str, token: str | None = None) -> Service:
     token = token or words.get("token") or words.get("share")
     if not token:
         raise InputError("token: missing; the server printed an address with it at its start")
+    if parts.scheme == "http" and parts.hostname not in _LOCAL:
+        warnings.warn(
+            f"{parts.hostname}: the token goes there unencrypted; use https or a tunnel to this machine", stacklevel=2
+        )
     service = Service(f"{parts.scheme}://{parts.netloc}", token)
     service.runs(most=1)
     return service
@@ -321,14 +327,26 @@ def submission(study: StudyLike) -> dict[str, Any]:
     return {kind: text, "files": files}
 
 
-def _attach(value: Any, folder: Path, files: dict[str, str]) -> None:
-    """Add the files of a folder whose plain names stand in some tables, and those that they name."""
-    if isinstance(value, str) and Path(value).name == value and value not in files and (folder / value).is_file():
+def _attach(value: Any, folder: Path, files: dict[str, str], key: str = "") -> None:
+    """Add the files of a folder that some tables name by plain names, and those that they name.
+
+    A text under another key than those of files is no file's name: a question may be spelled as a key file is.
+    """
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _attach(inner, folder, files, name)
+    elif isinstance(value, list):
+        for inner in value:
+            _attach(inner, folder, files, key)
+    elif key in _FILE_KEYS and isinstance(value, str) and value not in files and _is_plain(value, folder):
         files[value] = read_text(folder / value, "file")
         if value.endswith(".toml"):
             _attach(parse_toml(files[value], value), folder, files)
-    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _attach(inner, folder, files)
+
+
+def _is_plain(name: str, folder: Path) -> bool:
+    """Whether a name is one of a file of the folder that is not hidden."""
+    return Path(name).name == name and not name.startswith(".") and (folder / name).is_file()
 
 
 def _choice(value: Any) -> str:

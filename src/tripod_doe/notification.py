@@ -15,6 +15,7 @@ import stat
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -60,7 +61,7 @@ class Notifier:
         """Pass the facts on; gives what went wrong, empty where nothing did. It may take half a minute."""
         name, state = printable(str(facts.get("name", ""))), facts.get("state", "")
         message = printable(str(facts.get("message", "")))
-        text = f"{name}: {state}" + (f": {message}" if message else "")
+        text = escape(f"{name}: {state}" + (f": {message}" if message else ""), quote=False)  # chats make links of <>
         data = json.dumps({"text": text, **facts}).encode()
         return self._call(data) if self.url else self._start(data)
 

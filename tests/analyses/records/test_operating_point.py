@@ -35,6 +35,13 @@ def test_names_of_files():
         from_name("a", "{pressure}")
 
 
+def test_a_pattern_takes_no_long_time():
+    """Thirty stars over ninety digits took all the time that a plan may take."""
+    for stars, message in ((3, "is of another form"), (30, "30 times \\*; at most 3 are allowed")):
+        with pytest.raises(InputError, match=message):
+            from_name("1" * 90 + ".csv", "*" * stars + "{joint_angle_deg}{torque_nm}{speed_rpm}Z.csv")
+
+
 def test_name_and_notes_that_contradict_each_other_are_refused(tmp_path):
     path = tmp_path / "run_8.csv"
     path.write_text("# joint angle: 12 deg\nrotation_deg,thrust_n\n0,1\n1,2\n")

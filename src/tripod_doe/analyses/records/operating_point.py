@@ -13,6 +13,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 
 _NUMBER = r"([+-]?\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
+_MOST_STARS = 3  # of a pattern: the time to match it grows by the length of a name for each
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _UNIT_BEFORE = r"(?:\s*[\[(]([^\])]*)[\])])?"
 _UNIT_BEHIND = r"(?:\s*[;,\t]?\s*[\[(]?([^\s;,\t\])]+))?"
@@ -64,8 +65,12 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
     names = [_parameter(field, pattern) for field in _FIELD.findall(pattern)]
     if not names:
         raise InputError(f"{option('pattern', pattern)}: no field; write for instance rig_{{joint_angle_deg}}deg.csv")
+    if pattern.count("*") > _MOST_STARS:
+        raise InputError(
+            f"{option('pattern', pattern)}: {pattern.count('*')} times *; at most {_MOST_STARS} are allowed"
+        )
     parts = [re.escape(part).replace(r"\*", ".*") for part in _FIELD.split(pattern)[::2]]
-    number = r"([+-]?\d+(?:[.,p]\d+)?)"
+    number = r"([+-]?\d++(?:[.,p]\d++)?+)"
     match = re.fullmatch(number.join(parts), name, re.I)
     if match is None:
         raise InputError(f"{option('pattern', pattern)}: {name} is of another form")
