@@ -22,6 +22,8 @@ def test_any_value_as_every_needed_argument_ends_as_a_sentence(name, value, tmp_
     called = getattr(td, name)
     parameters = inspect.signature(called).parameters.values()
     needed = [each.name for each in parameters if each.default is each.empty and each.kind is not each.VAR_KEYWORD]
+    if name == "view":  # its one named argument may be missing
+        needed = ["joint_angle_deg"]
     words = dict.fromkeys(needed or [each.name for each in parameters if each.kind is not each.VAR_KEYWORD], value)
     with pytest.raises(InputError) as refused:
         called(**(words or {"joint_angle_deg": value}))
@@ -50,6 +52,6 @@ def test_the_sentence_names_function_argument_value_and_what_is_expected(call, m
 
 
 def test_names_keep_their_signatures_and_there_is_a_version():
-    assert list(inspect.signature(td.plan).parameters) == ["study", "timing", "recorded"]
+    assert list(inspect.signature(td.plan).parameters) == ["study", "timing", "recorded", "among"]
     assert td.run is td.run
     assert td.__version__ == "0.1.0"

@@ -63,7 +63,8 @@ SMALL = {
 @pytest.mark.parametrize("scene", SCENES)
 def test_planned_bytes_are_those_of_the_cube(scene):
     """Exact: whatever becomes of a point, its cube holds every output at the length that the plan counts."""
-    outputs = list(load_simulator(scene).outputs)
+    of_kinetostatic = ("thrust_amplitude_by_cycle", "thrust_amplitude_settled")  # optional: no other model has them
+    outputs = [name for name in load_simulator(scene).outputs if name not in of_kinetostatic]
     base = "\n".join(f"{name} = {value!r}" for name, value in SMALL[scene].items())
     study = parse_study(
         f'[study]\nname = "b"\nscene = "{scene}"\n[base]\n{base}\n[keep]\noutputs = {outputs}\n[factors.replicate]\nvalues = [0]\n'

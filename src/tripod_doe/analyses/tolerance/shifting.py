@@ -8,7 +8,6 @@ limit.
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.tolerance.keeping import FEWEST
@@ -57,7 +56,7 @@ def _smallest(scatter: Scatter, x: FloatArray, steps: FloatArray, above: FloatAr
         total = weights.sum()
         if total <= 0 or total**2 / (weights**2).sum() < FEWEST:
             continue
-        covered = min(float(trapezoid(scatter.density(places - step) * possible, places)), 1.0)
+        covered = min(float(np.trapezoid(scatter.density(places - step) * possible, places)), 1.0)
         share = covered * (weights @ above) / total + 1 - covered
         answers = np.where(np.isnan(answers) & (share <= 1 - keep), step, answers)
     return answers
