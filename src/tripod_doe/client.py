@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.error import HTTPError, URLError
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
-from urllib.request import HTTPRedirectHandler, OpenerDirector, ProxyHandler, Request, build_opener
+from urllib.request import Request
 
 from tripod_doe.errors import CubeError, InputError, TripodDoeError
+from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import parse_toml, read_text, toml_text
 
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _API = "/api/v1"
-_LOCAL = ("127.0.0.1", "localhost", "::1")
 _FILE_KEYS = ("study", "table", "file", "files", "measurement")  # whose values are names of files
 _SECONDS = 120.0  # a simulated point may take that long
 _PAUSE = 0.5  # seconds between two questions about a run
@@ -59,20 +59,13 @@ def connect(url: str, token: str | None = None) -> Service:
     token = token or words.get("token") or words.get("share")
     if not token:
         raise InputError("token: missing; the server printed an address with it at its start")
-    if parts.scheme == "http" and parts.hostname not in _LOCAL:
+    if parts.scheme == "http" and parts.hostname not in LOOPBACK:
         warnings.warn(
             f"{parts.hostname}: the token goes there unencrypted; use https or a tunnel to this machine", stacklevel=2
         )
     service = Service(f"{parts.scheme}://{parts.netloc}", token)
     service.runs(most=1)
     return service
-
-
-class _NoRedirection(HTTPRedirectHandler):
-    """Another server must not get the token."""
-
-    def redirect_request(self, *words: Any, **named: Any) -> None:
-        """Follow nothing: the answer is an error."""
 
 
 class Service:
@@ -85,8 +78,7 @@ class Service:
 
     def __init__(self, url: str, token: str) -> None:
         self.url, self._token = url, token
-        proxies = [ProxyHandler({})] if urlsplit(url).hostname in _LOCAL else []
-        self._opener: OpenerDirector = build_opener(_NoRedirection(), *proxies)
+        self._opener = opener_for(url)
 
     def __repr__(self) -> str:
         return f"<service at {self.url}>"

@@ -21,10 +21,10 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 
 from tripod_doe.errors import InputError, option, printable
+from tripod_doe.http_opener import LOOPBACK, opener_for
 
 _SECONDS = 30.0  # for a command, and for an answer of a webhook
 _MOST_BYTES = 65_536  # of a file that holds a command or an address
-_LOCAL = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
@@ -77,19 +77,12 @@ class Notifier:
 
     def _call(self, data: bytes) -> str:
         from urllib.error import HTTPError, URLError
-        from urllib.request import HTTPRedirectHandler, ProxyHandler, Request, build_opener
-
-        class Staying(HTTPRedirectHandler):
-            """An address may hold a secret, which no other server gets."""
-
-            def redirect_request(self, *words: Any, **named: Any) -> None:
-                return None
+        from urllib.request import Request
 
         host = urlsplit(self.url).hostname or ""
-        opener = build_opener(Staying(), *([ProxyHandler({})] if host in _LOCAL else []))
         request = Request(self.url, data, {"Content-Type": "application/json", "User-Agent": "tripod-doe"})
         try:
-            opener.open(request, timeout=_SECONDS).close()
+            opener_for(self.url).open(request, timeout=_SECONDS).close()
         except HTTPError as error:
             with error:
                 return f"{host} answered {error.code}"
@@ -106,7 +99,7 @@ def _checked_address(text: str) -> str:
         host = None
     if not host or not text.isprintable() or " " in text:
         raise InputError(f"{option('notify')}: not an address: write https://host/path")
-    if parts.scheme != "https" and host not in _LOCAL:
+    if parts.scheme != "https" and host not in LOOPBACK:
         raise InputError(f"{option('notify')}: {host}: an address of another machine begins with https://")
     return text
 

@@ -21,6 +21,7 @@ from types import FrameType
 import uvicorn
 
 from tripod_doe.errors import InputError, option
+from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.app import create_app
 from tripod_doe.service.log import start_log
 from tripod_doe.service.runs.table import TABLE
@@ -30,7 +31,6 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.forking import end_fork_server
 
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _GRACE = 3  # seconds that open answers get at the end
 _QUESTION_GRACE = 1.5  # seconds for questions, whose clients then still hear that the server ends
 _LOCK = ".service.lock"
@@ -64,7 +64,7 @@ def serve(settings: Settings) -> None:
         if settings.demo and not settings.read_only:
             service.start()
             add_demo(service)
-        if settings.host not in _LOOPBACK:
+        if settings.host not in LOOPBACK:
             print(
                 f"tripod-doe: {settings.host} is seen from other machines, and what they send is not encrypted; "
                 "who knows the token can run studies here",

@@ -21,6 +21,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
 from tripod_doe.service.security.access import OWNER, Access, Accesses
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS
@@ -53,7 +54,7 @@ _HEADERS = (
 
 def allowed_hosts(host: str) -> frozenset[str]:
     """Names by which a server that listens on a host may be called; where it listens everywhere, also any address."""
-    names = {"127.0.0.1", "localhost", "::1", host.lower()}
+    names = {*LOOPBACK, host.lower()}
     if host in _ANYWHERE:
         names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
     return frozenset(names - set(_ANYWHERE))

@@ -102,10 +102,11 @@ class Shares:
     def revoke(self, run_id: str, share_id: str) -> None:
         """End a link at once; RefusedError 404 if this run has no such link."""
         with self._lock:
-            share = self._known().get(share_id)
+            known = self._known()
+            share = known.get(share_id)
             if share is None or share.run_id != run_id:
                 raise RefusedError(404, f"{share_id[:100]}: this run has no such link")
-            self._store({key: other for key, other in self._known().items() if key != share_id})
+            self._store({key: other for key, other in known.items() if key != share_id})
 
     def by_secret(self, given: str) -> Share | None:
         """The open link with a secret; hashes are looked up, so that no answer takes longer for a better guess."""

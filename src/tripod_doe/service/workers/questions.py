@@ -177,16 +177,7 @@ def simulate(body: bytes, limits: Limits) -> Any:
     return simulate_point(scene, **parameters).record()
 
 
-def small_query(
-    path: str,
-    variable: str,
-    select: list[str],
-    nearest: bool,
-    where: str | None,
-    form: str,
-    limits: Limits,
-    decimal_comma: bool = False,
-) -> bytes | None:
+def small_query(path: str, variable: str, select: list[str], nearest: bool, **more: Any) -> bytes | None:
     """The same as `query` where the answer is small; None where it is not, for which another worker is to be asked."""
     from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count
@@ -194,7 +185,7 @@ def small_query(
     with opened_arrays(path) as cube:
         if cell_count(cube, variable, select, nearest) > _MOST_AT_ONCE:
             return None
-    return query(path, variable, select, nearest, where, form, limits, decimal_comma)
+    return query(path, variable, select, nearest, **more)
 
 
 def query(
