@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import asyncio
 import textwrap
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from starlette.testclient import TestClient
@@ -33,6 +35,12 @@ COAST = """
     outputs = ["thrust_amplitude", "thrust_rms", "groove_thrust_amplitude"]
     """
 """Four points that finish, and four whose bearings are jammed."""
+
+
+def in_own_loop(main):
+    """What a coroutine returns; in a thread of its own, for a browser's tests leave a running loop in this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, main).result()
 
 
 @dataclass

@@ -7,11 +7,10 @@ import json
 import socket
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import uvicorn
-from service_client import API, TOKEN
+from service_client import API, TOKEN, in_own_loop
 
 from tripod_doe.service.app import create_app
 from tripod_doe.service.limits import Limits
@@ -24,12 +23,6 @@ QUIET = 0.2
 
 def run(run_id, name):
     return Run(run_id, "study", str(name), "", State.RUNNING)
-
-
-def in_own_loop(main):
-    """What a coroutine returns; in a thread of its own, for a browser's tests leave a running loop in this one."""
-    with ThreadPoolExecutor(1) as thread:
-        return thread.submit(asyncio.run, main).result()
 
 
 def watched(events, run_id=None, last=None, count=None):

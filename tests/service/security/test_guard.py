@@ -6,7 +6,7 @@ import asyncio
 import re
 
 import pytest
-from service_client import ADDRESS, API, READ_TOKEN, TOKEN
+from service_client import ADDRESS, API, READ_TOKEN, TOKEN, in_own_loop
 
 from tripod_doe.service.security.access import Accesses
 from tripod_doe.service.security.guard import Guard, allowed_hosts
@@ -284,6 +284,6 @@ def test_readers_take_no_thread_that_the_owner_needs(tmp_path):
         for each in waiting:
             each.cancel()
 
-    asyncio.run(asked())
+    in_own_loop(asked())
     assert served == ["/"]
     assert 0 < len(inside) < 10
