@@ -6,19 +6,21 @@ import csv
 from collections import Counter
 from pathlib import Path
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, TooLargeError
 from tripod_doe.regular_files import refuse_irregular
 
 
-def read_csv_table(path: Path, where: str) -> tuple[list[str], dict[int, list[str]]]:
+def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[list[str], dict[int, list[str]]]:
     """Read the header and, by their lines in the file, the rows of a table, without spaces around the fields.
 
     Args:
         path: The file; empty lines in it are skipped.
         where: The file or key that names the table, for messages.
+        most: Rows that may be there; reading ends with the first one beyond. None without a limit.
 
     Raises:
         InputError: If the file cannot be read, names a column twice, has no rows, or a row of another length.
+        TooLargeError: If it has more rows than allowed.
     """
     rows: dict[int, list[str]] = {}
     refuse_irregular(path)
@@ -27,6 +29,8 @@ def read_csv_table(path: Path, where: str) -> tuple[list[str], dict[int, list[st
             reader = csv.reader(stream, strict=True)
             for row in filter(None, reader):
                 rows[reader.line_num] = [field.strip() for field in row]
+                if most is not None and len(rows) > most + 1:  # one is the header
+                    raise TooLargeError(f"{where}: more than {most:,} rows; at most {most:,} are allowed here")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{where}: cannot read {path}: {reason}") from error

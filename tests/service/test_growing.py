@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import replace
 
 import pytest
 from service_client import COAST
+
+from tripod_doe.service.limits import Limits
+from tripod_doe.study.journal import Journal
+from tripod_doe.study.results.stored_study import DERIVED
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +57,18 @@ def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
     assert (done["state"], done["points"]["total"]) == ("finished", 12)
     records = api.get(f"/runs/{grown}/query", params={"variable": "spread", "where": "spread > 0"}).json()
     assert {record["joint_angle_deg"] for record in records} == {2.5, 9, 17}
+
+
+def test_a_refused_formula_leaves_no_trace(api, settings, grown, monkeypatch):
+    """Regression: the journal held it although the queue was full."""
+    tables = {"refused": {"formula": "thrust_amplitude[3] + 1", "unit": "N"}}
+    before = api.get(f"/runs/{grown}/upload").json()
+    runs = api.client.app.state.service.runs
+    monkeypatch.setattr(runs, "settings", replace(settings, limits=Limits(queued=0)))
+    assert api.post(f"/runs/{grown}/derive", {"responses": tables}).status_code == 413
+    with Journal(settings.folder / grown, read_only=True) as journal:
+        assert "refused" not in (journal.recall(DERIVED) or "")
+    assert api.get(f"/runs/{grown}/upload").json() == before
 
 
 @pytest.mark.parametrize(

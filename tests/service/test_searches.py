@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 import tripod_doe as td
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.workers.questions import plan
 from tripod_doe.study.journal import Journal
 
 ROOT = Path(__file__).parents[2]
@@ -182,3 +185,35 @@ def test_what_searches_may_not_ask(api, body, status, words):
         answer = api.post(address, body)
         assert answer.status_code == status, answer.text
         assert words in json.dumps(answer.json())
+
+
+CANDIDATES = "[next.at.joint_angle_deg]\nvalues = {0}\n[next.at.torque_n_m]\nvalues = {0}\n".format(
+    list(range(1, 3_001))
+)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (
+            {"study": '[study]\nname = "t"\n[design]\nkind = "table"\ntable = "t.csv"\n[factors.torque_n_m]\n'},
+            "t.csv': more than 200,000 rows",
+        ),
+        ({"fit": FIT + CANDIDATES}, "[next.at]: 9,000,000 candidates; at most 10,000"),
+        ({"fit": FIT + '[next]\ntable = "t.csv"\n'}, "t.csv': more than 10,000 rows"),
+        ({"fit": FIT.replace("records.csv", "t.csv")}, "t.csv': more than 10,000 rows"),
+        (
+            {"optimisation": JOINT.replace("[at.joint_angle_deg]\nvalues = [3, 11]", '[at]\ntable = "t.csv"')},
+            "t.csv': more than 10,000 rows",
+        ),
+    ],
+)
+def test_rows_and_candidates_are_counted_before_they_are_made(body, message):
+    """Regression: nine million candidates, and a table of three million rows, took 50 s of the worker that plans."""
+    files = fit_upload()["files"] | {"t.csv": "torque_n_m\n" + "4\n" * 3_000_000}
+    request = json.dumps(body | {"files": files, "timing": False}).encode()
+    started = time.process_time()
+    with pytest.raises(RefusedError) as refused:
+        plan(request, Limits())
+    assert message in refused.value.problems[0].message
+    assert time.process_time() - started < 5

@@ -24,13 +24,21 @@ from tripod_doe.service.runs.table import Run
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.security.shares import Shares
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError, WorkerPool
+from tripod_doe.service.workers.worker_pool import (
+    AllBusyError,
+    LateError,
+    ServerEndsError,
+    WorkerFailedError,
+    WorkerPool,
+)
 
 log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
 _QUESTIONS = "workers.questions"
 _ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches, the first one the answer
+_SMALL_SECONDS = 5.0  # CPU time of an answer that is not long
+_SPARE_THREADS = 40  # for what asks no worker
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
 
 
@@ -45,15 +53,18 @@ class Service:
         shares: Links that open one run.
         computes: Whether points are simulated for who asks.
         is_open: Whether who asks may still do so.
+        threads: Threads that it needs so that some are free where all questions that may wait do so.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.runs = Supervisor(settings)
-        self._pool = WorkerPool(2, settings.limits)
-        self._planning = WorkerPool(1, settings.limits)
+        self._pool = WorkerPool(2, settings.limits, waiting=40)
+        self._planning = WorkerPool(1, settings.limits, waiting=settings.limits.queued)
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
+        self._pools = (self._pool, self._planning, self._computing, self._large)
+        self.threads = _SPARE_THREADS + sum(pool.threads for pool in self._pools)
         self.shares = Shares(settings.folder)
         self.computes = True
         self.is_open: Callable[[], bool] = lambda: True
@@ -108,7 +119,7 @@ class Service:
     def end_questions(self) -> None:
         """Answer no question any more, also none that is asked already (`ServerEndsError`)."""
         self._closed = True
-        for pool in (self._pool, self._planning, self._computing, self._large):
+        for pool in self._pools:
             pool.close()
 
     def plan(self, body: bytes, as_json: bool = False) -> Any:
@@ -154,8 +165,17 @@ class Service:
         return self._computing.ask(place, self.settings.limits.simulate_seconds, path=path, number_of_point=number)
 
     def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
-        """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`."""
-        return self._pool.ask(question, self.settings.limits.query_seconds, as_json, **arguments)
+        """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`.
+
+        One that proves to be long starts again where large answers are made: it keeps no small one waiting.
+        """
+        seconds = self.settings.limits.query_seconds
+        try:
+            return self._pool.ask(question, min(_SMALL_SECONDS, seconds), as_json, **arguments)
+        except LateError:
+            if seconds <= _SMALL_SECONDS:
+                raise
+            return self._large.ask(question, seconds, as_json, **arguments)
 
     def ask_large(self, question: str, **arguments: Any) -> Any:
         """Ask a question with a large answer of a worker that answers no others, so that small ones need not wait."""
@@ -275,9 +295,14 @@ class Service:
 
     def _extend(self, question: str, run_id: str, body: bytes) -> Run:
         path = self._extended(run_id)
+
+        def note() -> None:
+            if question == "derive":
+                self._ask_plan("note_derived", body, path=path)
+
         with self._upload_folder() as upload:
             plan = self._ask_plan(question, body, folder=str(upload), path=path)
-            return self.runs.extend(run_id, upload, plan)
+            return self.runs.extend(run_id, upload, plan, note)
 
     def _extended(self, run_id: str) -> str:
         """The directory of a run whose study may grow."""

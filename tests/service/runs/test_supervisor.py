@@ -493,8 +493,31 @@ def test_the_limit_of_the_queue_holds_for_runs_that_go_on(start, settings, tmp_p
     with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
         supervisor.resume(stopped)
     with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
-        supervisor.extend(stopped, upload, PLAN)
+        supervisor.extend(stopped, upload, PLAN, lambda: pytest.fail("noted, but refused"))
     assert supervisor.find(stopped).state is State.STOPPED
+
+
+def test_a_run_that_takes_a_larger_study_takes_nothing_else(start, tmp_path):
+    """What the study adds to the results is stored when nothing is refused any more, and before the run starts."""
+    supervisor = start("")
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.FAILED)
+    upload = tmp_path / "larger"
+    upload.mkdir()
+
+    def note():
+        for change in (supervisor.resume, supervisor.delete, supervisor.refuse_extension):
+            with pytest.raises(RefusedError, match="409: this run takes a larger study just now"):
+                change(run_id)
+
+    def broken():
+        raise StorageError("full")
+
+    with pytest.raises(StorageError, match="full"):
+        supervisor.extend(run_id, upload, PLAN, broken)
+    assert supervisor.find(run_id).state is State.FAILED
+    assert supervisor.extend(run_id, upload, PLAN, note).state is State.QUEUED
+    assert not upload.exists()
 
 
 def test_the_end_of_a_run_is_told_once_and_not_that_of_results_that_were_there(tmp_path):

@@ -206,3 +206,31 @@ def test_a_worker_ends_when_nobody_can_ask_any_more(pool):
     worker = psutil.Process(pool._workers[0]._process.pid)
     pool._workers[0]._connection.close()
     worker.wait(20)
+
+
+def test_only_so_many_questions_wait(tmp_path, monkeypatch):
+    """Regression: each that waits holds a thread of the server, and 60 of them held all."""
+    (tmp_path / "napping.py").write_text("import time; time.sleep(2); raise KeyError")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    pool = WorkerPool(1, Limits(), waiting=2)
+    heard = []
+
+    def ask():
+        started = time.monotonic()
+        try:
+            load(pool, "napping", 20)
+        except AllBusyError:
+            heard.append(time.monotonic() - started)
+        except WorkerFailedError:
+            pass
+
+    try:
+        asking = [threading.Thread(target=ask) for _ in range(8)]
+        for thread in asking:
+            thread.start()
+        for thread in asking:
+            thread.join(30)
+        assert len(heard) == 8 - pool.threads
+        assert max(heard) < 1
+    finally:
+        pool.close()

@@ -25,6 +25,7 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 _ANGLE, _TORQUE, _SPEED = "joint_angle_deg", "torque_n_m", "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
 _PRIOR = 8  # degrees of freedom for which the usual scatter of all records counts in each of them
+_MOST_RECORDS = 10_000  # rows of a table of records
 _APART = 0.05  # relative: how far a record may be from a base value
 _FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
 _OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
@@ -102,7 +103,8 @@ def _matching(folder: StudyFolder, pattern: str) -> list[Path]:
 def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterator[_Asked]:
     name = str(request.file.records.table)
     where = f"[records]: table = {name!r}"
-    header, rows = read_csv_table(request.folder.file(name, "table"), f"{request.origin}: {where}")
+    path = request.folder.file(name, "table")
+    header, rows = read_csv_table(path, f"{request.origin}: {where}", _MOST_RECORDS)
     if "file" not in header:
         raise request.fail(where, f"no column 'file'{closest('file', header)}; it names the record of each row")
     for column in header:

@@ -6,6 +6,7 @@ Whatever computes points is handed in, so that nothing here knows of journals or
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -33,6 +34,7 @@ Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, FloatArray]
 _CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
 """The model on which the search runs, by the model asked for."""
 
+_MOST_CANDIDATES = 10_000  # operating points of [next]
 _STEP = 0.01  # of a range, for derivatives at candidates
 
 
@@ -101,10 +103,12 @@ class RigFit:
         if table.table is not None:
             where = f"[next]: table = {table.table!r}"
             path = self.request.folder.file(table.table, "table")
-            header, lines = read_csv_table(path, f"{self.request.origin}: {where}")
+            header, lines = read_csv_table(path, f"{self.request.origin}: {where}", _MOST_CANDIDATES)
             rows = [dict(zip(header, map(_number, line), strict=True)) for line in lines.values()]
         else:
             where, names = "[next.at]", list(table.at)
+            if (count := math.prod(len(table.at[name].values) for name in names)) > _MOST_CANDIDATES:
+                raise self.request.fail(where, f"{count:,} candidates; at most {_MOST_CANDIDATES:,} are allowed")
             rows = [
                 dict(zip(names, values, strict=True))
                 for values in itertools.product(*(table.at[name].values for name in names))

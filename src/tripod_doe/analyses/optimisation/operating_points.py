@@ -75,7 +75,7 @@ def _grid(request: OptimisationRequest, tables: Mapping[str, Any]) -> list[dict[
 
 def _rows(request: OptimisationRequest, table: str, weights: Any) -> tuple[list[dict[str, Value]], Any]:
     """The rows of a CSV file, and the weights that a column of it holds."""
-    header, lines = read_csv_table(request.folder.file(table, "table"), f"table = {table!r}")
+    header, lines = read_csv_table(request.folder.file(table, "table"), f"table = {table!r}", _MOST)
     rows: list[dict[str, Value]] = [
         {name: _number(text) for name, text in zip(header, line, strict=True)} for line in lines.values()
     ]
@@ -111,6 +111,4 @@ def _weights(given: Any, count: int) -> FloatArray:
         raise InputError(
             f"weights = {given}: one for each of the {count} operating points, none negative, not all zero"
         )
-    if count > _MOST:
-        raise InputError(f"{count:,} operating points; at most {_MOST:,} are allowed")
     return np.asarray(weights / total)

@@ -20,7 +20,11 @@ from pathlib import Path
 import psutil
 
 from tripod_doe.errors import InputError
+from tripod_doe.service.requests.uploads import UPLOAD, main_file
+from tripod_doe.service.runs.table import Run
 from tripod_doe.service.workers.forking import start_program
+
+_COMMANDS = {"study": "run", "workflow": "workflow", "fit": "fit", "optimisation": "optimise"}
 
 LOG = "run.log"
 """File of a result directory with what the latest run of it said."""
@@ -142,3 +146,11 @@ def last_words(directory: Path) -> str:
     lines = [line.strip() for line in run_log(directory).splitlines() if line.strip()]
     own = [line.removeprefix("tripod-doe: ") for line in lines if line.startswith("tripod-doe: ")]
     return (own or lines or [""])[-1]
+
+
+def run_words(run: Run, directory: Path, workers: int | None) -> list[str]:
+    """The command line of a run."""
+    words = [_COMMANDS[run.kind], str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory), "--untrusted"]
+    if workers is not None:
+        words += ["--workers", str(workers)]
+    return [*words, "--retry-failed"] if run.retry_failed else words

@@ -20,7 +20,7 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.uploads import UPLOAD, main_file
+from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs import processes
 from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
@@ -31,8 +31,6 @@ from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
 from tripod_doe.study.results.annotation import annotated, write_annotation
-
-_COMMANDS = {"study": "run", "workflow": "workflow", "fit": "fit", "optimisation": "optimise"}
 
 _PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
 _PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to
@@ -61,6 +59,7 @@ class Supervisor:
         self._bin = Bin(settings.folder, self._table)
         self._progress: dict[str, RunProgress] = {}
         self._interrupted: set[str] = set()
+        self._changing: set[str] = set()  # runs that take a larger study just now
         self._stop_by: dict[str, float] = {}
         self._endings: dict[str, tuple[State, str]] = {}  # as they were found; a full disk may have to be waited for
         self._annotation_files = AnnotationFiles()
@@ -189,7 +188,7 @@ class Supervisor:
 
     def _refuse_full_queue(self) -> None:
         most = self.settings.limits.queued
-        if sum(run.state is State.QUEUED for run in self._runs.values()) >= most:
+        if sum(run.state is State.QUEUED for run in self._runs.values()) + len(self._changing) >= most:
             raise RefusedError(413, f"{most:,} runs are waiting, which is the limit: try again later")
 
     def stop(self, run_id: str) -> Run:
@@ -229,30 +228,42 @@ class Supervisor:
             self._refuse_full_queue()
             return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
-    def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any]) -> Run:
+    def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any], note: Callable[[], None]) -> Run:
         """Put a run at rest into the queue with a checked upload in place of its own.
+
+        Args:
+            run_id: Its id.
+            upload: Folder with the files, moved to the run.
+            plan: Of the study in it.
+            note: Stores with the results what the upload adds to them; called when nothing is refused any more,
+                and meanwhile the run takes no other change.
 
         Raises:
             RefusedError: 409 if it waits or runs, 413 if the queue is full.
         """
         with self._lock:
-            run = self.refuse_extension(run_id)
+            self.refuse_extension(run_id)
             self._refuse_full_queue()
-            own = self.directory(run_id) / UPLOAD
-            own.rename(own.with_name(f".{UPLOAD}.old"))
-            upload.rename(own)
-            shutil.rmtree(own.with_name(f".{UPLOAD}.old"), ignore_errors=True)
-            counts = replace(run.counts, total=plan["unique"])
-            return self._put(
-                run.changed(
-                    state=State.QUEUED,
-                    message="",
-                    plan=plan,
-                    counts=counts,
-                    name=plan["name"],
-                    question=plan["question"],
-                )
+            self._changing.add(run_id)
+        try:
+            note()
+            with self._lock:
+                return self._take_upload(self._runs[run_id], upload, plan)
+        finally:
+            self._changing.discard(run_id)
+
+    def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
+        """Put an upload in place of the one of a run, and queue it."""
+        own = self.directory(run.id) / UPLOAD
+        own.rename(own.with_name(f".{UPLOAD}.old"))
+        upload.rename(own)
+        shutil.rmtree(own.with_name(f".{UPLOAD}.old"), ignore_errors=True)
+        counts = replace(run.counts, total=plan["unique"])
+        return self._put(
+            run.changed(
+                state=State.QUEUED, message="", plan=plan, counts=counts, name=plan["name"], question=plan["question"]
             )
+        )
 
     def refuse_extension(self, run_id: str) -> Run:
         """The run, unless its study may not grow (409): it waits or runs, or is not the service's own."""
@@ -316,6 +327,8 @@ class Supervisor:
         run = self.find(run_id)
         if run.place:
             raise RefusedError(409, f"the command line filled the directory {run.place}: go on there")
+        if run_id in self._changing:
+            raise RefusedError(409, "this run takes a larger study just now: try again in a moment")
         return run
 
     def _put(self, run: Run) -> Run:
@@ -473,14 +486,6 @@ class Supervisor:
             remove_report(directory)
             if run.is_search:
                 remove_stages(directory)
-            processes.start_run(directory, run_words(run, directory, self.settings.workers))
+            processes.start_run(directory, processes.run_words(run, directory, self.settings.workers))
         except InputError as error:
             self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))
-
-
-def run_words(run: Run, directory: Path, workers: int | None) -> list[str]:
-    """The command line of a run."""
-    words = [_COMMANDS[run.kind], str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory), "--untrusted"]
-    if workers is not None:
-        words += ["--workers", str(workers)]
-    return [*words, "--retry-failed"] if run.retry_failed else words

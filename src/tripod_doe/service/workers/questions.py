@@ -86,14 +86,17 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
 
 def derive(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     """Check variables by formula against the results in a directory, and write its upload with them into a folder."""
-    from tripod_doe.study.results.directory import ResultDirectory
-
     responses = read_form(body, Derivation, limits.nesting).responses
     texts = _with_responses(Path(path) / UPLOAD, responses)
-    counted = _extended(body, texts, Path(folder), path, limits, timing=False)
+    return _extended(body, texts, Path(folder), path, limits, timing=False)
+
+
+def note_derived(body: bytes, path: str, limits: Limits) -> None:
+    """Remember variables by formula, which `derive` has checked, with the results in a directory."""
+    from tripod_doe.study.results.directory import ResultDirectory
+
     with ResultDirectory(path) as directory:
-        directory.note_derived(responses)
-    return counted
+        directory.note_derived(read_form(body, Derivation, limits.nesting).responses)
 
 
 def plan_extension(body: bytes, path: str, limits: Limits) -> Any:

@@ -25,7 +25,11 @@ _PATIENCE = 4  # times its limit of CPU time that an answer may take by the cloc
 
 
 class AllBusyError(Exception):
-    """All workers are at work, and stayed so."""
+    """All workers are at work, and stayed so, or too many questions wait for them."""
+
+
+class LateError(RefusedError):
+    """An answer that took more than its time (413)."""
 
 
 class WorkerFailedError(Exception):
@@ -42,10 +46,16 @@ class WorkerPool:
     Args:
         count: Number of processes.
         patience: Seconds for which a question waits for a worker that is free.
+        waiting: Questions that may wait; each holds a thread of the server, and others need some, too.
+
+    Attributes:
+        threads: Threads of the server that its questions can hold.
     """
 
-    def __init__(self, count: int, limits: Limits, patience: float = 30.0) -> None:
+    def __init__(self, count: int, limits: Limits, patience: float = 30.0, waiting: int = 16) -> None:
         self._patience = patience
+        self._places = threading.Semaphore(waiting)
+        self.threads = count + waiting
         self._workers = [_Worker(limits.memory_bytes) for _ in range(count)]
         self._free: queue.LifoQueue[_Worker] = queue.LifoQueue()
         for worker in self._workers:
@@ -60,20 +70,31 @@ class WorkerPool:
             as_json: Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
 
         Raises:
-            RefusedError: What the function refused; 413 where the answer takes too long.
+            RefusedError: What the function refused.
+            LateError: If the answer takes too long.
             StorageError: If the disk is full.
-            AllBusyError: If no worker becomes free in time.
+            AllBusyError: If no worker becomes free in time, or too many questions wait already.
             WorkerFailedError: If the worker failed.
             ServerEndsError: If the pool was closed.
         """
-        try:
-            worker = self._free.get(timeout=self._patience)
-        except queue.Empty as error:
-            raise AllBusyError from error
+        worker = self._free_worker()
         try:
             return worker.ask(question, seconds, arguments, as_json)
         finally:
             self._free.put(worker)
+
+    def _free_worker(self) -> _Worker:
+        """Take a worker that is free, or becomes free in time."""
+        with suppress(queue.Empty):
+            return self._free.get_nowait()
+        if not self._places.acquire(blocking=False):
+            raise AllBusyError
+        try:
+            return self._free.get(timeout=self._patience)
+        except queue.Empty as error:
+            raise AllBusyError from error
+        finally:
+            self._places.release()
 
     def warm(self) -> None:
         """Start one worker, so that the first question need not wait for it."""
@@ -144,7 +165,7 @@ class _Worker:
             raise ServerEndsError
         name = question.partition(":")[2].replace("_", " ")
         if late:
-            raise RefusedError(413, f"{name}: no answer within {seconds:g} s of CPU time, which is the limit here")
+            raise LateError(413, f"{name}: no answer within {seconds:g} s of CPU time, which is the limit here")
         raise WorkerFailedError(f"{name}: the worker has ended")
 
     def _end(self, seconds: float = 0.0) -> int | None:

@@ -15,7 +15,8 @@ def _table(request: Request) -> Made:
     study, design = request.study, request.table
     if design.table is None:
         raise InputError("a table design needs table = a CSV file")
-    header, rows = read_csv_table(study.folder.file(design.table, "table"), f"table = {design.table!r}")
+    path, where = study.folder.file(design.table, "table"), f"table = {design.table!r}"
+    header, rows = read_csv_table(path, where, study.folder.most_points)
     for name in request.factors:
         if name not in header:
             raise InputError(f"table = {design.table!r}: no column {name!r}{closest(name, header)}")
