@@ -17,7 +17,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.questions import extend, query
-from tripod_doe.service.workers.worker_pool import AllBusyError, WorkerPool
+from tripod_doe.service.workers.worker_pool import AllBusyError, LateError, WorkerPool
 from tripod_doe.study.journal import KERNELS, Journal
 
 STUDY = """
@@ -101,6 +101,26 @@ def test_a_large_answer_keeps_no_small_one_waiting(two, monkeypatch):
     assert large.status_code == 200
     assert len(large.json()) > 50_000
     assert asked == [("ask", "small_query"), ("ask_large", "query")]
+
+
+def test_an_answer_that_proves_long_is_made_where_large_ones_are(two, monkeypatch):
+    """It frees the worker of small questions; threads are left where all questions that may wait do so."""
+    api, _ = two
+    service = api.client.app.state.service
+    assert service.threads > sum(pool.threads for pool in service._pools)
+    run_id = api.get("/runs").json()[0]["id"]
+    asked = []
+
+    def late(question, seconds, *words, **more):
+        asked.append(seconds)
+        raise LateError(413, "late")
+
+    monkeypatch.setattr(service._pool, "ask", late)
+    assert api.get(f"/runs/{run_id}/cube").status_code == 200
+    assert asked == [5.0]
+    monkeypatch.setattr(service._large, "ask", late)
+    assert api.get(f"/runs/{run_id}/cube").status_code == 413
+    assert asked == [5.0, 5.0, service.settings.limits.query_seconds]
 
 
 @pytest.mark.parametrize("form", ["json", "csv", "netcdf"])
