@@ -38,7 +38,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.simulator import Trust
-    from tripod_doe.study.query.arrays import opened_arrays
+    from tripod_doe.study.query.arrays import analyses_with, opened_arrays
     from tripod_doe.study.query.query import answer_format, records, records_text, unmet
 
     form = answer_format(options.format, options.output)
@@ -49,6 +49,8 @@ def _run(options: argparse.Namespace) -> int:
     if form == "xlsx" and options.output is None:
         raise InputError("--format xlsx needs --output FILE")
     with opened_arrays(options.cube) as cube:
+        if options.variable not in cube.variables and (files := analyses_with(options.cube, options.variable)):
+            raise InputError(f"--variable {options.variable}: this variable stands in {' and '.join(map(str, files))}")
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
         for note in cube.model_notes[:1]:  # the verdict; the report has its grounds
             if Trust.DOUBTFUL.label in note:

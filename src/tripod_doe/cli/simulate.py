@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tripod_doe.simulator import Simulator
     from tripod_doe.study.simulate import SimulatedPoint
 
+_VARYING = ("factors", "variables", "unknowns", "at")  # tables of studies, optimisations and fits
 _LONG = 1.0  # CPU seconds of a point above which its price is printed first
 
 
@@ -30,7 +31,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--base",
         metavar="FILE.toml",
         type=Path,
-        help="take the values in [base] of this file, for instance a study; flags come before them",
+        help="take the values of this file, for instance a study: those in [base], and factors with one value; flags "
+        "come before them, and must give what the file varies",
     )
     parser.add_argument(
         "--variable",
@@ -39,7 +41,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         help="print this output alone, also one that is made on request only; may be repeated",
     )
     parser.add_argument("--view", metavar="FILE.html", type=Path, help="also write a page that moves the joint")
-    add_against(parser)
+    add_against(parser, "with --view: ")
     if "simulate" in arguments[:1]:
         from tripod_doe.study.definition.scenes import SCENES, load_simulator
 
@@ -75,14 +77,16 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.study.simulate import simulate_point, usual_price
 
     simulator = load_simulator(options.scene)
-    given = _base_values(options.base, simulator) if options.base else {}
-    given |= {
+    given = {
         name: parameter_value(parameter, getattr(options, name), name.replace("_", "-"))
         for name, parameter in simulator.parameters.items()
         if getattr(options, name) is not None
     }
+    given = (_file_values(options.base, simulator, given) if options.base else {}) | given
     if options.against and not options.view:
-        raise InputError("--against: shows a second point on a page; give --view FILE.html, too")
+        raise InputError(
+            f"--against {options.against[0]}: shows a second joint beside the first on a page; add --view joint.html"
+        )
     price = usual_price(options.scene, **given)
     if price is not None and price >= _LONG:
         usual = f"about {duration(price, 2)} of CPU time for a usual point, up to twenty times as much for others"
@@ -94,18 +98,42 @@ def _run(options: argparse.Namespace) -> int:
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
 
 
-def _base_values(path: Path, simulator: Simulator) -> dict[str, Any]:
-    """The values in the table [base] of a file, checked with its name in complaints."""
+def _file_values(path: Path, simulator: Simulator, given: Collection[str]) -> dict[str, Any]:
+    """The values of one point that a file states: in [base], and of factors with one value.
+
+    Raises:
+        InputError: If a value is wrong, or the file varies a parameter that is not among those given.
+    """
     from tripod_doe.simulator import check_parameters
     from tripod_doe.study.definition.study_file import parse_toml, read_text
 
-    table = parse_toml(read_text(path, "file"), str(path)).get("base")
-    if not isinstance(table, dict):
+    tables = parse_toml(read_text(path, "file"), str(path))
+    study = tables.get("study")
+    scene = study.get("scene", "joint") if isinstance(study, dict) else simulator.name
+    if scene != simulator.name:
+        raise InputError(f"--base {path}: this file is of another scene: add --scene {scene}")
+    base, varied = tables.get("base", {}), _varied(tables, simulator.parameters)
+    if not isinstance(base, dict) or not (base or varied):
         raise InputError(f"--base {path}: this file has no table [base]")
+    base = {name: value for name, value in base.items() if name not in given}
+    if base.get("model") == "auto":  # a pilot of the study chooses
+        varied["model"] = [base.pop("model")] * 2
+    single = {name: levels[0] for name, levels in varied.items() if len(levels) == 1}
+    flags = ["--" + name.replace("_", "-") for name in varied if name not in {*single, *base, *given}]
+    if flags:
+        raise InputError(f"--base {path}: simulate computes one point, and this file varies: give {' '.join(flags)}")
     try:
-        return dict(check_parameters(simulator.parameters, table))
+        return dict(check_parameters(simulator.parameters, single | base))
     except InputError as error:
-        raise InputError("\n".join(f"{path}: [base]: {line}" for line in str(error).splitlines())) from error
+        raise error.at(f"{path}: [base]") from error
+
+
+def _varied(tables: Mapping[str, Any], known: Collection[str]) -> dict[str, list[Any]]:
+    """The listed values of each parameter that a file varies, none where it states a range, by its name."""
+    groups = [tables.get(name) for name in _VARYING]
+    rows = {name: row for group in groups if isinstance(group, dict) for name, row in group.items() if name in known}
+    levels = {name: row.get("values") if isinstance(row, dict) else None for name, row in rows.items()}
+    return {name: own if isinstance(own, list) else [] for name, own in levels.items()}
 
 
 def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:

@@ -31,14 +31,14 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-def add_against(parser: Parser) -> None:
-    """Add the flag that shows a second point beside the first."""
+def add_against(parser: Parser, needs: str = "") -> None:
+    """Add the flag that shows a second point beside the first; `needs` begins its help."""
     parser.add_argument(
         "--against",
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help="show beside it the same joint with another value, as torque_n_m=-50; may be repeated",
+        help=f"{needs}show beside it the same joint with another value, as torque_n_m=-50; may be repeated",
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import count_of, duration, number, with_unit
-from tripod_doe.simulator import Values
+from tripod_doe.quantities import count_of, duration, level, number, with_unit
+from tripod_doe.simulator import Value, Values
 from tripod_doe.study.simulate import SimulatedPoint
 
 _NOTHING = 1e-9  # part of the largest amplitude below which an amplitude is rounding, and has no phase
@@ -17,12 +17,17 @@ _NO_PHASE = "-"
 
 
 def point_table(point: SimulatedPoint) -> str:
-    """Outcome, model with its known error, outputs (waveforms by range, phases where there is an amplitude), cost.
+    """Outcome, point, model with its known error, outputs (waveforms by range, phases of what is not zero), cost.
 
     Outputs without a single number, as of a point that did not finish, are only named.
     """
     detail = f": {point.detail}" if point.detail else ""
-    lines = [f"outcome  {point.outcome.label}{detail}", *_largest_orders(point.outputs), *point.model_notes]
+    lines = [
+        f"outcome  {point.outcome.label}{detail}",
+        *_place(point),
+        *_largest_orders(point.outputs),
+        *point.model_notes,
+    ]
     unknown = [name for name, values in point.outputs.items() if np.isnan(np.asarray(values.data, float)).all()]
     for name, values in point.outputs.items():
         if name in unknown:
@@ -43,6 +48,20 @@ def point_table(point: SimulatedPoint) -> str:
         f"{count_of(int(cost['steps']), 'step')}, {count_of(int(cost['force_evaluations']), 'force evaluation')}"
     )
     return "\n".join(lines)
+
+
+def _place(point: SimulatedPoint) -> list[str]:
+    """Which point it is: the operating point, and what else was given."""
+    values, known = point.parameters, point.simulator.parameters
+    first = next(iter(known.values())).group if known else ""
+    operating = [name for name in known if known[name].group == first and (name in point.given or values.get(name))]
+    others = [name for name in point.given if name not in operating]
+    texts = [", ".join(f"{name} {_given(values[name])}" for name in names) for names in (operating, others) if names]
+    return [f"point  {'; '.join(texts)}"] if texts else []
+
+
+def _given(value: Value) -> str:
+    return level(float(value)) if isinstance(value, int | float) else str(value)
 
 
 def _largest_orders(outputs: Mapping[str, Values]) -> list[str]:

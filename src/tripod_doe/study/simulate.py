@@ -46,6 +46,7 @@ class SimulatedPoint:
     # outcome, detail: how the point ended, and the reason for failure or a note
     outcome: Outcome
     detail: str
+    given: tuple[str, ...]  # names of the parameters that were given
     cost: Mapping[str, float]  # CPU and wall seconds without compilation, steps, force evaluations
     # how far the point can be trusted, the model with the error that is known for such points, and the ranges of the
     # model that the point leaves; none where it did not finish
@@ -120,6 +121,7 @@ def simulate_point(scene: str = "joint", also: Collection[str] = (), /, **parame
         result.coordinates,
         outcome,
         result.detail[0],
+        tuple(values),
         {
             "cpu_seconds": cpu,
             "wall_seconds": wall,

@@ -8,7 +8,7 @@ but the mean: a factor that cancels, so its shares are those of the amplitude.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import combinations
 from typing import Any
 
@@ -134,8 +134,19 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         attrs={"outputs": settings.output, "operating_dims": " ".join(operating.dims)}
         | _counts(cube)
         | ({"comment": comment} if comment else {})
+        | ({"left_out": "\n".join(left_out)} if (left_out := _left_out(variables, settings)) else {})
         | ({"model": model} if (model := _model(cube)) else {}),
     )
+
+
+def _left_out(variables: Collection[str], settings: ContributionSettings) -> list[str]:
+    """What the study must have for variables that are not there, a line for each."""
+    needs = {
+        "share_direct": f"the study must keep {' and '.join(settings.part_names)}, under [keep]",
+        "share_shapley": "the design must have all combinations of the mechanisms",
+        "change_halved": "the design must have halved = true",
+    }
+    return [f"{name}: {need}" for name, need in needs.items() if name not in variables]
 
 
 def _counts(cube: xr.Dataset) -> dict[str, int]:

@@ -107,9 +107,9 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
     center = {name: base.pop(name) for name in _varied_around_base(file) & base.keys()}
-    for name in tables:
-        if name in base:
-            raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
+    if twice := [name for name in tables if name in base]:
+        lines = [f"{origin}: {name} is both a base value and a factor; remove it from [base]" for name in twice]
+        raise InputError("\n".join(lines))
     factors = {
         name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: checked_factor(simulator.parameters[n], t))
         for name, table in tables.items()

@@ -7,7 +7,7 @@ which the import of xarray takes 0.7.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
+from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
@@ -72,7 +73,7 @@ def _taken(
 
 @dataclass(frozen=True)
 class CubeArrays:
-    """A cube without its attributes, but for the notes on its models."""
+    """A cube without its attributes, but for the notes on its models and on what it lacks."""
 
     sizes: Mapping[str, int]  # length of each dimension
     # labels along the dimensions, and other coordinates such as the factors of a list of points
@@ -80,6 +81,8 @@ class CubeArrays:
     variables: Mapping[str, Variable]  # everything else
     # sentences on the models behind it and the errors known for them; none in a cube of one model
     model_notes: tuple[str, ...] = ()
+    # why variables of an analysis are not in it, by their names
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 def cube_arrays(cube: xr.Dataset) -> CubeArrays:
@@ -97,6 +100,7 @@ def cube_arrays(cube: xr.Dataset) -> CubeArrays:
         {str(name): variable(str(name), array) for name, array in cube.coords.items()},
         {str(name): variable(str(name), array) for name, array in cube.data_vars.items()},
         _notes(cube.attrs),
+        _left_out(cube.attrs),
     )
 
 
@@ -118,6 +122,7 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     variables: dict[str, Variable] = {}
     stored: list[netCDF4.Dataset] = []
     notes: tuple[str, ...] = ()
+    left_out: dict[str, str] = {}
     try:
         with NETCDF_LOCK:
             for file in cube_files(Path(path)):
@@ -131,11 +136,22 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
                         group = coordinates if name in labels else variables
                         group[name] = _stored_variable(stored[-1], name, file)
                     notes = notes or _notes(stored[-1].__dict__)
-        yield CubeArrays(sizes, coordinates, variables, notes)
+                    left_out |= _left_out(stored[-1].__dict__)
+        yield CubeArrays(sizes, coordinates, variables, notes, left_out)
     finally:
         with NETCDF_LOCK:
             for dataset in stored:
                 dataset.close()
+
+
+def analyses_with(directory: Path, variable: str) -> list[Path]:
+    """The files of analyses in a result directory that hold a variable, or say why they do not."""
+    files = []
+    for file in sorted(directory.glob("analysis/*.nc")):
+        with suppress(CubeError), opened_arrays(file) as cube:
+            if variable in cube.variables or variable in cube.left_out:
+                files.append(file)
+    return files
 
 
 def _add_sizes(sizes: dict[str, int], own: Mapping[str, int]) -> None:
@@ -147,6 +163,12 @@ def _add_sizes(sizes: dict[str, int], own: Mapping[str, int]) -> None:
 
 def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(str(attributes.get("model_notes", "")).splitlines())
+
+
+def _left_out(attributes: Mapping[str, Any]) -> dict[str, str]:
+    """The attribute left_out: a line ``NAME: reason`` for each variable that is not there."""
+    lines = [line.partition(": ") for line in str(attributes.get("left_out", "")).splitlines()]
+    return {name: reason for name, _, reason in lines}
 
 
 def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:

@@ -237,8 +237,8 @@ def _choose(
         outcome = cube.variables.get("outcome")
         failed = outcome is not None and bool((outcome.values != Outcome.FINISHED).all())
         without = ", of which no point finished" if failed else ""
-        known = near_match(variable, cube.variables)
-        raise InputError(f"{option('variable', variable)}: not in this cube{without}{known}")
+        why = f": {cube.left_out[variable]}" if variable in cube.left_out else near_match(variable, cube.variables)
+        raise InputError(f"{option('variable', variable)}: not in this cube{without}{why}")
     dims = set(cube.variables[variable].dims)
     along = {name: other for name, other in cube.variables.items() if set(other.dims) <= dims}
     shown = {name: along[name] for name in (variable, "outcome") if name in along}
