@@ -95,12 +95,21 @@ def test_simulate_prints_the_variables_that_are_named_also_those_on_request(caps
     assert set(json.loads(out)) & {"thrust_amplitude", "thrust", "largest_groove_pressure_mpa"} == set(words[2::2])
 
 
-def test_simulate_takes_the_base_of_a_study_and_flags_come_before_it(capsys, write_study):
-    study = write_study("[base]\npitch_radius_mm = 23\ntorque_n_m = 80\n[factors.joint_angle_deg]\nvalues = [5, 6]\n")
-    code, out, _ = call(capsys, "simulate", "--base", str(study), "--torque-n-m", "60", "--format", "json")
+def test_simulate_takes_the_point_of_a_file_and_flags_come_before_it(capsys, write_study):
+    study = write_study(
+        "[base]\npitch_radius_mm = 23\ntorque_n_m = 80\n[factors.joint_angle_deg]\nvalues = [5, 6]\n"
+        "[factors.speed_rpm]\nvalues = [900]\n"
+    )
+    words = ("simulate", "--base", str(study), "--torque-n-m", "60")
+    code, out, _ = call(capsys, *words, "--joint-angle-deg", "7", "--format", "json")
     used = json.loads(out)["parameters"]
     assert code == 0
-    assert (used["pitch_radius_mm"], used["torque_n_m"], used["joint_angle_deg"]) == (23, 60, 10)
+    names = ("pitch_radius_mm", "torque_n_m", "joint_angle_deg", "speed_rpm")
+    assert [used[name] for name in names] == [23, 60, 7, 900]
+    code, _, said = call(capsys, *words)
+    assert code == 2
+    assert "simulate computes one point, and this file varies: give --joint-angle-deg" in said
+    assert "--speed-rpm" not in said
 
 
 @pytest.mark.parametrize(
@@ -109,6 +118,10 @@ def test_simulate_takes_the_base_of_a_study_and_flags_come_before_it(capsys, wri
         ("[base]\npitch_radius = 23\n", "study.toml: [base]: pitch_radius = 23: unknown parameter"),
         ("[study]\nname = 'x'\n", "study.toml: this file has no table [base]"),
         ("[base\n", "study.toml"),
+        ("[base]\nmodel = 'auto'\n", "this file varies: give --model"),
+        ("[study]\nscene = 'trunnion'\n[base]\nload_n = 3\n", "add --scene trunnion"),
+        ("[variables.speed_rpm]\nlow = 3\nhigh = 4\n[at.torque_n_m]\nvalues = [2, 3]\n", "--speed-rpm --torque-n-m"),
+        ("[base]\ntorque_n_m = 2\n[unknowns.torque_n_m]\n[unknowns.groove_sliding_friction]\n", "--groove-sliding"),
     ],
 )
 def test_a_wrong_base_is_named_with_its_file(capsys, write_study, text, message):

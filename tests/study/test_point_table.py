@@ -30,6 +30,10 @@ def test_the_largest_order_comes_before_all_numbers(table):
     assert table.index("Largest rotating order") < table.index("Verdict")
 
 
+def test_the_point_is_named_with_what_was_given(table):
+    assert table.splitlines()[1] == "point  joint_angle_deg 12, torque_n_m 80, speed_rpm 600; model equilibrium"
+
+
 def test_a_joint_without_thrust_has_no_largest_order():
     assert "Largest" not in point_table(simulate_point(model="equilibrium", torque_n_m=0))
 

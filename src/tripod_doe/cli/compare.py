@@ -6,9 +6,15 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_cube, add_format, add_selection
 from tripod_doe.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tripod_doe.analyses.comparison.overview import ComparedRecord
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -65,70 +71,64 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--speeds", metavar="LOW:HIGH", help="use only revolutions within this range of speed, rpm")
     add_format(parser)
     parser.add_argument(
+        "--out",
         "--output",
-        metavar="FILE|DIR",
+        dest="out",
+        metavar="DIR|FILE.html",
         type=Path,
-        help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc",
-    )
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, help="write an overview: DIR/overview.csv, DIR/index.html, a page per record"
+        help="write DIR/index.html and DIR/overview.csv, with DIR/comparison.nc for one record and a page for each of "
+        "several; for one record also the page alone, as FILE.html",
     )
 
 
 def _run(options: argparse.Namespace) -> int:
-    if options.table or options.out or len(options.measurements) != 1:
-        return _run_many(options)
-    from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
-    from tripod_doe.analyses.comparison.overview import RecordRow, point_of_record, with_stated_values
-    from tripod_doe.analyses.comparison.page import write_comparison
-    from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
-    from tripod_doe.analyses.records.headings import parse_column
-    from tripod_doe.analyses.records.measurement import read_measurement
-    from tripod_doe.study.results.result_cube import opened_cube
-
-    path, columns = options.measurements[0], dict(map(parse_column, options.column))
-    measurement = read_measurement(path, options.pulses_per_revolution, columns, options.pattern, sign=options.sign)
-    with opened_cube(options.cube) as cube:
-        row = with_stated_values(cube, RecordRow(path), measurement, options.select)
-        point, simulated = point_of_record(cube, row, options.select, options.nearest)
-    if simulated:
-        print("the cube lacks the point of this record, which is simulated", file=sys.stderr)
-    comparison = compare(measurement, point, options.reference_angle, parse_speeds(options.speeds))
-    print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
-    if options.output is not None:
-        print(f"report  {write_comparison(comparison, options.output)}", file=sys.stderr)
-    return DONE
-
-
-def _run_many(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.comparison import parse_speeds
-    from tripod_doe.analyses.comparison.overview import RecordRow, compare_records, overview_rows, read_table
-    from tripod_doe.analyses.comparison.overview_page import overview_json, overview_text, write_overview
+    from tripod_doe.analyses.comparison.overview import Reading, RecordRow, compare_record, compare_records, read_table
     from tripod_doe.analyses.records.headings import parse_column
     from tripod_doe.study.results.result_cube import opened_cube
 
-    if options.output:
-        raise InputError(f"--output {options.output}: for one measurement; an overview goes to --out DIR")
     rows = [RecordRow(path) for path in options.measurements]
     rows += read_table(options.table) if options.table else []
     if not rows:
         raise InputError("no record to compare: name files, or a --table of them")
+    reading = Reading(
+        dict(map(parse_column, options.column)),
+        options.pulses_per_revolution,
+        options.pattern,
+        options.sign,
+        options.reference_angle,
+        parse_speeds(options.speeds),
+    )
     with opened_cube(options.cube) as cube:
-        records = compare_records(
-            cube,
-            rows,
-            options.select,
-            dict(map(parse_column, options.column)),
-            options.pulses_per_revolution,
-            options.reference_angle,
-            parse_speeds(options.speeds),
-            options.pattern,
-            options.sign,
-            options.nearest,
-        )
-        study = str(cube.attrs.get("title", options.cube))
+        if options.measurements and len(rows) == 1:
+            return _show_one(options, compare_record(cube, rows[0], reading, options.select, options.nearest))
+        return _show_many(options, compare_records(cube, rows, reading, options.select, options.nearest), cube)
+
+
+def _show_one(options: argparse.Namespace, record: ComparedRecord) -> int:
+    from tripod_doe.analyses.comparison.overview_page import write_record
+    from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
+
+    if record.simulated:
+        print("the cube lacks the point of this record, which is simulated", file=sys.stderr)
+    if record.comparison is None:
+        raise InputError(record.problem)
+    print(comparison_json(record.comparison) if options.format == "json" else comparison_text(record.comparison))
+    if options.out is not None:
+        print(f"report  {write_record(record, options.out)}", file=sys.stderr)
+    return DONE
+
+
+def _show_many(options: argparse.Namespace, records: list[ComparedRecord], cube: xr.Dataset) -> int:
+    from tripod_doe.analyses.comparison.overview import overview_rows
+    from tripod_doe.analyses.comparison.overview_page import overview_json, overview_text, write_overview
+    from tripod_doe.analyses.comparison.page import is_page
+
+    if options.out is not None and is_page(options.out):
+        raise InputError(f"--out {options.out}: several records have a page each: name a folder")
     print(overview_json(overview_rows(records)) if options.format == "json" else overview_text(records))
     if options.out is not None:
+        study = str(cube.attrs.get("title", options.cube))
         print(f"report  {write_overview(records, study, options.out)}", file=sys.stderr)
     return SOME_FAILED if any(record.problem for record in records) else DONE
 

@@ -13,6 +13,7 @@ from tripod_doe.analyses.comparison.overview import (
     AGREES,
     DIFFERS,
     NOT_COMPARED,
+    Reading,
     compare_records,
     overview_rows,
     read_table,
@@ -62,7 +63,9 @@ def rig(tmp_path_factory):
 
 
 def test_the_verdict_counts_both_uncertainties(rig):
-    records = compare_records(td.open_cube(rig / "out"), read_table(rig / "records.csv"), reference_angle_deg=0)
+    records = compare_records(
+        td.open_cube(rig / "out"), read_table(rig / "records.csv"), Reading(reference_angle_deg=0)
+    )
     third = {row.file: row for row in overview_rows(records) if row.order == 3}
     assert {name: row.verdict for name, row in third.items()} == {
         "same.csv": AGREES,
@@ -99,6 +102,24 @@ def test_the_command_writes_an_overview_and_a_page_per_record(rig, tmp_path, cap
     told = json.loads(capsys.readouterr().out)
     assert [row["verdict"] for row in told if row["order"] == 3] == [AGREES, DIFFERS, AGREES, NOT_COMPARED]
     assert told[-1]["measured"] is None
+
+
+def test_one_record_has_one_page_under_either_flag(rig, tmp_path, capsys):
+    """Regression: --out and --output wrote different pages."""
+    words = ["compare", str(rig / "out"), str(rig / "same.csv"), "--select", "joint_angle_deg=11"]
+    words += ["--select", "torque_n_m=-90", "--reference-angle", "0"]
+    for flag, name in (("--out", "one"), ("--output", "two")):
+        assert main([*words, flag, str(tmp_path / name)]) == 0
+        assert sorted(path.name for path in (tmp_path / name).iterdir()) == [
+            "comparison.nc",
+            "index.html",
+            "overview.csv",
+        ]
+    assert (tmp_path / "one" / "index.html").read_text() == (tmp_path / "two" / "index.html").read_text()
+    with (tmp_path / "one" / "overview.csv").open() as stream:
+        assert [row["verdict"] for row in csv.DictReader(stream) if row["order"] == "3"] == [AGREES]
+    assert main([*words[:3], str(rig / "more.csv"), *words[3:], "--out", str(tmp_path / "x.html")]) == 2
+    assert "several records have a page each: name a folder" in capsys.readouterr().err
 
 
 def test_several_files_share_a_selection(rig, capsys):

@@ -18,8 +18,8 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.query.arrays import opened_arrays
-from tripod_doe.study.query.query import records
+from tripod_doe.study.query.arrays import analyses_with, opened_arrays
+from tripod_doe.study.query.query import query, records
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 
 FUNCTIONS = """
@@ -248,6 +248,8 @@ def test_the_joint_has_all_its_shares(tmp_path):
     result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))
     cube = build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))[0]
     assert run_analyses(study, cube, tmp_path) == {"contribution": ""}
+    assert analyses_with(tmp_path, "share_off") == [tmp_path / "analysis" / "contribution.nc"]
+    assert analyses_with(tmp_path, "share") == []
     with opened_arrays(tmp_path / "analysis" / "contribution.nc") as stored:
         answer = records(stored, "share_off", ["order=3"])
     assert answer["mechanism"].tolist() == ["groove_sliding", "groove_rolling", "needle_sliding"]
@@ -326,3 +328,6 @@ def test_direct_shares_of_no_amplitude_are_flagged(ablate):
 def test_cubes_without_parts_have_no_direct_shares(ablate):
     result = contribution_shares(ablate("orders"), ContributionSettings(output="force_amplitude"))
     assert "share_direct" not in result
+    with pytest.raises(InputError, match="must keep force_part_amplitude and force_part_phase_deg, under"):
+        query(result, "share_direct")
+    assert "share_shapley: " not in result.left_out

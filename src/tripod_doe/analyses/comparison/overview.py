@@ -110,27 +110,48 @@ def _value(name: str, text: str) -> float | str:
         raise InputError(f"{name} = {text!r}: expected a number ({parameter.range_text})") from error
 
 
+@dataclass(frozen=True)
+class Reading:
+    """How records are read and aligned: what `read_measurement` and `compare` take."""
+
+    columns: Mapping[str, str] | None = None
+    pulses_per_revolution: int | None = None
+    pattern: str | None = None
+    sign: float = 1.0
+    reference_angle_deg: float | None = None
+    speeds_rpm: tuple[float, float] | None = None
+
+
+def compare_record(
+    cube: xr.Dataset, row: RecordRow, reading: Reading, select: Sequence[str] = (), nearest: bool = False
+) -> ComparedRecord:
+    """Compare one record with its point of a cube; see `compare_records`.
+
+    Raises:
+        InputError: If the record cannot be read or compared.
+    """
+    speed = row.values.get("speed_rpm")
+    known_speed = None if speed is None else float(speed)
+    measurement = read_measurement(
+        row.path, reading.pulses_per_revolution, reading.columns, reading.pattern, known_speed, reading.sign
+    )
+    row = with_stated_values(cube, row, measurement, select)
+    point, simulated = point_of_record(cube, row, select, nearest)
+    comparison = compare(measurement, point, reading.reference_angle_deg, reading.speeds_rpm)
+    return ComparedRecord(row, comparison, _computed_error(cube, row, comparison, point), simulated)
+
+
 def compare_records(
-    cube: xr.Dataset,
-    rows: Sequence[RecordRow],
-    select: Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    pulses_per_revolution: int | None = None,
-    reference_angle_deg: float | None = None,
-    speeds_rpm: tuple[float, float] | None = None,
-    pattern: str | None = None,
-    sign: float = 1.0,
-    nearest: bool = False,
+    cube: xr.Dataset, rows: Sequence[RecordRow], reading: Reading, select: Sequence[str] = (), nearest: bool = False
 ) -> list[ComparedRecord]:
     """Compare records with the points of a cube.
 
     Args:
         cube: The cube.
         rows: The records.
+        reading: How they are read.
         select: ``name=value`` of factors that all records share.
-        columns, pulses_per_revolution, pattern, sign: As `read_measurement` takes them.
         nearest: Take the nearest point for what neither the table nor the record says.
-        reference_angle_deg, speeds_rpm: As `compare` takes them.
 
     Returns:
         One for each record; a record that cannot be read or compared is among them, with the reason.
@@ -138,20 +159,11 @@ def compare_records(
     compared = []
     for row in rows:
         try:
-            speed = row.values.get("speed_rpm")
-            measurement = read_measurement(
-                row.path, pulses_per_revolution, columns, pattern, None if speed is None else float(speed), sign
-            )
-            row = with_stated_values(cube, row, measurement, select)
-            point, simulated = point_of_record(cube, row, select, nearest)
-            comparison = compare(measurement, point, reference_angle_deg, speeds_rpm)
-            error = _computed_error(cube, row, comparison, point)
+            compared.append(compare_record(cube, row, reading, select, nearest))
         except CubeError:
             raise
         except InputError as problem:
             compared.append(ComparedRecord(row, problem=str(problem)))
-            continue
-        compared.append(ComparedRecord(row, comparison, error, simulated))
     return compared
 
 

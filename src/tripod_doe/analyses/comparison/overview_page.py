@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from tripod_doe.analyses.comparison.overview import AGREES, NOT_COMPARED, ComparedRecord, OverviewRow, overview_rows
-from tripod_doe.analyses.comparison.page import write_comparison
+from tripod_doe.analyses.comparison.page import is_page, write_comparison
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import printable
+from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
 from tripod_doe.report.charts.chart import Chart
@@ -91,6 +91,20 @@ def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
         sentences.append("The error of the model is not known here: the verdicts count the measurement's alone.")
     sentences += [f"{record.name} was not compared: {record.problem}" for record in records if record.problem]
     return sentences
+
+
+def write_record(record: ComparedRecord, output: Path) -> Path:
+    """Write the page of one record: as a file, or into a directory with comparison.nc and overview.csv.
+
+    Raises:
+        StorageError: If it cannot be written.
+    """
+    if record.comparison is None:
+        raise InputError(record.problem)
+    page = write_comparison(record.comparison, output)
+    if not is_page(output):
+        replace_text(output / "overview.csv", overview_csv(overview_rows([record])))
+    return page
 
 
 def write_overview(records: Sequence[ComparedRecord], study: str, output: Path) -> Path:

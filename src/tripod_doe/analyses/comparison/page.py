@@ -38,13 +38,18 @@ def comparison_page(comparison: xr.Dataset) -> str:
     )
 
 
+def is_page(output: Path) -> bool:
+    """Whether a path names one page, not a folder."""
+    return output.suffix.lower() in (".html", ".htm")
+
+
 def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
     """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
 
     Raises:
         StorageError: If it cannot be written.
     """
-    if output.suffix.lower() in (".html", ".htm"):
+    if is_page(output):
         return replace_text(output, comparison_page(comparison))
     page = replace_text(output / "index.html", comparison_page(comparison))
     write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
