@@ -99,7 +99,7 @@ def _changes(part: Contribution) -> list[str]:
 
 
 def _who_makes_it(part: Contribution) -> str:
-    leading = "share_direct" if part.knows("share_direct") else part.fairest
+    leading = part.leading
     values = part.shares[leading]
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
@@ -144,7 +144,7 @@ def _uncertain(part: Contribution) -> list[str]:
 
 def _furthest(part: Contribution) -> list[str]:
     """The operating point at which a share is furthest from its median, if it is far."""
-    values = part.shares[part.fairest]
+    values = part.shares[part.leading]
     if not part.many or not np.isfinite(values).any():
         return []
     away = np.abs(values - np.nanmedian(np.where(np.isfinite(values).any(axis=0), values, 0.0), axis=0))

@@ -112,6 +112,11 @@ class Contribution:
         """The definition that charts of many operating points show, and sentences without a direct decomposition."""
         return next((name for name in ("share_shapley", "share_off", "share_on") if self.knows(name)), "share_off")
 
+    @property
+    def leading(self) -> str:
+        """The definition that sentences use."""
+        return "share_direct" if self.knows("share_direct") else self.fairest
+
     def differences(self) -> dict[str, float]:
         """Largest difference from the four printed shares at the paper's operating point, in percentage points."""
         if self.paper is None:
