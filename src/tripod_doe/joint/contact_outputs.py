@@ -21,6 +21,13 @@ CONTACT_OUTPUTS = [
     _output("groove_friction_force", "N", "sliding friction between roller and groove, its size", _IN_GROOVE),
     _output("groove_slip", "mm s-1", "sliding velocity between roller and groove, its size", _IN_GROOVE),
     _output(
+        "groove_slip_direction_deg",
+        "degree",
+        "direction in which a roller slides over its groove, against its friction force",
+        _IN_GROOVE,
+        "0 along the input axis towards the intermediate shaft, 90 outward from the joint's axis",
+    ),
+    _output(
         "groove_spin",
         "rad s-1",
         "angular velocity of the roller about the normal of its contact with the groove",

@@ -16,9 +16,11 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.joint.contact_outputs import CONTACT_NAMES
+from tripod_doe.joint.geometry.contact_pressure import ellipse_axes
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.values import JointValues
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.motion.poses import Poses, poses_of
 from tripod_doe.simulator import Outcome, Value
@@ -36,7 +38,7 @@ _SIZES = (
     "needle_length",
     "bearing_radius",
     "trunnion_radius",
-    "bore_radius",
+    "bearing_radial_clearance",
     "ring_distance",
     "needle_axial_clearance",
     "torque",
@@ -94,7 +96,7 @@ def motion_page(*points: SimulatedPoint) -> str:
         '"points"': '"points two"' if len(points) > 1 else '"points"',
         "@data@": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "@style@": source.joinpath("motion.css").read_text(encoding="utf-8"),
-        "@script@": source.joinpath("motion.js").read_text(encoding="utf-8"),
+        "@script@": "".join(source.joinpath(name).read_text(encoding="utf-8") for name in ("shapes.js", "motion.js")),
     }
     page = source.joinpath("motion.html").read_text(encoding="utf-8")
     for mark, text in replaced.items():
@@ -113,11 +115,12 @@ def _own(point: SimulatedPoint, points: Sequence[SimulatedPoint]) -> str:
 
 
 _LABELS = {
-    "scene": "The joint in motion. Space: play; left and right: step; up, down, plus, minus: zoom; 1 to 4: views; "
+    "scene": "The joint in motion. Space: play; left and right: step; up, down, plus, minus: zoom; 1 to 6: views; "
     "drag: turn",
     "ring": "The needles of each trunnion unrolled: angle from the loaded side, place along the trunnion, colour by "
     "load",
     "plot": "Thrust over the rotation angle with its parts; click or drag to move in time",
+    "orders": "Amplitudes of the orders of the thrust, and the momentary value of each",
 }
 """Text alternatives of the pictures."""
 
@@ -125,17 +128,18 @@ _LABELS = {
 def _block(which: int, point: SimulatedPoint, name: str) -> str:
     """The pictures of one point, which the script paints, and its drawing."""
     focus = {"scene": ' tabindex="0"'}
-    scene, ring, plot = (
+    scene, ring, plot, orders = (
         f'<canvas class="{kind}" id="{kind}-{which}" role="img" aria-label="{text}"{focus.get(kind, "")}></canvas>'
         for kind, text in _LABELS.items()
     )
     head = f"<h2>{html.escape(name)}</h2>" if name else ""
     given = {name: value for name, value in point.parameters.items() if _differs(point, name, value)}
-    told = html.escape(", ".join(f"{name} = {value}" for name, value in given.items()) or "all at their defaults")
+    stated = html.escape(", ".join(f"{name} = {value}" for name, value in given.items()) or "all at their defaults")
     return (
-        f'<section>{head}<div class="stage">{scene}{ring}</div>{plot}<p class="numbers" id="numbers-{which}" '
+        f'<section>{head}<div class="stage">{scene}{ring}</div><div class="stage"><div class="curves">{plot}'
+        f'<div class="cursor" id="cursor-{which}"></div></div>{orders}</div><p class="numbers" id="numbers-{which}" '
         f'aria-live="off"></p><details><summary>Drawing to scale</summary>{joint_drawing(point.parameters)}</details>'
-        f'<p class="small">Parameters: {told}.</p></section>'
+        f'<p class="small">Parameters: {stated}.</p></section>'
     )
 
 
@@ -160,20 +164,30 @@ def motion_data(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> 
     floats = sum(array[0].size for array in arrays.values())
     every = max(1, int(np.ceil(poses.phi.size * floats * 4 * 4 / 3 / _MOST_BYTES)))
     return {
-        "sizes": {name: float(getattr(values, name)) for name in _SIZES},
+        "sizes": {name: float(getattr(values, name)) for name in _SIZES} | _patch(values),
         "needles": int(values.needle_count),
         "orders": [round(float(a), 4) for a in np.asarray(outputs["thrust_amplitude"])],
+        "phases": [round(float(p), 5) for p in np.radians(outputs["thrust_phase_deg"])],
         "parts": list(PARTS),
         "count": len(poses.phi[::every]),
         "arrays": {name: _text(array[::every]) for name, array in arrays.items()},
     }
 
 
+def _patch(values: JointValues[float]) -> dict[str, float]:
+    """Semi-axes of a groove's contact ellipse at 1 N in mm: they grow with the cube root of the force."""
+    across, along = ellipse_axes(values, np.ones(1))
+    return {"patch_across": float(across[0]), "patch_along": float(along[0])}
+
+
 def _arrays(poses: Poses, outputs: Mapping[str, Any]) -> dict[str, FloatArray]:
     """All arrays by name, the sample first."""
     named = {
         name: getattr(poses, name)
-        for name in ("phi", "spider", "trunnions", "rollers", "axes", "contacts", "normal", "friction", "pressure")
+        for name in (
+            *("phi", "spider", "trunnions", "rollers", "axes", "contacts"),
+            *("normal", "friction", "slip", "direction", "pressure"),
+        )
     }
     amplitude, phase = (np.asarray(outputs[f"thrust_part_{what}"]) for what in ("amplitude", "phase_deg"))
     waves = np.cos(ORDERS * poses.phi[:, None, None] + np.radians(phase)) * amplitude

@@ -1,8 +1,8 @@
 """Poses of all parts over one revolution, from the outputs of a simulated point and the ideal kinematics.
 
 Axes stand still in space: z is the input axis towards the intermediate shaft, whose axis is (sin theta, 0, cos theta).
-Groove k is at the angle phi + (k - 1) 120 deg about z. The spider moves as in `kinematics`; rollers and needles are
-where the model has them.
+Groove k is at the angle phi + (k - 1) 120 deg about z. The spider moves as in `kinematics`, and the centres of the
+rollers on the axes of their grooves; needles, and the places along trunnions and grooves, are those of the model.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ class Poses:
     axes: FloatArray  # axes of the rollers, outward, shape (sample, 3, 3)
     contacts: FloatArray  # directions from a roller's centre to its contact with the groove, shape (sample, 3, 3)
     normal: FloatArray  # normal forces of the grooves, shape (sample, 3)
-    friction: FloatArray  # sliding friction on the rollers along the input axis, shape (sample, 3)
+    friction: FloatArray  # size of the sliding friction on the rollers, against their slip, shape (sample, 3)
+    slip: FloatArray  # size of their slip over the grooves in mm/s, shape (sample, 3)
+    # direction of the slip, from the input axis towards away from the joint's axis, shape (sample, 3)
+    direction: FloatArray
     pressure: FloatArray  # largest pressure in the grooves in MPa, shape (sample, 3)
     # angle from the loaded side, place along the trunnion, skew and load of each needle, force of its stop: shape
     # (sample, 3, needle, 5); loads are NaN where a model does not know them
@@ -63,8 +66,7 @@ def poses_of(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> Pos
     angle = np.radians(_first_turn(outputs["groove_contact_angle_deg"], parameters))[..., None]
     contacts = -side * np.cos(angle) * around + np.sin(angle) * outward
     normal = _first_turn(outputs["groove_normal_force"], parameters)
-    off = values.groove_play + np.cbrt(np.maximum(normal, 0) / values.groove_stiffness) ** 2
-    rollers = values.pitch_radius * outward + place[..., None] * _Z + off[..., None] * contacts
+    rollers = values.pitch_radius * outward + place[..., None] * _Z
     tilt = (
         np.radians(_first_turn(outputs["roller_tilt_deg"], parameters)) if "roller_tilt_deg" in outputs else 0 * normal
     )
@@ -77,7 +79,9 @@ def poses_of(parameters: Mapping[str, Value], outputs: Mapping[str, Any]) -> Pos
         axes / np.linalg.norm(axes, axis=-1, keepdims=True),
         contacts,
         normal,
-        -_first_turn(outputs["groove_thrust"], parameters),
+        _first_turn(outputs["groove_friction_force"], parameters),
+        _first_turn(outputs["groove_slip"], parameters),
+        np.radians(_first_turn(outputs["groove_slip_direction_deg"], parameters)),
         _first_turn(outputs["groove_pressure_mpa"], parameters),
         _needles(values, phi, trunnions, outputs, parameters),
         _first_turn(outputs["thrust"], parameters),

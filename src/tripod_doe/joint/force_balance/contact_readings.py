@@ -25,7 +25,8 @@ from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 _READ = (
     "groove_normal_force",
     "groove_friction_force",
-    "groove_slip",
+    "slip_outward",
+    "slip_along",
     "groove_spin",
     "groove_contact_place_mm",
     "groove_contact_angle_deg",
@@ -33,7 +34,7 @@ _READ = (
     "roller_place_mm",
     "roller_tilt_deg",
 )
-"""Quantities that the kernel reads, in its order."""
+"""Quantities that the kernel reads, in its order: velocities of slip outward from the joint's axis and along it."""
 _ANGLES = ("groove_contact_angle_deg", "roller_tilt_deg")
 
 
@@ -68,13 +69,14 @@ def _read(row, memory, found):
             tilt = sigma * p.tilt / p.roller_radius * offset
             store(found[0, k], b, normal)
             store(found[1, k], b, normal * (g.friction_tau * g.friction_tau + g.friction_z * g.friction_z) ** 0.5)
-            store(found[2, k], b, (v_tau * v_tau + v_z * v_z) ** 0.5)
-            store(found[3, k], b, sigma * w_n)
-            store(found[4, k], b, -p.pitch_radius * p.sin_theta / p.cos_theta * cos_phi)
-            store(found[5, k], b, -sigma * contact.sin_a)
-            store(found[6, k], b, -arm * contact.t_n)
-            store(found[7, k], b, off)
-            store(found[8, k], b, tilt)
+            store(found[2, k], b, v_tau)
+            store(found[3, k], b, v_z)
+            store(found[4, k], b, sigma * w_n)
+            store(found[5, k], b, -p.pitch_radius * p.sin_theta / p.cos_theta * cos_phi)
+            store(found[6, k], b, -sigma * contact.sin_a)
+            store(found[7, k], b, -arm * contact.t_n)
+            store(found[8, k], b, off)
+            store(found[9, k], b, tilt)
 
 
 @kernel
@@ -123,6 +125,9 @@ class ContactReader:
         read = dict(zip(_READ, found.reshape(len(_READ), 3, -1)[..., : self._samples], strict=True))
         for name in _ANGLES:
             read[name] = np.degrees(np.arcsin(np.clip(read[name], -1.0, 1.0)))
+        outward, along = read.pop("slip_outward"), read.pop("slip_along")
+        read["groove_slip"] = np.hypot(outward, along)
+        read["groove_slip_direction_deg"] = np.degrees(np.arctan2(outward, along))
         if followers is None:
             del read["roller_tilt_deg"]
         values = self._points.point(i)

@@ -59,11 +59,14 @@ def _grooves(
     turning = velocities[:, rollers, 3:]
     slip = velocities[:, rollers, :3] + np.cross(turning, values.roller_radius * towards)
     slip -= (slip * towards).sum(-1, keepdims=True) * towards
+    outward = _OUTWARD - (towards * _OUTWARD).sum(-1, keepdims=True) * towards
+    outward /= np.maximum(np.linalg.norm(outward, axis=-1, keepdims=True), 1e-12)
     trunnion, along = _on_trunnions(assembly, positions, values, place)
     of_each = {
         "groove_normal_force": normal,
         "groove_friction_force": friction,
         "groove_slip": np.linalg.norm(slip, axis=-1),
+        "groove_slip_direction_deg": np.degrees(np.arctan2((slip * outward).sum(-1), slip[..., 2])),
         "groove_spin": -(turning * towards).sum(-1),
         "groove_contact_place_mm": place[..., 2],
         "groove_contact_angle_deg": np.degrees(np.arcsin(np.clip((towards * _OUTWARD).sum(-1), -1, 1))),
