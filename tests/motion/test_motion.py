@@ -33,7 +33,7 @@ def outputs_of(point):
 
 
 def test_poses_are_those_of_three_trunnions_through_three_grooves():
-    """Exact physics: a frictionless joint against a search for the spider's place; rollers lie aside by their play."""
+    """Exact physics: a frictionless joint against a search for the spider's place, within a micrometre."""
     point = viewed_point(model="equilibrium", joint_angle_deg=14, samples_per_revolution=36, **FRICTIONLESS)
     poses, values = poses_of(point.parameters, outputs_of(point)), point_values(point.parameters).point(0)
     for i in range(0, 36, 5):
@@ -41,9 +41,9 @@ def test_poses_are_those_of_three_trunnions_through_three_grooves():
         assert poses.spider[i] == pytest.approx(centre, abs=1e-6)
         for k in range(3):
             assert poses.trunnions[i, k] == pytest.approx(directions[k], abs=1e-7)
-            aside = poses.rollers[i, k] - (centre + distance[k] * directions[k])
-            off = values.groove_play + (poses.normal[i, k] / values.groove_stiffness) ** (2 / 3)
-            assert aside == pytest.approx(off * poses.contacts[i, k], abs=1e-3)
+            assert poses.rollers[i, k] == pytest.approx(centre + distance[k] * directions[k], abs=1e-3)
+            flank = np.cross(directions[k], [0, 0, 1])  # without friction the force is across trunnion and groove
+            assert poses.contacts[i, k] == pytest.approx(flank / np.linalg.norm(flank), abs=1e-6)
 
 
 def test_needles_stand_on_their_trunnion_and_carry_on_the_loaded_side():
@@ -66,7 +66,23 @@ def test_forces_of_the_page_are_those_of_the_point():
     data = motion_data(point.parameters, outputs)
     read = {name: np.frombuffer(base64.b64decode(text), "<f4") for name, text in data["arrays"].items()}
     assert read["normal"].reshape(-1, 3) == pytest.approx(outputs["groove_normal_force"][:, :72].T, rel=1e-6)
-    assert read["friction"].reshape(-1, 3) == pytest.approx(-outputs["groove_thrust"][:, :72].T, rel=1e-5, abs=1e-5)
+    for name, output in (
+        ("friction", "groove_friction_force"),
+        ("slip", "groove_slip"),
+        ("pressure", "groove_pressure_mpa"),
+    ):
+        assert read[name].reshape(-1, 3) == pytest.approx(outputs[output][:, :72].T, rel=1e-6)
+    along = read["friction"] * np.cos(read["direction"])  # on the housing: with the slip of the roller
+    thrust = outputs["groove_thrust"].reshape(3, 2, 72).mean(axis=1)
+    assert along.reshape(-1, 3) == pytest.approx(thrust.T, abs=1e-3)
+    needle = read["needle"].reshape(72, 3, -1, 5)
+    assert needle[..., 3] == pytest.approx(np.moveaxis(outputs["needle_load"][..., :72], -1, 0), rel=1e-5, abs=1e-4)
+    assert needle[..., 4] == pytest.approx(
+        np.moveaxis(outputs["needle_stop_force"][..., :72], -1, 0), rel=1e-5, abs=1e-4
+    )
+    peak = 1.5 * read["normal"] / (np.pi * data["sizes"]["patch_across"] * data["sizes"]["patch_along"])
+    peak /= np.cbrt(read["normal"]) ** 2  # Hertz: the ellipse that is drawn has the pressure of the output
+    assert read["pressure"] == pytest.approx(peak, rel=1e-5)
     assert read["thrust"] == pytest.approx(outputs["thrust"][:72], rel=1e-5, abs=1e-5)
     orders = np.fft.rfft(outputs["thrust"].reshape(2, 72).mean(axis=0))  # parts are means of the revolutions
     orders[13:] = 0

@@ -162,9 +162,8 @@
     [
       [ofForce, round(mostForce), "N normal force", colour.force, 2.4], [ofForce, round(mostForce / 20), "N friction", colour.slide, 2],
       [ofForce, round(mostForce / 20), "N thrust on the housing", colour.hot, 2.4], [ofSlip, round(mostSlip), "mm/s slip", colour.slip, 1.4],
-    ].forEach(([length, value, text, tone, wide], n) => {
-      const y = h - 58 + 16 * n, to = 10 + length(value) * scale;
-      if (text.startsWith("N thrust") && closeUp()) return;
+    ].filter(([, , text]) => !closeUp() || !text.endsWith("housing")).forEach(([length, value, text, tone, wide], n, { length: lines }) => {
+      const y = h + 6 + 16 * (n - lines), to = 10 + length(value) * scale;
       arrow(g, [10, y - 4], [to, y - 4], tone, wide);
       g.fillStyle = colour.ink;
       g.fillText(`${plain(value)} ${text}`, to + 8, y);

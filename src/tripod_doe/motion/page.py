@@ -120,7 +120,7 @@ _LABELS = {
     "ring": "The needles of each trunnion unrolled: angle from the loaded side, place along the trunnion, colour by "
     "load",
     "plot": "Thrust over the rotation angle with its parts; click or drag to move in time",
-    "orders": "Amplitudes of the orders of the thrust, and the momentary value of each",
+    "orders": "Amplitudes of the orders of the thrust, and the value of each at the time shown",
 }
 """Text alternatives of the pictures."""
 
