@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.simulator import Outcome, Quantity
+from tripod_doe.model_interface import Outcome, Quantity
 from tripod_doe.study.designs import make_points
 from tripod_doe.workflow.definition import fed_study
 

@@ -22,17 +22,17 @@ from pathlib import Path
 import numpy as np
 
 import tripod_doe as td
-from tripod_doe.pages.study import write_report
-from tripod_doe.simulator import BlockResult, Outcome, Values
+from tripod_doe.model_interface import BlockResult, Outcome, Values
+from tripod_doe.reports.study import write_report
 from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task
-from tripod_doe.study.failures import failures_in
+from tripod_doe.study.failure_summary import failures_in
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.plan import plan
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.results.result_directory import ResultDirectory
 from tripod_doe.study.study_points import StudyPoints
 
 SAMPLED = """

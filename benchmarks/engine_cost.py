@@ -23,7 +23,7 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "mechanics" / "scenes"
 
 from needle_ring import needle_ring
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.sphere_contact import add_contacts

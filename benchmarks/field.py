@@ -32,19 +32,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import beta
 
-from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import misfits, most_needles
 from tripod_doe.joint.known_errors.error_estimate import known_errors
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody_run import follow
+from tripod_doe.joint.order_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.vibration.onset import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.integrators.monitor import Settings
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 FIELD = {
     "joint_angle_deg": (0.0, 20.0),

@@ -52,7 +52,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes import needle_between_plates, roller_in_groove
 from tripod_doe.mechanics.scenes.scene_simulator import SceneSimulator
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 WRONG, GOOD = 0.05, 0.01
 TIMES = 0.5, 4.0

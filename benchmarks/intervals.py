@@ -25,7 +25,6 @@ from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.multifidelity.estimates import estimate
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
-from tripod_doe.analyses.records.measurement import Measurement
 from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
 from tripod_doe.analyses.sensitivity.morris import morris_effects
@@ -37,7 +36,8 @@ from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.simulator import Outcome
+from tripod_doe.measurements.measurement import Measurement
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 

@@ -26,7 +26,7 @@ from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.simulator import Candidate
+from tripod_doe.model_interface import Candidate
 from tripod_doe.study.execution.task import Task, run_task
 
 SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}

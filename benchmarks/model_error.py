@@ -32,7 +32,7 @@ from tripod_doe.joint.known_errors.error_estimate import COMPARED, FINEST, RECOR
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
 from tripod_doe.joint.vibration.onset import growing_vibration
 from tripod_doe.mechanics.compilation.sources import source_hashes
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 SURE, SECOND_SURE = 0.02, 0.1
 """Largest relative numerical error of a run that others are compared with, of its third and second order."""

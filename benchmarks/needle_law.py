@@ -21,7 +21,7 @@ import tripod_doe as td
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 COUNTS = 0.005
 """Second order over the third above which it is compared."""

@@ -31,7 +31,7 @@ from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import RbdFastSettings, rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import ShapleySettings, shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study_file import parse_file
 from tripod_doe.study.designs import unit_sample
 

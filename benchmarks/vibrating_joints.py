@@ -22,7 +22,7 @@ from field import Record, all_columns, answers, field_points, internal
 from tripod_doe.joint.known_errors.error_estimate import RECORDED
 from tripod_doe.joint.known_errors.vibration_record import VIBRATING
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody.readings import groove_thrust
+from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
@@ -30,7 +30,7 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 SAMPLES, TOLERANCE = 360, 4e-3
 

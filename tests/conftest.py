@@ -112,7 +112,7 @@ def write_study(tmp_path):
 @pytest.fixture
 def charts_not_drawn(monkeypatch):
     """Pages whose charts are empty: drawing takes most of the time of a small study; tests of pages draw them."""
-    from tripod_doe.report.charts.chart import Chart
+    from tripod_doe.page_parts.charts.chart import Chart
 
     monkeypatch.setattr(Chart, "svg", lambda chart: f"<svg><title>{chart.title}</title></svg>")
 

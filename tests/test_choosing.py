@@ -15,7 +15,7 @@ from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySetti
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
 from tripod_doe.joint.models import MODELS
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 ROOT = Path(__file__).parents[1]
 

@@ -22,7 +22,7 @@ from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.definition.study_file import DesignKind
 

@@ -102,7 +102,7 @@ def test_the_server_computes_nothing_and_what_computes_serves_nothing():
         (
             [f"tripod_doe.service.{name}" for name in ("workers.questions", "requests.plans", "explorer.descriptions")]
             + [
-                "tripod_doe.study.execution.local_cluster",
+                "tripod_doe.study.execution.dask_local_cluster",
                 "tripod_doe.study.execution.task",
                 "tripod_doe.workflow.chain",
             ],

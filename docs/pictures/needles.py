@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 import tripod_doe as td
-from tripod_doe.report.charts.chart import COLOURS, LINES, MARKERS, Chart, drawing, legend_above
+from tripod_doe.page_parts.charts.chart import COLOURS, LINES, MARKERS, Chart, drawing, legend_above
 
 CLEARANCES = np.array([0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.7, 1.0])
 """Axial clearances of a needle in mm."""

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import tripod_doe as td
-from tripod_doe.report.charts.chart import Chart, effect_charts
+from tripod_doe.page_parts.charts.chart import Chart, effect_charts
 
 
 def chart(directory: Path) -> Chart:

@@ -14,7 +14,7 @@ from matplotlib.patches import Arc, FancyArrowPatch, FancyBboxPatch, Polygon, Re
 
 import tripod_doe as td
 from tripod_doe.motion.drawing import joint_drawing
-from tripod_doe.report.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
 
 BLUE, ORANGE, GREEN, *_ = COLOURS
 

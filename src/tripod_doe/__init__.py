@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from tripod_doe.analyses.contribution.contribution import contribution_shares
     from tripod_doe.analyses.diff.diff import diff
     from tripod_doe.analyses.findings import find
-    from tripod_doe.analyses.records.measurement import read_measurement
     from tripod_doe.analyses.sensitivity.morris import morris_effects
     from tripod_doe.analyses.sensitivity.sobol import sobol_indices
     from tripod_doe.client import Service, ServiceRun, connect
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
+    from tripod_doe.measurements.measurement import read_measurement
+    from tripod_doe.model_interface import Outcome, Output, Parameter
     from tripod_doe.motion.page import view
-    from tripod_doe.pages.study import write_report
-    from tripod_doe.simulator import Outcome, Output, Parameter
+    from tripod_doe.reports.study import write_report
     from tripod_doe.study.definition.schema import study_schema
     from tripod_doe.study.definition.study import Study, load_study
     from tripod_doe.study.plan import Plan, plan
@@ -45,9 +45,9 @@ _HOME = {
     "InputError": "errors",
     "FitSummary": "workflow.fit",
     "OptimisationSummary": "workflow.optimise",
-    "Outcome": "simulator",
-    "Output": "simulator",
-    "Parameter": "simulator",
+    "Outcome": "model_interface",
+    "Output": "model_interface",
+    "Parameter": "model_interface",
     "Plan": "study.plan",
     "RunSummary": "workflow.run",
     "Service": "client",
@@ -69,7 +69,7 @@ _HOME = {
     "optimise": "workflow.optimise",
     "plan": "study.plan",
     "query": "study.query.query",
-    "read_measurement": "analyses.records.measurement",
+    "read_measurement": "measurements.measurement",
     "run": "workflow.run",
     "run_workflow": "workflow.chain",
     "simulate": "study.simulate",

@@ -1,6 +1,6 @@
 """Errors for people: they name the fault, its place and the remedy.
 
-Outcomes (`tripod_doe.simulator`) are for cubes: a point that fails is a flagged cell, never an exception.
+Outcomes (`tripod_doe.model_interface`) are for cubes: a point that fails is a flagged cell, never an exception.
 """
 
 from __future__ import annotations

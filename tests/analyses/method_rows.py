@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 TRUTH = 100.0
 ROLLER = '[study]\nname = "r"\nscene = "roller-in-groove"\n'

@@ -64,7 +64,7 @@ def test_what_computes_draws_nothing():
     script = "import sys, tripod_doe.analyses.registry; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
-    assert not loaded & {"matplotlib", "matplotlib.figure", "tripod_doe.report.charts.chart"}
+    assert not loaded & {"matplotlib", "matplotlib.figure", "tripod_doe.page_parts.charts.chart"}
     assert not {name for name in loaded if name.startswith("tripod_doe.analyses") and name.endswith("sentences")}
 
 

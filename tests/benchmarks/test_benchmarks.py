@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 from started import Process
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -262,7 +262,7 @@ def test_peers_of_the_sensitivity_find_the_same_indices(benchmark, tmp_path):
 
 
 CHOSEN = """
-from tripod_doe.simulator import Candidate
+from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.study_folder import StudyFolder
 def chosen_{0}(x, model=1):
     return {{"y": (10 + x) * (1.02 if model == 0 and x > 0.85 else 1.0), "y_error": (10 + x) * (0.02 if x < 0.15 else 0.0)}}

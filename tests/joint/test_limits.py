@@ -7,7 +7,7 @@ import pytest
 from few import CALM, FEW
 
 from tripod_doe.joint.models import MODELS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 NO_FRICTION = {
     "groove_sliding_friction": 0,

@@ -11,7 +11,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 REFERENCE_POINTS = [
     {},

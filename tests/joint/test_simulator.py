@@ -12,7 +12,7 @@ import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energy_residual"]
 

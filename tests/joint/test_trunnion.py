@@ -15,7 +15,7 @@ from tripod_doe.joint.trunnion import simulator
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 @pytest.mark.parametrize("given", [{}, FEW])

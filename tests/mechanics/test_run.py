@@ -27,7 +27,7 @@ from tripod_doe.mechanics.scene import (
     Universal,
 )
 from tripod_doe.mechanics.solve.newton import largest_correction
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def _driven_arm():

@@ -13,7 +13,7 @@ import pytest
 from server_process import LONG, committed, runs_in
 from service_client import COAST
 
-from tripod_doe.study.execution.local_cluster import LocalWorkers
+from tripod_doe.study.execution.dask_local_cluster import LocalWorkers
 
 pytestmark = pytest.mark.slow
 

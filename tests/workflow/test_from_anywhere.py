@@ -63,7 +63,7 @@ def test_a_study_on_worker_processes_runs_its_script_once(folder, words):
 @pytest.mark.slow
 def test_worker_processes_end_with_the_process_that_wanted_them():
     """As the system does it for a process that is killed: it closes the pipe."""
-    program = start_child("tripod_doe.study.execution.local_cluster", "1")
+    program = start_child("tripod_doe.study.execution.dask_local_cluster", "1")
     assert '"address": "tls://127.0.0.1:' in program.stdout.readline()
     program.stdin.close()
     assert program.wait(timeout=60) == 1

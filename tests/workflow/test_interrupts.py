@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
 WAVE = """
 import os, time
-from tripod_doe.simulator import Candidate
+from tripod_doe.model_interface import Candidate
 def wave(x, z=0.0, model=1, slow=0.02):
     with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
         log.write(f"{x} {model}\\n")

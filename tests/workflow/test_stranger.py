@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.analyses.records.measurement import read_measurement
-from tripod_doe.analyses.records.order_tracking import track_orders
+from tripod_doe.measurements.measurement import read_measurement
+from tripod_doe.measurements.order_tracking import track_orders
 
 STRANGER = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "stranger_rig.py"))
 PATTERN = "Lauf * {joint_angle_deg}grad {torque_n_m}Nm.*"

@@ -9,7 +9,7 @@ import tripod_doe as td
 
 WAVE = """
 import os, time
-from tripod_doe.simulator import Candidate
+from tripod_doe.model_interface import Candidate
 def wave(x, z=0.0, model=3, slow=0.0):
     with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
         log.write(f"{x} {z} {model}\\n")

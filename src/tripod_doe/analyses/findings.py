@@ -9,9 +9,9 @@ import xarray as xr
 
 from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, unseparated
-from tripod_doe.quantities import digits_apart, level, number, with_unit
-from tripod_doe.report.chosen_models import asked_orders, is_chosen
-from tripod_doe.report.responses import (
+from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen
+from tripod_doe.page_parts.responses import (
     ERRORS,
     ORDINALS,
     Response,
@@ -29,8 +29,8 @@ from tripod_doe.report.responses import (
     varies,
     waiting,
 )
-from tripod_doe.report.subset import shown_subset, subset_sentences
-from tripod_doe.simulator import Outcome
+from tripod_doe.page_parts.subset import shown_subset, subset_sentences
+from tripod_doe.quantities import digits_apart, level, number, with_unit
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one

@@ -41,7 +41,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 if TYPE_CHECKING:
-    from tripod_doe.report.charts.chart import Chart
+    from tripod_doe.page_parts.charts.chart import Chart
 
 Table = tuple[list[str], list[list[str]]]
 """Heads and rows."""
@@ -230,20 +230,20 @@ _SEARCHES = {
 """Sentences and table of the answers of searches, which no study asks for."""
 
 STUDY_FIGURES = {
-    "waveforms": "tripod_doe.report.charts.waveforms:waveform_charts",
-    "spectrum": "tripod_doe.report.charts.waveforms:spectrum_chart",
+    "waveforms": "tripod_doe.page_parts.charts.waveforms:waveform_charts",
+    "spectrum": "tripod_doe.page_parts.charts.waveforms:spectrum_chart",
     "effects": "main_effects.charts:all_effect_charts",
-    "loci": "tripod_doe.report.charts.loci:locus_chart",
-    "waveforms-of-all": "tripod_doe.report.charts.paper:waveforms_of_all",
-    "local-orders": "tripod_doe.report.charts.paper:local_order_charts",
-    "orders-over-angle": "tripod_doe.report.charts.paper:order_angle_chart",
+    "loci": "tripod_doe.page_parts.charts.loci:locus_chart",
+    "waveforms-of-all": "tripod_doe.page_parts.charts.paper:waveforms_of_all",
+    "local-orders": "tripod_doe.page_parts.charts.paper:local_order_charts",
+    "orders-over-angle": "tripod_doe.page_parts.charts.paper:order_angle_chart",
     "skew": "claims.skew_charts:skew_chart",
     "kept-skew": "claims.skew_charts:kept_skew_charts",
     "findings-over-skew": "claims.skew_charts:findings_over_skew_charts",
-    "spectrum-of-all": "tripod_doe.report.charts.paper:spectrum_of_all",
-    "friction-law": "tripod_doe.report.charts.paper:friction_law_chart",
+    "spectrum-of-all": "tripod_doe.page_parts.charts.paper:spectrum_of_all",
+    "friction-law": "tripod_doe.page_parts.charts.paper:friction_law_chart",
     "model-choice": "model_choice.charts:model_choice_chart",
-    "outcome-map": "tripod_doe.report.charts.outcomes:outcome_charts",
+    "outcome-map": "tripod_doe.page_parts.charts.outcomes:outcome_charts",
 }
 """Figures of a study by the names that workflow files use: cube -> chart, list of charts, or None."""
 

@@ -15,7 +15,7 @@ from tripod_doe.analyses.failing_region.failing_region import FailingRegion, fai
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import EXCLUDED
 from tripod_doe.study.cube.slab_reading import all_finite
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable, parse_file

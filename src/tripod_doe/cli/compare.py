@@ -84,7 +84,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.comparison import parse_speeds
     from tripod_doe.analyses.comparison.overview import Reading, RecordRow, compare_record, compare_records, read_table
-    from tripod_doe.analyses.records.headings import parse_column
+    from tripod_doe.measurements.headings import parse_column
     from tripod_doe.study.results.result_cube import opened_cube
 
     rows = [RecordRow(path) for path in options.measurements]

@@ -19,7 +19,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.fit.sentences import fit_lines
-    from tripod_doe.study.failures import failure_lines
+    from tripod_doe.study.failure_summary import failure_lines
     from tripod_doe.workflow.fit import fit
 
     summary = fit(

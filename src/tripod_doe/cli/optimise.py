@@ -20,7 +20,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.failures import failure_lines
+    from tripod_doe.study.failure_summary import failure_lines
     from tripod_doe.workflow.optimise import front_lines, optimise
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from tripod_doe.errors import InputError, near_match
 
 if TYPE_CHECKING:
-    from tripod_doe.simulator import Parameter
+    from tripod_doe.model_interface import Parameter
 
 DONE, INTERNAL, WRONG_INPUT, SOME_FAILED = 0, 1, 2, 3
 

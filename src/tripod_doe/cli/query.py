@@ -37,7 +37,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.simulator import Trust
+    from tripod_doe.model_interface import Trust
     from tripod_doe.study.query.arrays import analyses_with, opened_arrays
     from tripod_doe.study.query.query import answer_format, records, records_text, unmet
 
@@ -83,7 +83,7 @@ def _query_netcdf(options: argparse.Namespace) -> int:
 
 def _write_workbook(options: argparse.Namespace, columns: dict[str, Any]) -> int:
     from tripod_doe.atomic_files import replace_file
-    from tripod_doe.pages.tables import answer_workbook
+    from tripod_doe.reports.tables import answer_workbook
 
     asked = {"variable": options.variable, "select": ", ".join(options.select), "where": options.where or ""}
     data = answer_workbook(options.cube, columns, asked)

@@ -31,8 +31,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.pages.fit import write_fit_page
-    from tripod_doe.pages.study import write_report
+    from tripod_doe.reports.fit import write_fit_page
+    from tripod_doe.reports.study import write_report
     from tripod_doe.study.results.result_cube import FIT_FILE, open_cube
 
     named = _ENDINGS.get(options.output.suffix.lower()) if options.output else None
@@ -52,8 +52,8 @@ def _run(options: argparse.Namespace) -> int:
 def _hand_on(directory: Path, form: str, place: Path) -> int:
     """Write a part of a report, and print where it is."""
     from tripod_doe.atomic_files import refuse_links, replace_file
-    from tripod_doe.pages.one_page import figures_of, one_page
-    from tripod_doe.pages.tables import tables_of
+    from tripod_doe.reports.one_page import figures_of, one_page
+    from tripod_doe.reports.tables import tables_of
 
     refuse_links(directory)
     if form == "figures":

@@ -15,7 +15,7 @@ from tripod_doe.errors import InputError, closest
 from tripod_doe.quantities import duration
 
 if TYPE_CHECKING:
-    from tripod_doe.simulator import Simulator
+    from tripod_doe.model_interface import Simulator
     from tripod_doe.study.simulate import SimulatedPoint
 
 _VARYING = ("factors", "variables", "unknowns", "at")  # tables of studies, optimisations and fits
@@ -71,7 +71,7 @@ def _add_parameters(parser: argparse.ArgumentParser, simulator: Simulator) -> No
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.simulator import Outcome
+    from tripod_doe.model_interface import Outcome
     from tripod_doe.study.definition.scenes import load_simulator
     from tripod_doe.study.point_table import point_table
     from tripod_doe.study.simulate import simulate_point, usual_price
@@ -104,7 +104,7 @@ def _file_values(path: Path, simulator: Simulator, given: Collection[str]) -> di
     Raises:
         InputError: If a value is wrong, or the file varies a parameter that is not among those given.
     """
-    from tripod_doe.simulator import check_parameters
+    from tripod_doe.model_interface import check_parameters
     from tripod_doe.study.definition.study_file import parse_toml, read_text
 
     tables = parse_toml(read_text(path, "file"), str(path))
@@ -147,8 +147,8 @@ def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:
 
 def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoint:
     """Simulate the point, and write its page if it finishes."""
+    from tripod_doe.model_interface import Outcome
     from tripod_doe.motion.page import motion_page, viewed_point, write_page
-    from tripod_doe.simulator import Outcome
 
     if options.scene != "joint":
         raise InputError(f"--view {options.view}: only the scene joint can be viewed, not {options.scene}")

@@ -16,7 +16,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from tripod_doe.simulator import Candidate, Value
+from tripod_doe.model_interface import Candidate, Value
 
 PRICES = Path(__file__).with_name("prices.toml")
 """File of the recorded prices: a table for each candidate, from the cheapest to the finest."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.geometry.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.values import JointValues
-from tripod_doe.simulator import BlockResult, Outcome
+from tripod_doe.model_interface import BlockResult, Outcome
 
 _CUT_OFF = (
     "the contact ellipse of a groove is longer than its roller is wide, where Hertz's theory ends: pressure and "

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.simulator import Dimension
+from tripod_doe.model_interface import Dimension
 
 
 def rotation_angles(samples_per_revolution: int) -> NDArray[np.floating]:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
+from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -30,7 +30,7 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import BlockResult, Methods, Outcome, ValidRange
+from tripod_doe.model_interface import BlockResult, Methods, Outcome, ValidRange
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.force_balance.equilibrium import Equilibrium
@@ -238,7 +238,7 @@ _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
 def _solve_equilibrium(
     points: JointValues[FloatArray], samples: int, names: frozenset[str], contacts: dict[str, FloatArray]
 ) -> Equilibrium:
-    from tripod_doe.joint.force_balance.contact_readings import ContactReader
+    from tripod_doe.joint.force_balance.contact_results import ContactReader
     from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
 
     reader = ContactReader(points, names, samples, contacts) if names else None
@@ -248,7 +248,7 @@ def _solve_equilibrium(
 def _solve_kinetostatic(
     points: JointValues[FloatArray], samples: int, names: frozenset[str], contacts: dict[str, FloatArray]
 ) -> Equilibrium:
-    from tripod_doe.joint.force_balance.contact_readings import ContactReader
+    from tripod_doe.joint.force_balance.contact_results import ContactReader
     from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 
     reader = ContactReader(points, names, samples, contacts) if names.difference(CYCLE_OUTPUTS) else None

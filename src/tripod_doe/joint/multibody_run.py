@@ -19,8 +19,7 @@ from functools import partial
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import OrderAccuracy
-from tripod_doe.joint.multibody.contact_readings import contact_readings
+from tripod_doe.joint.multibody.contact_results import contact_readings
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.numerical_error import (
     ERROR_LIMIT,
@@ -31,11 +30,12 @@ from tripod_doe.joint.multibody.numerical_error import (
     miss_of_given,
 )
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
-from tripod_doe.joint.multibody.readings import groove_readings, groove_thrust, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody.revolutions import unrest
 from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationReadings, Wanted
+from tripod_doe.joint.multibody.thrust_and_power import groove_readings, groove_thrust, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
+from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.onset import Vibration, growing_vibration
@@ -47,7 +47,7 @@ from tripod_doe.mechanics.checks.rates import Rates
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 _LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
 """Light needles reverse their slip, which does not reach the thrust; what a wrong run shows is its thrust at half the

@@ -12,7 +12,7 @@ from tripod_doe.joint.dimensions import CYCLE, GROOVE, ORDER, ROTATION, STATISTI
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes, rms
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
-from tripod_doe.simulator import Dimension, Output, by_name
+from tripod_doe.model_interface import Dimension, Output, by_name
 
 PARTS = (*MECHANISMS, "remainder")
 """Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
-from tripod_doe.mechanics.contact_damping import damping_time
+from tripod_doe.mechanics.contact_damping_parameters import damping_time
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Value, read_parameters
+from tripod_doe.model_interface import Value, read_parameters
 
 MECHANISMS = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
 """The five friction mechanisms that a contribution study switches on and off."""

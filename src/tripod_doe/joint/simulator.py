@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
-from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, errors_at, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
+from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes
-from tripod_doe.mechanics.contact_damping import settled
-from tripod_doe.simulator import (
+from tripod_doe.mechanics.contact_damping_parameters import settled
+from tripod_doe.model_interface import (
     NUMERICS,
     Accuracy,
     BlockResult,

@@ -19,7 +19,7 @@ from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_trunnion
 from tripod_doe.joint.multibody.numerical_error import amplitude_error, finer_thrust, judge, miss_of_given
-from tripod_doe.joint.multibody.readings import groove_readings, needle_drift, needle_skews
+from tripod_doe.joint.multibody.thrust_and_power import groove_readings, needle_drift, needle_skews
 from tripod_doe.joint.multibody_run import compile_joint, follow
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
@@ -27,7 +27,7 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, method_named
 from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator
-from tripod_doe.simulator import Outcome, Output, Parameter, by_name
+from tripod_doe.model_interface import Outcome, Output, Parameter, by_name
 
 _SAMPLES = 360
 """Samples of the rotation angle per revolution."""

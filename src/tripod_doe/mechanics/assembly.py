@@ -13,7 +13,7 @@ from scipy.special import roots_gegenbauer
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics import scene as parts
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
 from tripod_doe.mechanics.solve.elimination import elimination_pattern
 from tripod_doe.mechanics.tables import (
     BODY,

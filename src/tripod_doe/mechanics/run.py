@@ -29,7 +29,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.checks.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.checks.step_halving import (
@@ -47,8 +47,8 @@ from tripod_doe.mechanics.integrators.monitor import RUNAWAY, TRACE_FULL, Settin
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work
 from tripod_doe.mechanics.trace import States, Trace
+from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import number
-from tripod_doe.simulator import Outcome
 
 _TRACED = 1000
 """Steps after which a trace is emptied: the pause costs what a few steps cost."""

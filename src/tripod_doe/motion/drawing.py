@@ -8,7 +8,7 @@ import numpy as np
 
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.values import JointValues
-from tripod_doe.simulator import Value
+from tripod_doe.model_interface import Value
 
 _WIDTH, _HEIGHT = 720.0, 340.0
 

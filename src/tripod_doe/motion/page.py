@@ -21,9 +21,9 @@ from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.values import JointValues
+from tripod_doe.model_interface import Outcome, Value
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.motion.poses import Poses, poses_of
-from tripod_doe.simulator import Outcome, Value
 from tripod_doe.study.simulate import SimulatedPoint, simulate_point
 
 _MOST_BYTES = 1_000_000

@@ -16,7 +16,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.values import JointValues
-from tripod_doe.simulator import Value
+from tripod_doe.model_interface import Value
 
 _Z = np.array([0.0, 0.0, 1.0])
 _TURNED = 2 * np.pi / 3 * np.arange(3)

@@ -17,7 +17,7 @@ from tripod_doe.study.cube.model_records import model_records
 from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import Points, make_points, most_points, point_bytes
 from tripod_doe.study.execution.timing import time_points
-from tripod_doe.study.failures import Failure, common_failures
+from tripod_doe.study.failure_summary import Failure, common_failures
 from tripod_doe.study.study_points import StudyPoints
 
 RECORDED = "recorded on another machine for usual points; others may cost twenty times as much"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.model_interface import Value, Values
 from tripod_doe.quantities import count_of, duration, level, number, with_unit
-from tripod_doe.simulator import Value, Values
 from tripod_doe.study.simulate import SimulatedPoint
 
 _NOTHING = 1e-9  # part of the largest amplitude below which an amplitude is rounding, and has no phase

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import (
+from tripod_doe.model_interface import (
     DETAIL_ATTRIBUTES,
     OUTCOME_ATTRIBUTES,
     BlockResult,

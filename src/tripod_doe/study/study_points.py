@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.fingerprints import KeyIndex, point_keys

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ValidationError
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.analyses.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import said_of

@@ -22,17 +22,17 @@ from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
-from tripod_doe.pages.workflow import chain_page, step_page, write_charts
-from tripod_doe.pages.workflow_chart import StepView
 from tripod_doe.quantities import duration
+from tripod_doe.reports.workflow import chain_page, step_page, write_charts
+from tripod_doe.reports.workflow_chart import StepView
 from tripod_doe.study.cube.file_checks import DIGEST, STEP, is_of_its_step
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.failures import failure_lines
-from tripod_doe.study.results.directory import make_directory
+from tripod_doe.study.failure_summary import failure_lines
 from tripod_doe.study.results.result_cube import opened_cube
+from tripod_doe.study.results.result_directory import make_directory
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.run import run_on
 from tripod_doe.workflow.steps_file import write_steps

@@ -35,8 +35,8 @@ from tripod_doe.workflow.workflow_file import (
     parse_workflow,
 )
 
-_MAKE_ANALYSES = ("analyses",)
-_MAKE_PAGES = ("analyses", "report", "pages")
+_MAKE_ANALYSES = ("analyses", "measurements")
+_MAKE_PAGES = (*_MAKE_ANALYSES, "page_parts", "reports")
 """Folders of this package whose code makes the result of a step."""
 
 

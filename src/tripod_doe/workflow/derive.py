@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.results.result_cube import points_of
+from tripod_doe.study.results.result_directory import ResultDirectory
 from tripod_doe.study.results.stored_study import with_responses
 from tripod_doe.workflow.run import RunSummary, summary_of
 

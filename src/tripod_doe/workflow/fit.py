@@ -20,15 +20,15 @@ from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.pages.fit import write_fit_page
-from tripod_doe.simulator import Outcome, check_parameters
+from tripod_doe.model_interface import Outcome, check_parameters
+from tripod_doe.reports.fit import write_fit_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.failures import Failure
-from tripod_doe.study.results.directory import ResultDirectory, make_directory
+from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.results.result_cube import FIT_FILE
+from tripod_doe.study.results.result_directory import ResultDirectory, make_directory
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 

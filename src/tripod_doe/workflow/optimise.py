@@ -22,14 +22,14 @@ from tripod_doe.analyses.optimisation.result import Solved, base_values, candida
 from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.pages.optimisation import optimisation_lines, write_optimisation_page
 from tripod_doe.quantities import number
+from tripod_doe.reports.optimisation import optimisation_lines, write_optimisation_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
+from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
-from tripod_doe.study.failures import Failure
-from tripod_doe.study.results.directory import ResultDirectory, make_directory
+from tripod_doe.study.failure_summary import Failure
+from tripod_doe.study.results.result_directory import ResultDirectory, make_directory
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 

@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.interrupts import check_interrupt
-from tripod_doe.simulator import Outcome, Value
+from tripod_doe.model_interface import Outcome, Value
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.failures import Failure, common_failures
+from tripod_doe.study.failure_summary import Failure, common_failures
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.results.result_directory import ResultDirectory
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.progress import Progress, work_of
 

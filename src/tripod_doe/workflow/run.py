@@ -26,18 +26,18 @@ from tripod_doe.analyses.registry import findings_of
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
-from tripod_doe.pages.study import read_analyses, write_report
 from tripod_doe.quantities import count_of
-from tripod_doe.simulator import Outcome
+from tripod_doe.reports.study import read_analyses, write_report
 from tripod_doe.study.cube.responses import refuse_unknown_outputs
 from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler, tls_files
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.execution.existing_scheduler import ExistingScheduler, tls_files
-from tripod_doe.study.failures import Failure, failures_in
+from tripod_doe.study.failure_summary import Failure, failures_in
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.results.result_directory import ResultDirectory
 from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.results.stored_study import with_derived
 from tripod_doe.study.study_points import StudyPoints

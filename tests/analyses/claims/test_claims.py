@@ -15,7 +15,7 @@ from tripod_doe.analyses.claims.verdicts import ClaimsSettings, Verdict, check_c
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 SKEWS = {1: (0.2, -0.2, 0.2), 2: (0.4, -0.4, 0.4), 3: (0.4, 0.4, 0.4), 4: (-0.4, 0.4, -0.4)}
 SETTINGS = ClaimsSettings()

@@ -15,9 +15,9 @@ import tripod_doe as td
 from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.comparison.model_point import model_point
 from tripod_doe.analyses.comparison.sentences import find_in_comparison
-from tripod_doe.analyses.records.measurement import Measurement, read_measurement, rotation_from_tachometer
-from tripod_doe.analyses.records.order_tracking import resample, track_orders
-from tripod_doe.analyses.records.tachometer import edge_times, mended
+from tripod_doe.measurements.measurement import Measurement, read_measurement, rotation_from_tachometer
+from tripod_doe.measurements.order_tracking import resample, track_orders
+from tripod_doe.measurements.tachometer import edge_times, mended
 
 KNOWN = {0: (2.0, 0.0), 2: (4.0, 40.0), 3: (14.0, -75.0), 9: (1.3, 120.0)}
 

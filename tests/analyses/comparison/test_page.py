@@ -15,7 +15,7 @@ from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.comparison.model_point import model_point
 from tripod_doe.analyses.comparison.page import comparison_page, write_comparison
 from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text, find_in_comparison, order_rows
-from tripod_doe.analyses.records.measurement import Measurement, rotation_from_tachometer
+from tripod_doe.measurements.measurement import Measurement, rotation_from_tachometer
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import xarray as xr
 
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder

@@ -15,8 +15,8 @@ from tripod_doe.analyses.contribution.contribution import ContributionSettings, 
 from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes
 from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows
 from tripod_doe.analyses.findings import find
-from tripod_doe.pages.study import make_page
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
+from tripod_doe.reports.study import make_page
 
 CASE_2 = """
 [study]

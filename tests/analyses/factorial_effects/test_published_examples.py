@@ -9,7 +9,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.findings import find
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
 

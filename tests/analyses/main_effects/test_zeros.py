@@ -10,8 +10,8 @@ import xarray as xr
 
 from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
+from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.service.explorer.figures.lines import lines
-from tripod_doe.simulator import ZERO_AT, Outcome
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
 ZEROS = " ".join(JOINT_OUTPUTS["thrust_amplitude"].zero_at)

@@ -8,9 +8,9 @@ import xarray as xr
 
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.model_choice.charts import model_choice_chart
-from tripod_doe.pages.study import make_page
-from tripod_doe.report.chosen_models import asked_orders, estimated_errors
-from tripod_doe.report.responses import responses
+from tripod_doe.page_parts.chosen_models import asked_orders, estimated_errors
+from tripod_doe.page_parts.responses import responses
+from tripod_doe.reports.study import make_page
 
 CHOSEN = """
 [study]

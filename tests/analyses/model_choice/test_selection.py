@@ -11,8 +11,8 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.analyses.model_choice.pilot_errors import pilot_errors
 from tripod_doe.analyses.model_choice.selection import choose, without_pilot
-from tripod_doe.simulator import Candidate
-from tripod_doe.study.definition.accuracy import Accuracy, AutoModel, Quantity
+from tripod_doe.model_interface import Candidate
+from tripod_doe.study.definition.accuracy_table import Accuracy, AutoModel, Quantity
 
 CANDIDATES = (
     Candidate({"model": "cheap"}, 1e-6, 10),

@@ -22,7 +22,7 @@ from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study import memory
 from tripod_doe.study.cube import slab_reading
 

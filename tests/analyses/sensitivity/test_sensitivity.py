@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 

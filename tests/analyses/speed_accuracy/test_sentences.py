@@ -13,8 +13,8 @@ from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, cube_of, fixed
 from tripod_doe.analyses.registry import draw, findings_of
 from tripod_doe.analyses.speed_accuracy.sentences import price_table
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
-from tripod_doe.report.tables import factor_rows
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.tables import factor_rows
 from tripod_doe.workflow.definition import load_workflow
 
 ROOT = Path(__file__).parents[3]

@@ -9,7 +9,7 @@ from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, by_accuracy, c
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import Known, SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analyses.speed_accuracy.timed_runs import BY_ACCURACY
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def analyse(*rows, **cubes):

@@ -9,8 +9,8 @@ import xarray as xr
 from tripod_doe.analyses.registry import draw, findings_of
 from tripod_doe.analyses.stability.sentences import stability_table
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
-from tripod_doe.report.charts.outcomes import outcome_charts
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.charts.outcomes import outcome_charts
 
 STEPS = np.array([1e-8, 2e-8, 4e-8, 8e-8])
 MASSES = np.array([1.0, 4.0])

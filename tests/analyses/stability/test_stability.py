@@ -19,7 +19,7 @@ from tripod_doe.analyses.stability.stability import (
 )
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 SETTINGS = StabilitySettings(output="drift_mm", limit=0.01)
 STEPS = np.array([1e-8, 2e-8, 4e-8, 8e-8, 16e-8])

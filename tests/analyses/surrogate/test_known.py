@@ -10,7 +10,7 @@ import tripod_doe as td
 from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
-from tripod_doe.simulator import MIRRORED_BY, ZERO_AT, Outcome
+from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT, Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 

@@ -13,7 +13,7 @@ from tripod_doe.analyses.sample import read_sample
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 

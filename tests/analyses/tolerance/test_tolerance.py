@@ -12,7 +12,7 @@ from tripod_doe.analyses.tolerance.sentences import find_in_tolerance
 from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points

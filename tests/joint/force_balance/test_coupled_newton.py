@@ -14,7 +14,7 @@ from tripod_doe.joint.force_balance.coupled_newton import settle_together
 from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
 from tripod_doe.joint.force_balance.free_rollers import settle_free
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
-from tripod_doe.simulator import Outcome, counted_time
+from tripod_doe.model_interface import Outcome, counted_time
 
 SWITCHES = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
 SKEWS = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}

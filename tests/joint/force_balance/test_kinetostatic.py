@@ -9,7 +9,7 @@ from tripod_doe.joint.force_balance.equilibrium import load_zones, point_constan
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.simulate import simulate
 
 

@@ -7,7 +7,7 @@ from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.outputs import BY_CYCLE, SETTLED
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS, point_values
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.simulate import simulate_point
 
 UNEVEN = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from tripod_doe.joint.geometry import contact_stiffness
-from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
+from tripod_doe.joint.needle_dynamics.bearing_tilt import NeedleRow, turned_bearing
 
 
 def test_groove_of_ratio_1_008573_gives_the_ellipse_of_20_to_1():

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tripod_doe.joint.geometry.feasibility import misfits, room_for_needles
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 PITCH, NEEDLES, DIAMETER = 17.28 / 2, 27, 2.0
 

@@ -11,7 +11,7 @@ from tripod_doe.joint.known_errors.error_estimate import WITHOUT_VIBRATION, know
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.simulator import Accuracy, Quantity, model_notes
+from tripod_doe.model_interface import Accuracy, Quantity, model_notes
 
 FLUTTERING = {"joint_angle_deg": 17.0, "torque_n_m": -300.0, "speed_rpm": 1500.0, "groove_sliding_friction": 0.15}
 """Its third order is 391 N without vibration, and 255 N with it by three methods (docs/explanation/models.md)."""

@@ -12,14 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from tripod_doe.joint.multibody.initial_state import GROOVE_ANGLES
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody.readings import groove_readings
+from tripod_doe.joint.multibody.thrust_and_power import groove_readings
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.scene import GROUND, Body, Fixed
 from tripod_doe.mechanics.solve.equations_of_motion import evaluate
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 UNCHECKED = Limits(energy=np.inf, reversals=1.0, windows=0)
 """What is compared here are forces; the energy balance of a coarse run is `multibody_run`'s."""

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.accuracy import SMALLEST_THIRD, OrderAccuracy
 from tripod_doe.joint.multibody import refinement
 from tripod_doe.joint.multibody.passes import Pass
+from tripod_doe.joint.order_accuracy import SMALLEST_THIRD, OrderAccuracy
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 POINT = point_values({}).point(0)
 THIRD = 2e4 * SMALLEST_THIRD  # well above the smallest size of a third order

@@ -8,7 +8,7 @@ from few import FEW
 from scipy.spatial.transform import Rotation
 
 import tripod_doe as td
-from tripod_doe.joint.multibody.readings import groove_readings
+from tripod_doe.joint.multibody.thrust_and_power import groove_readings
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.mechanics.solve.equations_of_motion import evaluate

@@ -9,7 +9,7 @@ from operating_points import points
 from tripod_doe.joint.outputs import VIBRATION_VERDICT
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.vibration.onset import growing_vibration
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 JOINTS = {"torque_n_m": [50.0, 5.0, 50.0], "speed_rpm": [600.0, 300.0, 600.0], "joint_angle_deg": [10.0, 10.0, 0.0]}
 """The reference joint, one of so little torque that it vibrates, and a straight one."""

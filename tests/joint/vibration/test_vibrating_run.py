@@ -14,7 +14,7 @@ from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.vibration.vibrating_run import follow_vibration
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 METHOD = METHODS["rosenbrock"]
 

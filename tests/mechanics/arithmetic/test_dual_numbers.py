@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tripod_doe.mechanics.arithmetic.dual_numbers import variable
-from tripod_doe.mechanics.arithmetic.lanes import pick, select
+from tripod_doe.mechanics.arithmetic.simd_lanes import pick, select
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
 

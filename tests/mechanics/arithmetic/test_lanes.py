@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from tripod_doe.mechanics.arithmetic.lanes import (
+from tripod_doe.mechanics.arithmetic.rotations import cross
+from tripod_doe.mechanics.arithmetic.simd_lanes import (
     clear,
     everywhere,
     exponential,
@@ -24,7 +25,6 @@ from tripod_doe.mechanics.arithmetic.lanes import (
     spread,
     store,
 )
-from tripod_doe.mechanics.arithmetic.rotations import cross
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.laws.contact import contact_force
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent

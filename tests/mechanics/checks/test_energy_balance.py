@@ -9,7 +9,7 @@ from tripod_doe.mechanics.checks.energy_balance import EnergyBalance
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "adaptive-euler"])  # which gives up on a bounce

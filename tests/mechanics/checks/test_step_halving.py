@@ -9,7 +9,7 @@ from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.needle_between_plates import simulator
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def needle(method, setting, **values):

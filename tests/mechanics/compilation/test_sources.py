@@ -58,7 +58,7 @@ def test_neither_words_count_nor_what_is_no_code_of_mechanics_or_joint(package):
     before = source_hashes()
     reword(package)
     (package / "joint" / "prices.toml").write_text("[rollers]")
-    path = package / "report" / "tables.py"
+    path = package / "page_parts" / "tables.py"
     path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
     assert hash_sources(package) == before
 

@@ -15,7 +15,7 @@ from tripod_doe.mechanics.forces.bearing import bearing_compression
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene, SphereRow, Spring
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces, linearise
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 TRUNNION, DIAMETER, LENGTH, NEEDLES, SLICES = 7.64, 2.0, 10.0, 27, 7
 STIFFNESS = 8.15e4 * LENGTH ** (8 / 9) / SLICES

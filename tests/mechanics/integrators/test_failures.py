@@ -17,7 +17,7 @@ from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, simulator
 from tripod_doe.mechanics.solve.equations_of_motion import linearise
 from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_system
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def numbers(**values):

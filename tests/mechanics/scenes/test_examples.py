@@ -8,7 +8,7 @@ import pytest
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def _finished(scene, method, duration, **options):

@@ -11,7 +11,7 @@ from tripod_doe.mechanics.forces.inertia import add_mass_blocks
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
 from tripod_doe.mechanics.solve.equations_of_motion import linearise
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def _points(count=1, **values):

@@ -9,7 +9,7 @@ from needle_ring import needle_ring, pitch_radius
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def _forces(assembly, state):

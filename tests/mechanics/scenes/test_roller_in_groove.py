@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_doe.mechanics.scenes.roller_in_groove import closed_form, simulator
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 def _force(**values):

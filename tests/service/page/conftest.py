@@ -15,7 +15,7 @@ import pytest
 
 import tripod_doe as td
 from started import Process
-from tripod_doe.report.charts.chart import Chart
+from tripod_doe.page_parts.charts.chart import Chart
 
 COAST = """
 [study]

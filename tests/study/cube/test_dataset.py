@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.simulator import Departure, ModelErrors, ModelSummary, Trust, ValidRange
+from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study import parse_study

@@ -10,7 +10,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import BlockResult
+from tripod_doe.model_interface import BlockResult
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study import parse_study

@@ -15,8 +15,8 @@ from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import dask_cluster, execution
 from tripod_doe.study.execution.block_queue import BlockQueue
+from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
 from tripod_doe.study.study_points import StudyPoints
 
 STUDY = """

@@ -25,7 +25,7 @@ from tripod_doe.errors import TripodDoeError
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution import dask_cluster, dask_executor
-from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
+from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
 from tripod_doe.workflow.run import run
 

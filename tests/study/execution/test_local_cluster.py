@@ -16,7 +16,7 @@ import pytest
 
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.study.execution import local_cluster
-from tripod_doe.study.execution.local_cluster import LocalWorkers
+from tripod_doe.study.execution.dask_local_cluster import LocalWorkers
 
 CLIENT = """
 import sys

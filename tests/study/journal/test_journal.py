@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.simulator import BlockResult, Outcome, Retries
+from tripod_doe.model_interface import BlockResult, Outcome, Retries
 from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, Mark, journal_path
 
 

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.errors import InputError, speaking_of_options
-from tripod_doe.simulator import OUTCOME_ATTRIBUTES
+from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.query import query as query_module
 from tripod_doe.study.query import selection

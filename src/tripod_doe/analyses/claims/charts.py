@@ -9,8 +9,8 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
-from tripod_doe.report.charts.chart import COLOURS, INK, MUTED, Chart, drawing
-from tripod_doe.report.responses import spoken
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing
+from tripod_doe.page_parts.responses import spoken
 
 _BARS = {Verdict.HOLDS: COLOURS[0], Verdict.DOES_NOT_HOLD: COLOURS[1]}
 

@@ -13,7 +13,7 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import is_study
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 ANY = object()
 """Asks for points whatever the value of a parameter."""

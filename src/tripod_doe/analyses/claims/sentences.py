@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
+from tripod_doe.page_parts.responses import unit_text
 from tripod_doe.quantities import level, number, with_unit
-from tripod_doe.report.responses import unit_text
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")

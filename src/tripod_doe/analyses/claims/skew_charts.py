@@ -11,10 +11,20 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.claims.rules import RULES
+from tripod_doe.page_parts.charts.chart import (
+    COLOURS,
+    HATCHES,
+    INK,
+    LINES,
+    MARKERS,
+    MUTED,
+    Chart,
+    drawing,
+    legend_above,
+)
+from tripod_doe.page_parts.charts.paper import SKEWS, first_points
+from tripod_doe.page_parts.responses import axis_label, factor_text, finished, numeric_factors
 from tripod_doe.quantities import level
-from tripod_doe.report.charts.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.charts.paper import SKEWS, first_points
-from tripod_doe.report.responses import axis_label, factor_text, finished, numeric_factors
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

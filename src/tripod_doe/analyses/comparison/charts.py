@@ -9,9 +9,9 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
+from tripod_doe.page_parts.responses import ORDINALS
 from tripod_doe.quantities import number
-from tripod_doe.report.charts.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
-from tripod_doe.report.responses import ORDINALS
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

@@ -28,11 +28,11 @@ from tripod_doe.analyses.comparison.model_point import (
 )
 from tripod_doe.analyses.comparison.plausibility import alignment_doubts, record_doubts
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.records.measurement import Measurement, read_measurement
-from tripod_doe.analyses.records.order_tracking import CELLS, resample, track_orders
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
+from tripod_doe.measurements.measurement import Measurement, read_measurement
+from tripod_doe.measurements.order_tracking import CELLS, resample, track_orders
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.definition.study_folder import StudyFolder

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.records.order_tracking import CELLS
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
-from tripod_doe.simulator import Outcome
+from tripod_doe.measurements.order_tracking import CELLS
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.query.query import query
 

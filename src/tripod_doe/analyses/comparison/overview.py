@@ -19,12 +19,12 @@ from tripod_doe.analyses.comparison.model_point import model_point, model_scatte
 from tripod_doe.analyses.diff.definitions import fixed_parameters, parsed_study
 from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.analyses.fit.model_error import model_error
-from tripod_doe.analyses.records.measurement import Measurement, read_measurement
 from tripod_doe.array_types import FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.simulate import simulate
 

@@ -19,11 +19,11 @@ from tripod_doe.analyses.comparison.page import is_page, write_comparison
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.page_parts.charts.chart import Chart
+from tripod_doe.page_parts.charts.orders import agreement, differences
+from tripod_doe.page_parts.responses import ORDINALS, listed, spoken, unit_text
+from tripod_doe.page_parts.templates import render
 from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
-from tripod_doe.report.charts.chart import Chart
-from tripod_doe.report.charts.orders import agreement, differences
-from tripod_doe.report.responses import ORDINALS, listed, spoken, unit_text
-from tripod_doe.report.templates import render
 
 _SHOWN = (3, 2)
 """Orders in texts and on the page; the CSV file has all."""

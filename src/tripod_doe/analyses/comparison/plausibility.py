@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.analyses.records.measurement import Measurement
-from tripod_doe.analyses.records.spectrum import FEWEST_CYCLES, cycle_amplitudes
 from tripod_doe.array_types import ComplexArray
 from tripod_doe.errors import option
+from tripod_doe.measurements.measurement import Measurement
+from tripod_doe.measurements.spectrum import FEWEST_CYCLES, cycle_amplitudes
 from tripod_doe.quantities import number
 
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tripod_doe.page_parts.responses import ORDINALS
 from tripod_doe.quantities import interval, level, number
-from tripod_doe.report.responses import ORDINALS
 
 ORDER_HEADS = (
     "order",

@@ -27,7 +27,7 @@ from tripod_doe.analyses.contribution.shapley_values import shapley_bounds, shap
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.memory import refuse_too_much_memory
 
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}

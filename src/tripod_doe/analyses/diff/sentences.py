@@ -13,8 +13,8 @@ from typing import Any
 from tripod_doe.analyses.diff.definitions import KeyDifference
 from tripod_doe.analyses.diff.diff import Diff, ResultDifference
 from tripod_doe.errors import printable
+from tripod_doe.page_parts.responses import unit_text
 from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, with_unit
-from tripod_doe.report.responses import unit_text
 
 _MOST = 12  # lines of one kind in a text
 _LONGEST = 60  # characters of a value in a text

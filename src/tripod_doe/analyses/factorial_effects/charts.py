@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.factorial_effects.sentences import effect_parts, term_text
-from tripod_doe.report.charts.chart import COLOURS, INK, MUTED, Chart, drawing
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing
 
 _MOST_BARS = 12
 

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import xarray as xr
 
+from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
+from tripod_doe.page_parts.responses import listed, spoken
 from tripod_doe.quantities import count_of, interval, number, squared, with_unit
-from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
-from tripod_doe.report.responses import listed, spoken
 
 _MOST_NAMED = 4
 _SURE = 0.05  # largest probability by chance of an effect that a sentence names

@@ -7,8 +7,8 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.failing_region.failing_region import failing_region_of
-from tripod_doe.report.charts.chart import COLOURS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import asked, axis_label, finished, point_columns, waiting
+from tripod_doe.page_parts.charts.chart import COLOURS, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.responses import asked, axis_label, finished, point_columns, waiting
 
 
 def failing_region_chart(cube: xr.Dataset) -> Chart | None:

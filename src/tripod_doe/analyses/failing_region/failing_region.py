@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import is_numeric
+from tripod_doe.page_parts.responses import asked, finished, point_columns, varies, waiting
 from tripod_doe.quantities import number
-from tripod_doe.report.responses import asked, finished, point_columns, varies, waiting
 
 _DEPTH = 2  # conditions of a region: more are hard to picture
 _FEWEST = 5  # failed points that can show a region

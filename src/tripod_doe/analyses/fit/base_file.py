@@ -11,8 +11,8 @@ import xarray as xr
 
 from tripod_doe.analyses.fit.identifiability import FOUND
 from tripod_doe.errors import printable
+from tripod_doe.model_interface import Value
 from tripod_doe.quantities import number
-from tripod_doe.simulator import Value
 
 _DEVIATIONS = 1.96  # of half a 95 % interval of a normal distribution
 _SAMPLES = 256

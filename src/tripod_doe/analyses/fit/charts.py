@@ -9,9 +9,9 @@ import xarray as xr
 from tripod_doe.analyses.fit.sentences import candidate_text
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.report.charts.chart import COLOURS, INK, Chart, drawing
-from tripod_doe.report.charts.orders import agreement, differences
-from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, Chart, drawing
+from tripod_doe.page_parts.charts.orders import agreement, differences
+from tripod_doe.page_parts.responses import spoken, unit_text
 
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _MOST_CANDIDATES = 20

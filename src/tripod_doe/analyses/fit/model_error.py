@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.simulator import Accuracy, Quantity, Simulator
+from tripod_doe.model_interface import Accuracy, Quantity, Simulator
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record

@@ -15,7 +15,7 @@ from tripod_doe.analyses.fit.fit import Solution
 from tripod_doe.analyses.fit.identifiability import covariance_of
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.simulator import Value
+from tripod_doe.model_interface import Value
 
 _MOST_RECORDS = 1000  # beyond which records of one point are said not to reach an aim
 

@@ -13,13 +13,13 @@ from scipy.stats import chi2
 from tripod_doe.analyses.comparison.model_point import complex_orders
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
-from tripod_doe.analyses.records.measurement import Measurement, read_measurement
-from tripod_doe.analyses.records.order_tracking import track_orders
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.measurements.measurement import Measurement, read_measurement
+from tripod_doe.measurements.order_tracking import track_orders
+from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.quantities import number
-from tripod_doe.simulator import Parameter, Value
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 _ANGLE, _TORQUE, _SPEED = "joint_angle_deg", "torque_n_m", "speed_rpm"

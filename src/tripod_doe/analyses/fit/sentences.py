@@ -11,8 +11,8 @@ import xarray as xr
 
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import count_of, interval, level, number, with_unit
-from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
 UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")
 """Heads of the table of unknowns."""

@@ -11,8 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.quantities import level, levels_apart, number, with_unit
-from tripod_doe.report.charts.chart import (
+from tripod_doe.page_parts.charts.chart import (
     COLOURS,
     LINES,
     MARKERS,
@@ -23,7 +22,7 @@ from tripod_doe.report.charts.chart import (
     factor_ticks,
     legend_above,
 )
-from tripod_doe.report.responses import (
+from tripod_doe.page_parts.responses import (
     Effect,
     Response,
     axis_label,
@@ -36,6 +35,7 @@ from tripod_doe.report.responses import (
     responses,
     zero_between,
 )
+from tripod_doe.quantities import level, levels_apart, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

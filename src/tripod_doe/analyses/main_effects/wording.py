@@ -13,8 +13,8 @@ from tripod_doe.analyses.main_effects.curve_shape import Shape, extreme_levels, 
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.array_types import FloatArray
+from tripod_doe.page_parts.responses import Response, factor_label, factor_text, factor_unit, listed
 from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, with_unit
-from tripod_doe.report.responses import Response, factor_label, factor_text, factor_unit, listed
 
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
 _INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero

@@ -25,8 +25,8 @@ from tripod_doe.analyses.model_choice.pilot_errors import PilotErrors, pilot_err
 from tripod_doe.analyses.model_choice.recorded import CONFIRMING, RecordedChoice
 from tripod_doe.analyses.model_choice.selection import choose
 from tripod_doe.array_types import IntArray
-from tripod_doe.simulator import Candidate
-from tripod_doe.study.definition.accuracy import AutoModel
+from tripod_doe.model_interface import Candidate
+from tripod_doe.study.definition.accuracy_table import AutoModel
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.results.result_cube import open_cube

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Candidate, Outcome, Quantity
-from tripod_doe.study.definition.accuracy import AutoModel
+from tripod_doe.model_interface import Candidate, Outcome, Quantity
+from tripod_doe.study.definition.accuracy_table import AutoModel
 
 AS_GOOD = 1.1
 """Ratio to the reference's error up to which a candidate is accepted where neither meets the accuracy."""

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.model_choice.pilot_errors import HOPELESS, PilotErrors
 from tripod_doe.analyses.model_choice.selection import labelled
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.simulator import Candidate
+from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.results.stored_choice import auto_model_of

@@ -42,8 +42,8 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.model_choice.pilot_errors import AS_GOOD, HOPELESS, PilotErrors, pilot_errors
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Candidate
-from tripod_doe.study.definition.accuracy import AUTO, AutoModel
+from tripod_doe.model_interface import Candidate
+from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel
 from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points

@@ -16,8 +16,8 @@ from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_poin
 from tripod_doe.analyses.model_choice.recorded import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
 from tripod_doe.errors import InputError
+from tripod_doe.model_interface import Candidate
 from tripod_doe.quantities import duration, number
-from tripod_doe.simulator import Candidate
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points

@@ -24,7 +24,7 @@ from tripod_doe.analyses.outputs import (
 from tripod_doe.analyses.settings import SHARES, PointSettings, Probabilities
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.slab_reading import any_finite
 from tripod_doe.study.definition.study_file import parse_file
 

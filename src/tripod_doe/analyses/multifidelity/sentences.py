@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.sensitivity.sentences import sobol_sentence
+from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs, quantile_text
+from tripod_doe.page_parts.responses import listed
 from tripod_doe.quantities import count_of, duration, interval, number, squared, with_unit
-from tripod_doe.report.main_outputs import OutputPart, main_outputs, quantile_text
-from tripod_doe.report.responses import listed
 
 
 def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:

@@ -22,7 +22,7 @@ from tripod_doe.analyses.outputs import OutputTable, read_outputs
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Simulator
+from tripod_doe.model_interface import Simulator
 from tripod_doe.study.designs import most_samples, pilot_samples
 
 _LEAST_UNEXPLAINED = 1e-3

@@ -10,8 +10,8 @@ import xarray as xr
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import pasted
 from tripod_doe.errors import InputError
+from tripod_doe.page_parts.responses import unit_text
 from tripod_doe.quantities import number
-from tripod_doe.report.responses import unit_text
 from tripod_doe.study.definition.study_file import parse_toml
 
 FINDINGS = "findings"

@@ -13,9 +13,9 @@ from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.analyses.optimisation.sentences import dominated_count
 from tripod_doe.array_types import FloatArray
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.responses import listed, unit_text
 from tripod_doe.quantities import count_of, number
-from tripod_doe.report.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import listed, unit_text
 
 _MOST_DRAWN = 1500  # dominated candidates of a figure
 _MOST_LINES = 60  # candidates over parallel axes

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, ObjectiveTable
 from tripod_doe.array_types import FloatArray
+from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import number
-from tripod_doe.simulator import Outcome
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from tripod_doe.analyses.optimisation.scatter import Scatter, make_scatter
 from tripod_doe.analyses.optimisation.variables import Variables, make_variables
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Simulator, Value, check_parameters
+from tripod_doe.model_interface import Simulator, Value, check_parameters
 from tripod_doe.study.cube.responses import response_values
 from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.definition.scenes import load_simulator

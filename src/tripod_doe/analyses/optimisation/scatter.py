@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationRequest
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Parameter, Value
+from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.definition.distributions import quantile, scatter_density
 from tripod_doe.study.definition.factors import Factor, checked_factor
 from tripod_doe.study.definition.study_file import FactorTable

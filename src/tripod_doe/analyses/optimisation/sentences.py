@@ -12,9 +12,9 @@ from tripod_doe.analyses.optimisation.front import binding, front_rows, knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values, best_so_far
 from tripod_doe.array_types import FloatArray
+from tripod_doe.page_parts.responses import listed, spoken, unit_text
 from tripod_doe.quantities import count_of, digits_apart, interval, level, number, with_unit
-from tripod_doe.report.responses import listed, spoken, unit_text
-from tripod_doe.study.failures import Failure
+from tripod_doe.study.failure_summary import Failure
 
 _MOST_ROWS = 40
 _LAST = 0.01  # part of the objective that counts as the last per cent

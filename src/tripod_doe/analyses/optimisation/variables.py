@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationRequest, VariableTable
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Parameter, Simulator, Value
+from tripod_doe.model_interface import Parameter, Simulator, Value
 from tripod_doe.study.definition.responses import POINT, Arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.named_arrays import NamedArray

@@ -9,8 +9,8 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
-from tripod_doe.report.charts.chart import COLOURS, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import spoken
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.responses import spoken
 
 _SEEN, _UNSEEN = "#b9d0e8", "#e3e6ea"  # cells of interactions above and within their intervals
 

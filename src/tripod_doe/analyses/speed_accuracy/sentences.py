@@ -10,8 +10,8 @@ import xarray as xr
 
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import Known
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import level, number
-from tripod_doe.simulator import Outcome
 
 _HOW = {
     Known.INTERPOLATED: "interpolated",

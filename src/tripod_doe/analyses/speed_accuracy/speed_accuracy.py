@@ -24,7 +24,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.speed_accuracy.timed_runs import BY_ACCURACY, QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 class Known(IntEnum):

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
+from tripod_doe.model_interface import Outcome, Simulator
 from tripod_doe.quantities import level
-from tripod_doe.simulator import Outcome, Simulator
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import parse_file
 

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
+from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.responses import spoken, unit_text
 from tripod_doe.quantities import count_of, duration, level, number, with_unit
-from tripod_doe.report.responses import spoken, unit_text
-from tripod_doe.simulator import Outcome
 
 _HEADS = [
     "Varied",

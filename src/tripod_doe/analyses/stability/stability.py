@@ -31,7 +31,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import parse_file
 

@@ -12,7 +12,7 @@ import xarray as xr
 from tripod_doe.analyses.encoding import Column, Input, encoded, inputs_of, is_numeric
 from tripod_doe.analyses.surrogate.learner import Known, polynomial_error
 from tripod_doe.array_types import FloatArray
-from tripod_doe.simulator import MIRRORED_BY, ZERO_AT
+from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 
 _NEAR = 0.1  # part of its range within which a factor comes near zero
 _ALWAYS, _SOON = 1e9, 0.02  # parts of its largest size up to which an output is in proportion to a factor

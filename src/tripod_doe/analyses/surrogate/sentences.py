@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.page_parts.main_outputs import main_outputs
 from tripod_doe.quantities import number, with_unit
-from tripod_doe.report.main_outputs import main_outputs
 
 _NEARLY_ALL = 99.9  # percent
 

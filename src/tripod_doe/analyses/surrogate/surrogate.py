@@ -17,7 +17,7 @@ from tripod_doe.analyses.surrogate.known import Foreknown, foreknown
 from tripod_doe.analyses.surrogate.learner import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import MIRRORED_BY, ZERO_AT
+from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 from tripod_doe.study.cube.lazy_dataset import flat_points
 
 SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-composite", "box-behnken", "table")

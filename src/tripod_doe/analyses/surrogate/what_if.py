@@ -20,7 +20,7 @@ from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
 from tripod_doe.analyses.surrogate.known import foreknown, grown
 from tripod_doe.analyses.surrogate.learner import LEAST_SCALE, Surrogates, learn
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.simulator import MIRRORED_BY, ZERO_AT
+from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 
 ATTRIBUTE = "what_if"
 """Attribute of a result that holds all that is no array."""

@@ -20,8 +20,8 @@ from tripod_doe.analyses.outputs import wrapped_phases
 from tripod_doe.analyses.surrogate.learner import LEAST_SCALE
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import interval
-from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
 _COVERED = 0.95  # part of the unseen points that a band holds
 _MOST = 6  # orders or outputs that one looks at together

@@ -7,9 +7,9 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.tolerance.sentences import tolerance_parts
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.responses import spoken
 from tripod_doe.quantities import number
-from tripod_doe.report.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import spoken
 
 
 def tolerance_charts(result: xr.Dataset, name: str) -> list[Chart]:

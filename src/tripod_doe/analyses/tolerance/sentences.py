@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
+from tripod_doe.page_parts.responses import listed, spoken, unit_text
 from tripod_doe.quantities import interval, number, with_unit
-from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs, quantile_text
-from tripod_doe.report.responses import listed, spoken, unit_text
 
 _MOST_NAMED = 3
 _AMPLITUDE = "thrust_amplitude"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from tripod_doe.joint.force_balance.point_constants import flank
 from tripod_doe.joint.force_balance.roller_forces import AddedMotion, groove_forces, leaning_contact
-from tripod_doe.mechanics.arithmetic.lanes import load
+from tripod_doe.mechanics.arithmetic.simd_lanes import load
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
 

@@ -28,7 +28,7 @@ from tripod_doe.joint.force_balance.point_constants import TRANSITIONS, mean_loa
 from tripod_doe.joint.force_balance.roller_forces import groove_forces, leaning_contact, spider_wrench
 from tripod_doe.joint.force_balance.samples import Memory, force_scale, motion_at, remember, repeat_first, skew_of
 from tripod_doe.mechanics.arithmetic.dual_numbers import variable
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, clear, pick
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, clear, pick
 from tripod_doe.mechanics.compilation.kernels import inner_kernel, kernel, kernel_part
 
 _HASTY, _PATIENT, _IN_ALL = 12, 30, 500

@@ -50,8 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.force_balance.account import Solution, account
-from tripod_doe.joint.force_balance.contact_readings import ContactReader
+from tripod_doe.joint.force_balance.contact_results import ContactReader
 from tripod_doe.joint.force_balance.coupled_newton import loads_at_rest, settle_together
 from tripod_doe.joint.force_balance.equilibrium_relaxation import settle_still
 from tripod_doe.joint.force_balance.free_rollers import settle_free
@@ -60,10 +59,11 @@ from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import TILT, YAW, PointConstants
 from tripod_doe.joint.force_balance.revolutions import Revolutions
 from tripod_doe.joint.force_balance.samples import Memory, repeat_first, start
+from tripod_doe.joint.force_balance.thrust_and_power import Solution, account
 from tripod_doe.joint.geometry import contact_stiffness
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
 from tripod_doe.joint.values import JointValues
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.compilation.kernels import kernel
 

@@ -19,7 +19,7 @@ from tripod_doe.joint.force_balance.samples import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.mechanics.arithmetic.lanes import load, spread, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import load, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 
 _SWEEPS = 30

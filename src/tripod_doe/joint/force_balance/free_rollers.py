@@ -21,7 +21,7 @@ from tripod_doe.joint.force_balance.samples import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.mechanics.arithmetic.lanes import load, select, spread, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import load, select, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 

@@ -19,7 +19,7 @@ from tripod_doe.joint.force_balance.samples import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, select, spread, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load, select, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 
 _SWEEPS, _NEAR = 40, 0.03

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inner_kernel
 

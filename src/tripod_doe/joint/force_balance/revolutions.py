@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.force_balance.account import Solution, account
 from tripod_doe.joint.force_balance.kinetostatic_relaxation import settle_moving
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import PointConstants
 from tripod_doe.joint.force_balance.samples import Memory
+from tripod_doe.joint.force_balance.thrust_and_power import Solution, account
 
 _DIFFERS = 1e2
 """Tolerance of a balance that is solved for a small difference, over its own."""

@@ -18,7 +18,7 @@ from tripod_doe.joint.force_balance.periodic_system import LinearLap
 from tripod_doe.joint.force_balance.point_constants import PointConstants, mean_load, point_constants_of
 from tripod_doe.joint.force_balance.roller_forces import Skew, spider_wrench
 from tripod_doe.joint.geometry.kinematics import ideal_motion
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, pick, select, spread, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load, pick, select, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 

@@ -27,9 +27,9 @@ from tripod_doe.joint.geometry.contact_pressure import needle_pressure
 from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues
-from tripod_doe.mechanics.contact_damping import BOTH
+from tripod_doe.mechanics.contact_damping_parameters import BOTH
+from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import rounded_up
-from tripod_doe.simulator import Outcome
 
 _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""

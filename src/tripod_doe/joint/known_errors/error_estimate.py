@@ -30,8 +30,8 @@ from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS, has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.model_interface import Accuracy, Quantity
 from tripod_doe.quantities import number
-from tripod_doe.simulator import Accuracy, Quantity
 
 RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""

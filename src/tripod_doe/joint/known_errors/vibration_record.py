@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
-from tripod_doe.simulator import NOTABLE_ERROR
+from tripod_doe.model_interface import NOTABLE_ERROR
 
 VIBRATING = Path(__file__).with_name("vibrating_joints.csv")
 """File of the recorded joints."""

@@ -12,14 +12,14 @@ import math
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import SMALLEST_THIRD
-from tripod_doe.joint.multibody.readings import groove_thrust
+from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
+from tripod_doe.joint.order_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.run import Run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 ERROR_LIMIT = 0.05
 """Share of the third order above which a numerical error makes a run with a given tolerance or step inaccurate."""

@@ -10,15 +10,15 @@ import numpy as np
 
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.multibody.numerical_error import LEAD
-from tripod_doe.joint.multibody.readings import groove_thrust, has_needle_bodies
 from tripod_doe.joint.multibody.run_result import StoppedError
+from tripod_doe.joint.multibody.thrust_and_power import groove_thrust, has_needle_bodies
 from tripod_doe.joint.orders import ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 _BEGUN_ANEW = 3
 """Most restarts of the first pass, each with half the steps, where it stops on its way."""

@@ -14,8 +14,8 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import resample
 
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.joint.multibody.readings import groove_readings, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.run_result import StoppedError, Wanted
+from tripod_doe.joint.multibody.thrust_and_power import groove_readings, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.values import JointValues
@@ -23,7 +23,7 @@ from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 _RATE = 2e4
 """Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.checks.rates import Rates
 from tripod_doe.mechanics.run import Run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 
 class StoppedError(Exception):

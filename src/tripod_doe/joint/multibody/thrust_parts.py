@@ -41,10 +41,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.multibody.readings import ring, turned
+from tripod_doe.joint.multibody.thrust_and_power import ring, turned
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.values import JointValues
-from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.bearing import bearing_forces

@@ -13,7 +13,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.outputs import VIBRATION_VERDICT
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.onset import growing_vibration
-from tripod_doe.simulator import BlockResult, Outcome
+from tripod_doe.model_interface import BlockResult, Outcome
 
 
 def rows_to_judge(points: JointValues[FloatArray], block: BlockResult) -> IntArray:

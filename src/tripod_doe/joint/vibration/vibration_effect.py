@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import room_for_needles
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import JointRun, StoppedError, VibrationReadings, Wanted
+from tripod_doe.joint.order_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.onset import Vibration, damping_against
@@ -28,7 +28,7 @@ from tripod_doe.joint.vibration.vibrating_run import FollowedVibration, follow_v
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.run import Limits, Run, run
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 _BUILT_UP = 1.5
 """Factor of the thrust's unrest above which growing departures count as a vibration."""

@@ -15,7 +15,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, register_model
 
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, Lanes, LanesModel, Mask, call, define, spread_lanes
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, Lanes, LanesModel, Mask, call, define, spread_lanes
 
 DIRECTIONS = WIDTH - 1
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tripod_doe.simulator import Output
+from tripod_doe.model_interface import Output
 
 RATE_OUTPUTS = tuple(
     Output(name, "s-1", symbol, meaning, optional=True, on_request=True)

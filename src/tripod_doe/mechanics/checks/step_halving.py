@@ -18,7 +18,7 @@ from tripod_doe.mechanics.checks.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.monitor import Settings, begin_watch
 from tripod_doe.mechanics.tables import EVALUATIONS, Work
-from tripod_doe.simulator import Outcome
+from tripod_doe.model_interface import Outcome
 
 _TENTH = 0.1
 

@@ -24,7 +24,7 @@ from typing import IO, Any
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import StorageError
 from tripod_doe.mechanics.compilation.sources import cache_root, source_hashes
-from tripod_doe.simulator import not_counted
+from tripod_doe.model_interface import not_counted
 
 _one_thread = threading.RLock()
 _compiling = False

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import load, pick, row, store
 from tripod_doe.mechanics.arithmetic.rotations import add, cross
+from tripod_doe.mechanics.arithmetic.simd_lanes import load, pick, row, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 
 

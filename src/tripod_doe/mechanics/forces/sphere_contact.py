@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, everywhere, pick, row, row_of_sums, select, store
 from tripod_doe.mechanics.arithmetic.rotations import add, cross, load_vector, scale, subtract
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, everywhere, pick, row, row_of_sums, select, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.forces.body_pairs import add_pair
 from tripod_doe.mechanics.forces.sphere_contact_derivatives import add_derivatives

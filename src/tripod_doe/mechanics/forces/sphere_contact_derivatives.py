@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import load, row_of_sums, store
 from tripod_doe.mechanics.arithmetic.rotations import add, cross, scale, subtract
+from tripod_doe.mechanics.arithmetic.simd_lanes import load, row_of_sums, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel
 from tripod_doe.mechanics.forces.sphere_contact_geometry import six, wrench_of
 from tripod_doe.mechanics.laws.friction import tangent_slope

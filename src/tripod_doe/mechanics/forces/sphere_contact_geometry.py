@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from tripod_doe.mechanics.arithmetic.lanes import WIDTH, ramp, select
 from tripod_doe.mechanics.arithmetic.rotations import (
     add,
     cross,
@@ -25,6 +24,7 @@ from tripod_doe.mechanics.arithmetic.rotations import (
     scale,
     subtract,
 )
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, ramp, select
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel
 
 

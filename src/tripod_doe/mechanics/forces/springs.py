@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.arithmetic.rotations import (
     add,
     cross,
@@ -15,6 +14,7 @@ from tripod_doe.mechanics.arithmetic.rotations import (
     scale,
     subtract,
 )
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.forces.body_pairs import add_pair
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.inertia import add_momenta
 from tripod_doe.mechanics.integrators.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept

@@ -8,8 +8,8 @@ body that rattles would end a run that hardly feels it.
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.arithmetic.rotations import load_attitude, rotation_vector
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
 from tripod_doe.mechanics.forces.inertia import add_momenta
 from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, accept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.inertia import add_momenta
 from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, accept

@@ -7,8 +7,8 @@ what the secant costs.
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.arithmetic.rotations import move
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.constraints import evaluate_constraints
 from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, accept

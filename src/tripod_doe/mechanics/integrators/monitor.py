@@ -6,14 +6,14 @@ import math
 from typing import NamedTuple
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.mechanics.arithmetic.lanes import load, select, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import load, select, store
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.constraints import evaluate_constraints
 from tripod_doe.mechanics.solve.equations_of_motion import accelerate, generalized_forces, larger
 from tripod_doe.mechanics.tables import EVALUATIONS, STEPS, TRACED, Tables, Work
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
-"""How a stretch of a run ended; the integers are those of `tripod_doe.simulator.Outcome`."""
+"""How a stretch of a run ended; the integers are those of `tripod_doe.model_interface.Outcome`."""
 
 TRACE_FULL = -1
 """A stretch has paused for its trace to be emptied, and goes on when it is called again."""

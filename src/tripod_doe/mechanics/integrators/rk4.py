@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.arithmetic.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.integrators.monitor import FINISHED, accept
 from tripod_doe.mechanics.solve.equations_of_motion import copy_vectors, evaluate, settle

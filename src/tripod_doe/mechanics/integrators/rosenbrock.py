@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from tripod_doe.mechanics.arithmetic.lanes import clear, load, store
 from tripod_doe.mechanics.arithmetic.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear, load, store
 from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
 from tripod_doe.mechanics.forces.inertia import add_mass_product
 from tripod_doe.mechanics.integrators.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept

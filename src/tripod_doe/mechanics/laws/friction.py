@@ -6,7 +6,7 @@ rad; any consistent system works.
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.lanes import select
+from tripod_doe.mechanics.arithmetic.simd_lanes import select
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel
 
 

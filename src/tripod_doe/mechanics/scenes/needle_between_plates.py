@@ -25,7 +25,7 @@ from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.scene_simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, scene_parameters
-from tripod_doe.simulator import Methods, Output, by_name
+from tripod_doe.model_interface import Methods, Output, by_name
 
 _PLATE_MASS = 1e-4
 """Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""

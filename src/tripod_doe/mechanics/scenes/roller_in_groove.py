@@ -20,7 +20,7 @@ from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator, scene_parameters
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
-from tripod_doe.simulator import Methods, Output, by_name
+from tripod_doe.model_interface import Methods, Output, by_name
 
 _MASS, _INERTIA = 7e-5, 1e-2
 """Mass (0.07 kg) and moment of inertia of the roller, assumed: they matter only while the load settles."""

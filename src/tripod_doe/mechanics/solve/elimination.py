@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.mechanics.arithmetic.lanes import everywhere, load, pick, replace, row_of_sums, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import everywhere, load, pick, replace, row_of_sums, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.tables import Pattern
 

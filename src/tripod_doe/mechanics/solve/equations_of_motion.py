@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.arithmetic.rotations import load_attitude, load_vector, move, rotate
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.forces.bearing import bearing_forces
 from tripod_doe.mechanics.forces.bearing_derivatives import bearing_matrices

@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.arithmetic.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.arithmetic.simd_lanes import clear
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.forces.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.forces.inertia import (

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.report.responses import factor_names
+from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.responses import factor_names
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
 
 _MANY_LEVELS = 8  # of both factors, from which a map says more than lines

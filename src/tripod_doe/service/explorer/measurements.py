@@ -17,10 +17,10 @@ from tripod_doe.analyses.comparison.model_point import model_point
 from tripod_doe.analyses.comparison.overview import RecordRow, with_stated_values
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
 from tripod_doe.analyses.diff.shared_points import factors_of
-from tripod_doe.analyses.records.headings import OPERATING, ROLES, roles_of
-from tripod_doe.analyses.records.measurement import read_measurement
-from tripod_doe.analyses.records.record_file import read_table_of
 from tripod_doe.errors import InputError
+from tripod_doe.measurements.headings import OPERATING, ROLES, roles_of
+from tripod_doe.measurements.measurement import read_measurement
+from tripod_doe.measurements.record_file import read_table_of
 from tripod_doe.quantities import interval, number
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars

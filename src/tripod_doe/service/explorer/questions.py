@@ -13,11 +13,12 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.model_interface import Outcome
 from tripod_doe.motion.page import motion_page, viewed_point
 from tripod_doe.names import path_within
-from tripod_doe.pages.joint import drawing_of
+from tripod_doe.page_parts.responses import factor_names, unit_text
 from tripod_doe.quantities import duration, number, with_unit
-from tripod_doe.report.responses import factor_names, unit_text
+from tripod_doe.reports.joint import drawing_of
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
 from tripod_doe.service.explorer.controls import controls, view_title
 from tripod_doe.service.explorer.exports import (
@@ -33,7 +34,6 @@ from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells
 from tripod_doe.service.explorer.view import View
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records

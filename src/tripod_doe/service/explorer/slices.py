@@ -13,15 +13,15 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from tripod_doe.errors import InputError
+from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.responses import listed
 from tripod_doe.quantities import count_of
-from tripod_doe.report.responses import listed
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
 from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, plain, shown
 from tripod_doe.service.explorer.figures.heat_map import heat_map
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
 from tripod_doe.service.explorer.view import OF_POINTS, View
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.query.query import narrowed, query
 
 

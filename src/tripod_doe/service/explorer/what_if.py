@@ -10,11 +10,11 @@ import tomlkit
 import xarray as xr
 
 from tripod_doe.errors import InputError
+from tripod_doe.model_interface import Outcome
 from tripod_doe.service.explorer.exports import point_values, study_of
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import point_of
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder

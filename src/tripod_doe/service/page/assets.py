@@ -15,7 +15,10 @@ from tripod_doe.service.problems import RefusedError
 router = APIRouter(include_in_schema=False)
 
 _TYPES = {"js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8", "svg": "image/svg+xml"}
-_ELSEWHERE = {"plotly.js": ("plotly", "package_data/plotly.min.js"), "report.css": ("tripod_doe.report", "page.css")}
+_ELSEWHERE = {
+    "plotly.js": ("plotly", "package_data/plotly.min.js"),
+    "report.css": ("tripod_doe.page_parts", "page.css"),
+}
 _KEPT = "private, max-age=31536000, immutable"
 _BRIEFLY = "private, max-age=60"
 

@@ -11,8 +11,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
+from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import duration, in_words, level, number, size
-from tripod_doe.report.template_cache import compiled_templates
 from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs.table import Run
 from tripod_doe.service.settings import Settings

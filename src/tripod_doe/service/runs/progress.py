@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import CubeError
+from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
 from tripod_doe.service.runs.table import PointCounts, Run
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.journal import Journal, Mark, journal_path
 from tripod_doe.workflow.steps_file import STEPS
 

@@ -93,7 +93,7 @@ def derive(body: bytes, folder: str, path: str, limits: Limits) -> Any:
 
 def note_derived(body: bytes, path: str, limits: Limits) -> None:
     """Remember variables by formula, which `derive` has checked, with the results in a directory."""
-    from tripod_doe.study.results.directory import ResultDirectory
+    from tripod_doe.study.results.result_directory import ResultDirectory
 
     with ResultDirectory(path) as directory:
         directory.note_derived(read_form(body, Derivation, limits.nesting).responses)
@@ -202,7 +202,7 @@ def query(
     decimal_comma: bool = False,
 ) -> bytes:
     """Cells of a cube as ``query`` gives them: JSON or CSV text, a netCDF file or a workbook."""
-    from tripod_doe.pages.tables import answer_workbook
+    from tripod_doe.reports.tables import answer_workbook
     from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count, narrowed, records, records_text
     from tripod_doe.study.query.query import query as cells_of
@@ -234,8 +234,8 @@ def query(
 
 def handed_on(path: str, form: str) -> bytes:
     """A result directory on one page (pdf, html), or its tables as a workbook (xlsx)."""
-    from tripod_doe.pages.one_page import one_page
-    from tripod_doe.pages.tables import tables_of
+    from tripod_doe.reports.one_page import one_page
+    from tripod_doe.reports.tables import tables_of
 
     if form == "xlsx":
         return tables_of(Path(path))
@@ -390,7 +390,7 @@ def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
     from tripod_doe.study.definition.study import parse_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.plan import plan as plan_study
-    from tripod_doe.study.results.directory import ResultDirectory
+    from tripod_doe.study.results.result_directory import ResultDirectory
     from tripod_doe.study.study_points import StudyPoints
 
     study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, StudyFolder(folder, trusted=False))

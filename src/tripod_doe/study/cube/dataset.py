@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import CubeError
-from tripod_doe.simulator import (
+from tripod_doe.model_interface import (
     DETAIL_ATTRIBUTES,
     MIRRORED_BY,
     OUTCOME_ATTRIBUTES,

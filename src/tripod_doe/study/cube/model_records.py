@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.simulator import ModelErrors, ModelSummary, Trust
+from tripod_doe.model_interface import ModelErrors, ModelSummary, Trust
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 

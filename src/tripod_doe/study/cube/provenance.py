@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tripod_doe.simulator import Value
+from tripod_doe.model_interface import Value
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points

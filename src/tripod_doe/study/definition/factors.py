@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Parameter, Value
+from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.definition.study_file import FactorTable, Scalar
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.model_interface import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Value, Values
 from tripod_doe.names import check_cube_name
-from tripod_doe.simulator import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Value, Values
 
 _TAKEN_NAMES = frozenset(
     {"point", "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK}

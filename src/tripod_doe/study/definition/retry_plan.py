@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Outcome, Simulator, Value, check_parameters
+from tripod_doe.model_interface import Outcome, Simulator, Value, check_parameters
 
 SMALLER_STEP = "smaller-step"
 """The change that halves the step or tolerance, given or chosen by the run."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
-from tripod_doe.simulator import Simulator
+from tripod_doe.model_interface import Simulator
 from tripod_doe.study.definition.function import FunctionSimulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 

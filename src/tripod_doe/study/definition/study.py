@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, first_messages, near_match
-from tripod_doe.simulator import NUMERICS, Accuracy, Outcome, Parameter, Simulator, Value, check_parameters
-from tripod_doe.study.definition.accuracy import AUTO, AutoModel, check_accuracy, check_auto_model
+from tripod_doe.model_interface import NUMERICS, Accuracy, Outcome, Parameter, Simulator, Value, check_parameters
+from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel, check_accuracy, check_auto_model
 from tripod_doe.study.definition.factors import Factor, checked_factor
 from tripod_doe.study.definition.responses import Response, check_responses, stored_outputs
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan, check_retries

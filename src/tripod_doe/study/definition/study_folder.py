@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Self
 
 from tripod_doe.errors import ForbiddenError, TooLargeError
-from tripod_doe.simulator import Simulator
+from tripod_doe.model_interface import Simulator
 
 _SHOWN = 100  # characters of a name in a message
 _LISTED = 50  # files of a folder that a message names

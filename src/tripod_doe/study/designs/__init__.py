@@ -1,6 +1,6 @@
 """Designs: from the factors of a study to its points, one module a method; what runs the points is not here."""
 
-from tripod_doe.study.designs.families import FAMILIES, unit_sample
+from tripod_doe.study.designs.contract import Column, axis_levels, factor_groups
 from tripod_doe.study.designs.fast import CURVE_HARMONICS
 from tripod_doe.study.designs.multifidelity import (
     SAMPLE,
@@ -11,7 +11,7 @@ from tripod_doe.study.designs.multifidelity import (
     split_of,
 )
 from tripod_doe.study.designs.points import Points, make_points, point_bytes, point_count
-from tripod_doe.study.designs.request import Column, axis_levels, factor_groups
+from tripod_doe.study.designs.registry import FAMILIES, unit_sample
 from tripod_doe.study.designs.sampling import salib_problem
 
 __all__ = [

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.designs.request import Family, Made, Request, column_of
+from tripod_doe.study.designs.contract import Family, Made, Request, column_of
 
 HALF = 0.5
 """The switch of a friction that is halved."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.designs.families import FAMILIES, checked_request, count_part, make_part
+from tripod_doe.study.designs.contract import Column, crossed
 from tripod_doe.study.designs.grid import grid_levels
 from tripod_doe.study.designs.multifidelity import most_points
-from tripod_doe.study.designs.request import Column, crossed
+from tripod_doe.study.designs.registry import FAMILIES, checked_request, count_part, make_part
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.memory import refuse_too_many_points
 

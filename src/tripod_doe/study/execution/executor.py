@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.simulator import BlockResult
+from tripod_doe.model_interface import BlockResult
 from tripod_doe.study.execution.task import Task
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.simulator import WORK, BlockResult, Outcome, Retries, Simulator, Value, counted_time, is_set
+from tripod_doe.model_interface import WORK, BlockResult, Outcome, Retries, Simulator, Value, counted_time, is_set
 from tripod_doe.study.definition.retry_plan import Change, RetryPlan, changed_parameters, changed_values
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import Accuracy, BlockResult, Simulator, Value
+from tripod_doe.model_interface import Accuracy, BlockResult, Simulator, Value
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder

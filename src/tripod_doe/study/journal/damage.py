@@ -14,7 +14,6 @@ from typing import Any
 
 from tripod_doe.errors import CubeError, option
 from tripod_doe.quantities import count_of
-from tripod_doe.study.journal.pages import logged_rows, stored_rows
 from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
     NOTE_COLUMNS,
@@ -25,6 +24,7 @@ from tripod_doe.study.journal.rows import (
     NoteRow,
     write_journal,
 )
+from tripod_doe.study.journal.sqlite_pages import logged_rows, stored_rows
 
 SHOWN, KERNELS = "shown", "kernel_source_hash"
 """Notes: the state of the journal that the cube shows, and the kernels of new blocks."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.simulator import WORK, BlockResult, Retries, Values
+from tripod_doe.model_interface import WORK, BlockResult, Retries, Values
 
 _LENGTH = struct.Struct("<Q")  # bytes of the header, before it
 _ALIGNED = 8  # each array starts at a multiple of these bytes

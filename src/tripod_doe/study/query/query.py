@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match, option, printable
+from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import csv_cell
-from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.named_arrays import NamedArray

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.cube.lazy_dataset import read_dataset
-from tripod_doe.study.definition.accuracy import AutoModel
+from tripod_doe.study.definition.accuracy_table import AutoModel
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.fingerprints import point_keys

@@ -11,9 +11,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome
+from tripod_doe.page_parts.responses import spoken, unit_text
 from tripod_doe.quantities import level, with_unit
-from tripod_doe.report.responses import spoken, unit_text
-from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome
 
 Figure = dict[str, Any]
 """A figure as Plotly takes it: ``{"data": [...], "layout": {...}}``."""

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.model_interface import ZERO_AT
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
     WAITING_COLOUR,
@@ -24,7 +25,6 @@ from tripod_doe.service.explorer.figures.elements import (
     ramp,
     shown,
 )
-from tripod_doe.simulator import ZERO_AT
 
 _NAMED = 8  # lines that a legend can tell apart; more are shaded by their number
 _MARKED = 60  # points of a line above which it is drawn without markers

@@ -1,0 +1,183 @@
+"""Revolutions of the needles: so many after their start, or until they repeat.
+
+A shaft turns millions of times, and needles turn on for ten to a thousand revolutions until their skews stay. Most of
+them turn slowly, each by itself: a needle's place along its trunnion follows the roller within a revolution or two, and
+its skew by a little in each. So where needles shall repeat, their skews are extrapolated after every third revolution:
+with changes d_0 and d_1 of the last two and q = d_1 / d_0, a skew tends to be further by d_1 q / (1 - q) (Aitken, Proc.
+Roy. Soc. Edinburgh 46, 1926). One that still turns faster, q > 1, is leaving a place where it would only just stay, and
+moves on by some of its changes. What is left to every needle must be small before the last two revolutions follow.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.needle_dynamics.needle_constants import needle_constants_of
+from tripod_doe.joint.needle_dynamics.needle_contact import SKEW
+from tripod_doe.joint.needle_dynamics.needle_loads import load_needles
+from tripod_doe.joint.needle_dynamics.needle_motion import PLACED, record_needles, start_needles, step_on
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, pick
+from tripod_doe.mechanics.compilation.by_reference import ByReference
+from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
+
+_BETWEEN = 3
+"""Revolutions from one extrapolation to the next: places follow in the first, two show how skews change."""
+_MOST = 200
+"""Revolutions after which needles do not seem to repeat."""
+_SMALL, _SMALL_SHARE = 5e-5, 5e-3
+"""Change of skews that may be left: in rad, and over the skews."""
+_SHARE, _AHEAD = 0.5, 100.0
+"""Largest step of a skew: over the skew, and over its last change."""
+_UNKNOWN = 1e3
+"""What may be left to a skew over its last change, where this says no more."""
+_LEAVES, _NOISE = 0.01, 1e-10
+"""Skew in rad of a needle that is leaving an unstable place, and its least change that is no rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class NeedleForces(ByReference):
+    """What the needles of three trunnions do in the last revolutions; arrays of shape (revolution, 3, sample)."""
+
+    # forces, moments: of their sliding friction on the roller along and about its trunnion, over N, in 1 and mm
+    forces: FloatArray
+    moments: FloatArray
+    places: FloatArray  # where they are along the trunnion, mm
+    # mean skew of a trunnion's needles, weighted with their loads, rad, shape (revolution, 3)
+    skews: FloatArray
+    history: FloatArray  # how many revolutions were followed, and 1 if needles repeat, where that was asked; shape (2,)
+
+    @classmethod
+    def of_last(cls, revolutions: int, samples: int) -> NeedleForces:
+        """Memory for so many revolutions, at least two."""
+        shape = (revolutions, 3, samples)
+        return cls(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros((revolutions, 3)), np.zeros(2))
+
+
+@kernel_part
+def _clear(found, revolution):
+    """Forget what the needles did in a revolution."""
+    for k in range(3):
+        found.skews[revolution, k] = 0.0
+        for j in range(found.forces.shape[2]):
+            found.forces[revolution, k, j] = found.moments[revolution, k, j] = found.places[revolution, k, j] = 0.0
+
+
+@kernel_part
+def _remember(ring, needles):
+    """Note the skews at the end of a revolution."""
+    for k in range(3):
+        for b in range(needles.blocks):
+            for lane in range(WIDTH):
+                ring.past[k, b, 1, lane] = ring.past[k, b, 0, lane]
+                ring.past[k, b, 0, lane] = ring.state[k, b, SKEW, lane]
+
+
+@inlined_kernel
+def _left(last, before):
+    """What is left of the way of a skew, from its last two changes."""
+    if last * before <= 0.0:  # it goes to and fro, for half of what it does in two
+        return 0.5 * (last + before) if last * before < 0.0 else last
+    if abs(before) > (1.0 + 1.0 / _UNKNOWN) * abs(last):
+        return last * last / (before - last)
+    return math.copysign(max(_UNKNOWN * abs(last), _LEAVES if abs(last) > _NOISE else 0.0), last)
+
+
+@kernel_part
+def _left_over(ring, needles, k):
+    """What is left to the skews of trunnion k: mean of its sizes, weighted with the needles' loads, over the limit."""
+    over, carried, skewed = 0.0, 0.0, 0.0
+    for b in range(needles.blocks):
+        for lane in range(WIDTH):
+            now, weight = ring.state[k, b, SKEW, lane], needles.loads[k, b, 0, lane]
+            left = _left(now - ring.past[k, b, 0, lane], ring.past[k, b, 0, lane] - ring.past[k, b, 1, lane])
+            over, carried, skewed = over + weight * abs(left), carried + weight, skewed + weight * abs(now)
+    return over / (_SMALL * carried + _SMALL_SHARE * skewed)
+
+
+@kernel_part
+def _hasten(ring, needles, k):
+    """Move the skews of trunnion k on to where they tend to."""
+    for b in range(needles.blocks):
+        for lane in range(WIDTH):
+            now = ring.state[k, b, SKEW, lane]
+            last = now - ring.past[k, b, 0, lane]
+            left = _left(last, ring.past[k, b, 0, lane] - ring.past[k, b, 1, lane])
+            most = min(_SHARE * abs(now) + _SMALL, _AHEAD * abs(last))
+            ring.state[k, b, SKEW, lane] = now + min(max(left, -most), most)
+
+
+@kernel
+def follow_rollers(row, skew, tilt, at, needles, ring, found, skews, records):
+    """Move the needles of three trunnions along a revolution of their rollers, again and again.
+
+    Parameters
+    ----------
+    row
+        Of the table of `NeedleConstants`.
+    skew
+        Of all needles of each trunnion at the start, rad, shape (3,).
+    tilt
+        Of the rollers over the distance of their load from the middle of the needles, rad/mm.
+    at
+        `NeedleSteps` after `press_needles`.
+    needles, ring
+        `NeedleLoads` and `NeedleRing` for as many needles as carry.
+    found
+        `NeedleForces`, which receives what the needles do.
+    skews
+        Receives the skew of the needle that carries the most, over all revolutions, shape (3, cycles sample); where
+        needles shall repeat, the last two are those that do.
+    records
+        Receives a `RECORD` of every needle over the last two revolutions, shape (3, 2 x sample, needle), or is empty.
+    """
+    c, samples, slots = needle_constants_of(row), at.steps // at.parts, WIDTH * needles.blocks
+    load_needles(c, at, needles)
+    start_needles(c, skew, tilt, at, needles, ring)
+    duration, cycles, kept = 2.0 * math.pi / c.speed / at.steps, int(c.cycles), found.forces.shape[0]
+    for revolution in range(kept):
+        _clear(found, revolution)
+    waits, turned, cycle, since = c.settles > 0.0, 0, 0, 0
+    found.history[1] = 0.0
+    while cycle < cycles:
+        revolution = cycle - cycles + kept
+        if revolution >= 0:
+            _clear(found, revolution)
+        for step in range(at.steps):
+            i, n, sample = step // WIDTH, step % WIDTH, step // at.parts
+            for k in range(3):
+                sums = step_on(c, tilt, at, needles, ring, k, step, duration)
+                place = pick(sums, 0) / at.carried[k, i, n]
+                ring.roller[k, PLACED] = place
+                if step % at.parts > 0:
+                    continue
+                most = at.most[k, i, n] % slots
+                skews[k, cycle * samples + sample] = ring.state[k, most // WIDTH, SKEW, most % WIDTH]
+                if cycle >= cycles - 2 and not waits and records.size > 0:
+                    at_sample = (cycle - cycles + 2) * samples + sample
+                    record_needles(c, at, needles, ring.state[k], k, step, records[k, at_sample])
+                if revolution >= 0:
+                    over = 1.0 / at.bearing_loads[k, i, n]
+                    found.forces[revolution, k, sample] = over * pick(sums, 2)
+                    found.moments[revolution, k, sample] = over * pick(sums, 3)
+                    found.places[revolution, k, sample] = place
+                    found.skews[revolution, k] += pick(sums, 1) / at.carried[k, i, n] / samples
+        turned += 1
+        if waits and cycle == cycles - 2:
+            since += 1
+            if since == _BETWEEN:
+                since, over = 0, 0.0
+                for k in range(3):
+                    over = max(over, _left_over(ring, needles, k))
+                found.history[1] = 1.0 if over <= 1.0 else 0.0
+                waits = over > 1.0 and turned < _MOST
+                if waits:
+                    for k in range(3):
+                        _hasten(ring, needles, k)
+        else:
+            cycle += 1
+        _remember(ring, needles)
+    found.history[0] = turned

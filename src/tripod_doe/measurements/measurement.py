@@ -1,0 +1,228 @@
+"""A measured thrust force over the rotation angle: read from a file, with the angle from a tachometer where needed.
+
+Columns, recognised by their names in several languages (`headings`); others are ignored:
+
+- ``thrust_n``: thrust force on the housing in N, positive towards the intermediate shaft; empty or NaN at a dropout;
+- ``rotation_deg``: rotation angle of the housing in degrees, growing; a jump back by a whole turn is taken as one;
+- or ``time_s`` in seconds, growing, and ``tacho`` in any unit: pulses or a square wave, whose rising edges count.
+
+With ``rotation_deg`` a column ``time_s`` is optional: it gives the speeds. Joint angle, torque and speed of the record
+are taken from its notes, its columns or its name (`operating_point`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.errors import InputError, closest, option
+from tripod_doe.measurements.headings import OPERATING
+from tripod_doe.measurements.operating_point import from_columns, from_name, from_notes
+from tripod_doe.measurements.pulse_count import infer_pulses
+from tripod_doe.measurements.record_file import Record, read_record
+from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses
+from tripod_doe.quantities import number
+
+_MOST_LOST = 0.2  # of the samples; with more dropouts a record is refused
+_APART = 0.05  # relative: how far two statements of one value may be apart
+_ENDS = 0.15  # part of the range beside its ends, where the samples of a pulse train are
+_PULSED = 0.9  # part of the samples that are there
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A thrust signal over the rotation angle."""
+
+    rotation_deg: FloatArray  # rotation angle from an arbitrary zero, not falling, unwrapped; degrees, shape (sample,)
+    thrust_n: FloatArray  # thrust force in N, NaN at dropouts, shape (sample,)
+    time_s: FloatArray | None  # time of the samples in s, shape (sample,); None where it is not known
+    zero: str  # what the zero of the angle is, in words
+    lost_samples: int = 0  # rows without a value in any needed column
+    lost_pulses: int = 0  # missing pulses, inferred from their neighbours and counted
+    extra_pulses: int = 0  # edges that were no pulses: bounces and spikes
+    # name, digest: the file and its SHA-256 (16 hex digits), for the record
+    name: str = ""
+    digest: str = ""
+    # in words, which headings of the file were taken for which columns; empty where they are named as ours
+    columns: str = ""
+    # largest error of the angle that may be the same in all revolutions, deg
+    angle_error_deg: float = 0.0
+    # rising edges of the tachometer per revolution, given or assumed; None with an angle of its own
+    pulses_per_revolution: int | None = None
+    # joint angle, torque and speed as the record states them, by parameter
+    operating: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()  # sentences on what was assumed
+
+
+def read_measurement(
+    path: str | Path,
+    pulses_per_revolution: int | None = None,
+    columns: Mapping[str, str] | None = None,
+    pattern: str | None = None,
+    speed_rpm: float | None = None,
+    sign: float = 1.0,
+) -> Measurement:
+    """Read a measured thrust signal and put it over the rotation angle.
+
+    Args:
+        path: Table with headings, see `read_record`.
+        pulses_per_revolution: Rising edges of the tachometer per revolution of the housing; they are inferred if
+            omitted, and the remarks say so.
+        columns: Headings of the file by our names of the columns, where they are not known.
+        pattern: Name of the file with fields for parameters, see `operating_point.from_name`.
+        speed_rpm: Speed, where it is known from elsewhere; it tells the pulses per revolution.
+        sign: -1 where the force of the record is positive away from the intermediate shaft.
+
+    Returns:
+        Measurement
+
+    Raises:
+        InputError: If the file cannot be read, a column is missing or holds words, too many values are missing, time or
+            angle runs backwards, or the tachometer shows no regular pulses. The message says what to change.
+    """
+    path = Path(path)
+    stated = {} if pattern is None else from_name(path.name, pattern)
+    try:
+        record = read_record(path, columns)
+        operating = _operating(record, stated)
+        measured = _from_record(record, pulses_per_revolution, speed_rpm or operating.get("speed_rpm"))
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        return replace(
+            measured,
+            thrust_n=sign * measured.thrust_n,
+            columns=record.taken,
+            name=path.name,
+            digest=digest,
+            operating=operating,
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _operating(record: Record, stated: Mapping[str, float]) -> dict[str, float]:
+    """What a record states of its operating point: its name before its notes, notes before columns."""
+    notes = from_notes(record.notes)
+    for name in stated.keys() & notes.keys():
+        if abs(stated[name] - notes[name]) > _APART * abs(notes[name]):
+            raise InputError(
+                f"{name} is {number(stated[name])} by the name of the file and {number(notes[name])} by its first lines"
+            )
+    return {**from_columns(record.columns), **notes, **stated}
+
+
+def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) -> Measurement:
+    columns = _with_pulsed_speed(record.columns)
+    over_angle = "rotation_deg" in columns or not {"time_s", "tacho"} & columns.keys()
+    needed = ["thrust_n", "rotation_deg"] if over_angle else ["thrust_n", "time_s", "tacho"]
+    for name in needed:
+        if name not in columns:
+            raise InputError(
+                f"no column {name}{closest(name, record.headings)}; needed are thrust_n and rotation_deg, or thrust_n, "
+                f"time_s and tacho; the file has {', '.join(record.headings)}; {option('column', f'{name}=HEADING')} "
+                "names another one"
+            )
+    axes = [*needed[1:], *(["time_s"] if over_angle and "time_s" in columns else [])]
+    columns = {name: columns[name] for name in ["thrust_n", *axes]}
+    placed = np.logical_and.reduce([np.isfinite(columns[name]) for name in axes])
+    lost = int(np.sum(~(placed & np.isfinite(columns["thrust_n"]))))
+    if lost > _MOST_LOST * placed.size:
+        raise InputError(
+            f"{lost} of {placed.size} samples have no number in {', '.join(columns)}; at most {_MOST_LOST:.0%} may be "
+            "missing: cut the record to its good part"
+        )
+    kept = {name: values[placed] for name, values in columns.items()}
+    if "time_s" in kept:
+        _check_growing("time_s", kept["time_s"], np.flatnonzero(placed), strictly=True)
+    if not over_angle:
+        return rotation_from_tachometer(kept["time_s"], kept["tacho"], kept["thrust_n"], pulses, lost, speed_rpm)
+    rotation = _unwrapped(kept["rotation_deg"])
+    _check_growing("rotation_deg", rotation, np.flatnonzero(placed), strictly=False)
+    return Measurement(rotation, kept["thrust_n"], kept.get("time_s"), "the zero of rotation_deg", lost)
+
+
+def _with_pulsed_speed(columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+    """Columns of which one called speed is the tachometer, where there is no other and it holds pulses."""
+    if "speed_rpm" not in columns or {"tacho", "rotation_deg"} & columns.keys():
+        return columns
+    values = columns["speed_rpm"][np.isfinite(columns["speed_rpm"])]
+    if not values.size or not (span := float(np.ptp(values))):
+        return columns
+    place = (values - values.min()) / span
+    if ((place < _ENDS) | (place > 1 - _ENDS)).mean() < _PULSED or np.abs(np.diff(place) > 0.5).sum() < 2:
+        return columns
+    return {**columns, "tacho": columns["speed_rpm"]}
+
+
+def _unwrapped(degrees: FloatArray) -> FloatArray:
+    """An angle that starts again after each turn, made to run on; other steps backwards stay to be refused."""
+    turns = np.cumsum(np.diff(degrees, prepend=degrees[:1]) < -180)
+    return degrees + 360.0 * turns
+
+
+def _check_growing(name: str, values: FloatArray, rows: IntArray, strictly: bool) -> None:
+    step = np.diff(values)
+    wrong = np.flatnonzero(step <= 0 if strictly else step < 0)
+    if wrong.size == 0:
+        return
+    at = wrong[0]
+    hint = (
+        "sort the rows by time" if name == "time_s" else "change the sign of the column if the joint turned backwards"
+    )
+    raise InputError(
+        f"{name} must grow from row to row, but goes from {values[at]:g} to {values[at + 1]:g} at row "
+        f"{rows[at + 1] + 1} ({wrong.size} such rows); {hint}"
+    )
+
+
+def rotation_from_tachometer(
+    time_s: FloatArray,
+    tacho: FloatArray,
+    thrust_n: FloatArray,
+    pulses_per_revolution: int | None = None,
+    lost_samples: int = 0,
+    speed_rpm: float | None = None,
+) -> Measurement:
+    """The rotation angle of every sample between the first and the last rising edge of a tachometer.
+
+    The zero is at the first edge. An edge of a sampled square wave is known to half a sample. With N samples a
+    revolution that is an angle error of at most 180/N deg, and of at most k 180/N deg in the phase of order k.
+
+    Args:
+        time_s, tacho, thrust_n: Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
+        pulses_per_revolution: Rising edges per revolution; inferred if omitted.
+        lost_samples: Rows that were left out before, for the record.
+        speed_rpm: Speed, where it is known.
+
+    Raises:
+        InputError: If there are no pulses, too few, or irregular ones that cannot be mended.
+    """
+    if pulses_per_revolution is not None and pulses_per_revolution < 1:
+        raise InputError(f"{option('pulses_per_revolution', pulses_per_revolution)}: at least 1 is needed")
+    pulses = find_pulses(time_s, tacho)
+    between = (time_s >= pulses.times[0]) & (time_s <= pulses.times[-1])
+    time, thrust, said = time_s[between], thrust_n[between], ""
+    if pulses_per_revolution is None:
+        pulses_per_revolution, said = infer_pulses(pulses, time, thrust, speed_rpm)
+    rotation = angle_between_pulses(pulses, time, pulses_per_revolution)
+    return Measurement(
+        rotation,
+        thrust,
+        time,
+        "the first rising edge of tacho",
+        lost_samples,
+        pulses.lost,
+        pulses.extra,
+        angle_error_deg=float(np.median(np.diff(rotation))) / 2,
+        pulses_per_revolution=pulses_per_revolution,
+        remarks=(said,) if said else (),
+    )
+
+
+def stated_parameters(measured: Measurement) -> dict[str, float]:
+    """Joint angle and torque that a record states; its speed follows from its revolutions."""
+    return {name: measured.operating[name] for name in OPERATING if name in measured.operating}

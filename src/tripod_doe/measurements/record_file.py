@@ -1,0 +1,285 @@
+"""Files of measurements as recorders write them: separators, decimal commas, lines before the table, encodings.
+
+Text files, and TDMS files where npTDMS is installed (the extra ``tdms``). The headings say which column is what
+(`headings`); values are converted to the units of this package.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError
+from tripod_doe.measurements.headings import OPERATING, given_position, is_unit, roles_of, unit_factor, unit_given
+from tripod_doe.measurements.tdms_file import is_tdms, read_tdms
+from tripod_doe.regular_files import refuse_irregular
+
+_SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))
+"""Separator (None: spaces) and decimal sign, in the order in which they are preferred."""
+_LOOKED_AT = 300  # lines from which separator and beginning of the table are known
+_CLOCK = re.compile(r"(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=\D*$)")
+_GAPS = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "null", "none", "inf", "-inf", "ovl", "overflow", "ovr"}
+_MDF = b"MDF     "
+
+
+@dataclass(frozen=True)
+class Record:
+    """A table of a measurement."""
+
+    # values by our names of the columns, in our units; NaN where a field is empty. Shape (row,) each.
+    columns: Mapping[str, FloatArray]
+    headings: tuple[str, ...]  # all headings of the file, with the units of a line of units
+    taken: str  # in words, which heading was taken for which column; empty where the file has our own names
+    notes: tuple[str, ...] = ()  # lines before the table and comments: what the recorder says of the record
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a file as they are."""
+
+    headings: Sequence[str]
+    columns: Sequence[pd.Series[float]]
+    notes: Sequence[str]
+    decimal: str = "."
+
+
+def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
+    """Read a table of a measurement.
+
+    Args:
+        path: Text file: numbers in columns, headings before them; a line of units may follow the headings. Lines that
+            start with # are notes. Or a TDMS file.
+        given: Headings by our names, where the file's are not known. A unit in brackets behind a heading counts in
+            place of the file's.
+
+    Raises:
+        InputError: If the file cannot be read, holds no table, a heading is ambiguous or its unit unknown, or a field
+            is no number.
+    """
+    given, table = given or {}, read_table_of(path, given or {})
+    columns, taken = {}, []
+    for role, position in roles_of(table.headings, given).items():
+        heading = unit_given(table.headings[position], given.get(role))
+        try:
+            factor = unit_factor(role, heading)
+            values = _numbers(table.columns[position], heading, table.decimal, role)
+        except InputError:
+            if role in OPERATING and role not in given:  # may stand elsewhere
+                continue
+            raise
+        columns[role] = factor * values
+        if heading != role:
+            taken.append(f"{role} from {heading!r}" + (f" times {factor:.6g}" if factor != 1 else ""))
+    return Record(columns, tuple(table.headings), ", ".join(taken), tuple(table.notes))
+
+
+def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
+    """Headings and columns of a file of any form; see `read_record`."""
+    refuse_irregular(path)
+    if is_tdms(path):
+        return Table(*read_tdms(path))
+    notes, lines = _lines(path)
+    separator, decimal = _form(lines[:_LOOKED_AT])
+    first = next((i for i, line in enumerate(lines) if _is_numeric(line, separator, decimal)), len(lines))
+    if first == len(lines):  # a column of words stands among the numbers
+        first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, separator, decimal) > 1), len(lines))
+    before = lines[:first]
+    if not before and notes:  # headings behind a #
+        before = [note for note in notes if len(_fields(note, separator)) > 1][-1:]
+    if not before or (first == len(lines) and len(lines) < 2):
+        raise InputError("not a CSV file with one line of column names above rows of numbers")
+    first = 1 if first == len(lines) else first
+    before = before[:first] or before
+    at, headings = _headings(before, given, lines[first], (separator, decimal))
+    table = _columns(lines[first:], separator, decimal, len(headings))
+    return Table(headings, table, [*notes, *before[:at]], decimal)
+
+
+def _lines(path: Path) -> tuple[list[str], list[str]]:
+    """Lines that start with #, without it, and the others."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read the measurement: {error.strerror}") from error
+    text = _decoded(content)
+    lines = [line for line in text.splitlines() if line.strip()]
+    notes = [line.lstrip().lstrip("#").strip() for line in lines if line.lstrip().startswith("#")]
+    return notes, [line for line in lines if not line.lstrip().startswith("#")]
+
+
+def _decoded(content: bytes) -> str:
+    if content.startswith(_MDF):
+        raise InputError("an MDF file is not read: export its channels as CSV, or as TDMS")
+    for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig")):
+        if content.startswith(mark):
+            return content.decode(encoding, errors="replace")
+    if b"\0" in content:
+        even, odd = content[0:2000:2].count(0), content[1:2000:2].count(0)
+        if max(even, odd) < 0.4 * len(content[:2000]) / 2:
+            raise InputError("not a CSV file with one line of column names: it is no text")
+        return content.decode("utf-16-le" if odd > even else "utf-16-be", errors="replace").replace("\0", "")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")  # a recorder's degree sign
+
+
+def _fields(line: str, separator: str | None) -> list[str]:
+    if '"' in line and separator is not None:
+        with_quotes = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+        return [field.strip().strip('"').strip() for field in with_quotes]
+    return [field.strip().strip('"').strip() for field in line.split(separator)]
+
+
+def _is_number(field: str, decimal: str) -> bool:
+    if decimal == "," and "." in field:
+        return False
+    try:
+        float(field.replace(decimal, "."))
+    except ValueError:
+        return field.casefold() in _GAPS or _CLOCK.search(field) is not None
+    return True
+
+
+def _is_numeric(line: str, separator: str | None, decimal: str) -> bool:
+    """Whether a line is a row of at least two fields, all of them numbers, times of day or gaps, one a number."""
+    fields = _fields(line, separator)
+    return (
+        len(fields) > 1
+        and all(_is_number(field, decimal) for field in fields)
+        and _numbers_in(line, separator, decimal) > 0
+    )
+
+
+def _numbers_in(line: str, separator: str | None, decimal: str) -> int:
+    """How many fields of a line are numbers."""
+    return sum(_is_number(field, decimal) and field.casefold() not in _GAPS for field in _fields(line, separator))
+
+
+def _form(lines: Sequence[str]) -> tuple[str | None, str]:
+    """Separator and decimal sign with which the most lines are rows of numbers, else have numbers."""
+    rows = [sum(_is_numeric(line, *form) for line in lines) for form in _SEPARATORS]
+    if not any(rows):
+        rows = [sum(_numbers_in(line, *form) > 1 for line in lines) for form in _SEPARATORS]
+    return _SEPARATORS[int(np.argmax(rows))] if any(rows) else (",", ".")
+
+
+def _headings(
+    before: Sequence[str], given: Mapping[str, str], row: str, form: tuple[str | None, str]
+) -> tuple[int, list[str]]:
+    """Line of the headings among those before the numbers, and the headings with their units.
+
+    Headings are the line without numbers with the most names that are known or given; of several such lines, and where
+    there are none, the last one that is as wide as the table and no line of units.
+    """
+    wide = len(_fields(row, form[0]))
+    parts = [_heading_fields(line, form[0], wide) for line in before]
+    units = [sum(map(is_unit, fields)) for fields in parts]
+    unit_like = [0 < sum(map(bool, fields)) <= 2 * count for fields, count in zip(parts, units, strict=True)]
+
+    def fitness(at: int) -> tuple[bool, bool, int, bool, int]:
+        words = not _numbers_in(before[at], *form)
+        return len(parts[at]) >= wide, words, _known(parts[at], given), not unit_like[at], at
+
+    at = max(range(len(before)), key=fitness)
+    below = [line for line in range(at + 1, len(before)) if unit_like[line] and len(parts[line]) >= len(parts[at])]
+    if not below:
+        return at, parts[at]
+    own = [unit.strip("[]()<>- ") for unit in parts[max(below, key=lambda line: units[line])]]
+    named = zip(parts[at], own, strict=False)
+    return at, [f"{name} [{unit}]" if unit else name for name, unit in named]
+
+
+def _heading_fields(line: str, separator: str | None, wide: int) -> list[str]:
+    """Fields of a line of headings; between columns of spaces, a heading may hold single ones."""
+    apart = re.split(r"\s{2,}|\t", line.strip())
+    if separator is None and len(apart) == wide:
+        return [field.strip('"') for field in apart]
+    return _fields(line, separator)
+
+
+def _known(headings: Sequence[str], given: Mapping[str, str]) -> int:
+    """How many headings of a line are known or given."""
+    wanted = {}
+    for role, heading in given.items():
+        with suppress(InputError):
+            given_position(role, heading, headings)
+            wanted[role] = heading
+    try:
+        return len(roles_of(headings, wanted))
+    except InputError:  # two headings may be the same column
+        return 2
+
+
+def _columns(rows: Sequence[str], separator: str | None, decimal: str, width: int) -> list[pd.Series[float]]:
+    """Columns of the rows by their position; a separator at the end of the lines makes an empty column more."""
+    wide = max((len(_fields(row, separator)) for row in rows[:_LOOKED_AT]), default=width)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # fields that would be dropped
+            table = pd.read_csv(
+                io.StringIO("\n".join(rows)),
+                sep=separator or r"\s+",
+                decimal=decimal,
+                header=None,
+                names=range(max(wide, width)),
+                index_col=False,
+                low_memory=False,
+                skipinitialspace=True,
+            )
+    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
+        raise InputError(f"rows of different length: {str(error).strip()}") from error
+    if table.iloc[:, width:].notna().any(axis=None):
+        raise InputError("rows of different length: some have more fields than there are column names")
+    return [table[position] for position in range(width)]
+
+
+def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) -> FloatArray:
+    """A column as numbers, NaN where a field is empty or no finite number."""
+    if pd.api.types.is_numeric_dtype(column):
+        values = np.array(column, float)
+        values[~np.isfinite(values)] = np.nan
+        return values
+    text = column.astype("string").str.strip()
+    numbers = np.array(
+        pd.to_numeric(text.str.replace(decimal, ".", regex=False), errors="coerce").to_numpy(float, na_value=np.nan)
+    )
+    if role == "time_s" and np.isnan(numbers).all():
+        numbers = _seconds(text.fillna("").tolist())
+    gap = text.str.casefold().isin(_GAPS).fillna(True).to_numpy(bool)
+    words = np.flatnonzero(np.isnan(numbers) & ~gap)
+    if words.size:
+        raise InputError(
+            f"{heading} = {column.iloc[words[0]]!r} in row {words[0] + 1}: expected a number, or nothing at a dropout"
+        )
+    numbers[~np.isfinite(numbers)] = np.nan
+    return numbers
+
+
+def _seconds(texts: Sequence[str]) -> FloatArray:
+    """Seconds since the first of some times of day, with or without a date; midnight is passed."""
+    return np.array(list(_clock(texts)), float)
+
+
+def _clock(texts: Sequence[str]) -> Iterator[float]:
+    before, days, start = -np.inf, 0, None
+    for text in texts:
+        match = _CLOCK.search(text)
+        if match is None:
+            yield np.nan
+            continue
+        second = int(match[1]) * 3600 + int(match[2]) * 60 + float((match[3] or "0").replace(",", "."))
+        days += second < before - 43_200
+        before = second
+        start = second if start is None else start
+        yield second + 86_400 * days - start

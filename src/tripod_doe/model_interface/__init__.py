@@ -1,0 +1,54 @@
+"""The interface between studies and models: parameters, outputs, outcomes, blocks of results, and the simulator.
+
+No model and no study is in here.
+"""
+
+from tripod_doe.model_interface.block import WORK, BlockResult, Retries, Values, common_unit
+from tripod_doe.model_interface.candidate import Candidate
+from tripod_doe.model_interface.counted_time import counted_time, not_counted
+from tripod_doe.model_interface.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
+from tripod_doe.model_interface.model_summary import ModelSummary
+from tripod_doe.model_interface.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
+from tripod_doe.model_interface.output import MIRRORED_BY, ZERO_AT, Dimension, Output
+from tripod_doe.model_interface.parameter import Parameter, Value, check_parameters, is_set, read_parameters
+from tripod_doe.model_interface.required_accuracy import Accuracy, Quantity
+from tripod_doe.model_interface.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
+from tripod_doe.model_interface.trust import TRUST_ATTRIBUTES, Trust
+
+__all__ = [
+    "DETAIL_ATTRIBUTES",
+    "MIRRORED_BY",
+    "NOTABLE_ERROR",
+    "NUMERICS",
+    "OUTCOME_ATTRIBUTES",
+    "OUTCOME_MEANINGS",
+    "TRUST_ATTRIBUTES",
+    "WORK",
+    "ZERO_AT",
+    "Accuracy",
+    "BlockResult",
+    "Candidate",
+    "Departure",
+    "Dimension",
+    "Methods",
+    "ModelErrors",
+    "ModelSummary",
+    "Outcome",
+    "Output",
+    "Parameter",
+    "Quantity",
+    "Retries",
+    "Simulator",
+    "Trust",
+    "ValidRange",
+    "Value",
+    "Values",
+    "by_name",
+    "check_parameters",
+    "common_unit",
+    "counted_time",
+    "is_set",
+    "model_notes",
+    "not_counted",
+    "read_parameters",
+]

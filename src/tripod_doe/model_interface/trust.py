@@ -1,0 +1,148 @@
+"""Trust in the result of a point: sure, usable or doubtful, with the reason.
+
+The one rule for pages, terminals, cubes and sentences. It judges a model by its known errors at similar points and by
+the range in which it holds, and a run by its own numerical error.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
+from tripod_doe.quantities import count_of
+
+LARGE_ERROR = 0.2
+"""Relative error of a model that makes a result doubtful where one in ten similar points has more."""
+
+
+class Trust(IntEnum):
+    """Trust in a result; the integer is the CF flag value."""
+
+    NOT_KNOWN = -1
+    """The point failed."""
+    SURE = 0
+    """Nine in ten similar points are within `NOTABLE_ERROR`."""
+    USABLE = 1
+    """Similar points are mostly within `NOTABLE_ERROR`, and nine in ten within `LARGE_ERROR`."""
+    DOUBTFUL = 2
+    """Neither, or the error is not known, or the model does not hold there."""
+
+    @property
+    def label(self) -> str:
+        """In words."""
+        return self.name.lower().replace("_", " ")
+
+
+TRUST_ATTRIBUTES: dict[str, Any] = {
+    "long_name": "how far the third order can be trusted",
+    "flag_values": np.array(list(Trust), np.int8),
+    "flag_meanings": " ".join(trust.name.lower() for trust in Trust),
+}
+"""CF flags of the variable ``trust``."""
+
+_OWN_REASONS = 8  # reasons that are no range of a model
+_NOTABLE, _LARGE = f"{100 * NOTABLE_ERROR:g} %", f"{100 * LARGE_ERROR:g} %"
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Trust in each of some points."""
+
+    trust: NDArray[np.int8]  # a `Trust` per point, shape (point,)
+    reason: IntArray  # place of its reason in `reasons`, shape (point,)
+    reasons: list[str]
+
+
+def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdicts:
+    """Judge results by the errors known for them.
+
+    Args:
+        errors: Errors of the models, and the ranges that points leave.
+        numerical: Relative numerical error of the same quantity that each run reports, shape (point,); NaN or None if
+            unknown.
+    """
+    what, finest = errors.quantity, errors.reference
+    reasons = [
+        f"{finest} is the finest model",
+        f"nine in ten similar points were within {_NOTABLE} of {finest}",
+        f"one in ten similar points was off by more than {_NOTABLE}",
+        f"one in ten similar points was off by more than {_LARGE}",
+        f"half of the similar points were off by more than {_NOTABLE}",
+        "no similar points were compared with a finer model",
+        f"the run states a numerical error of the {what} above {_NOTABLE}",
+        "its value is known exactly",
+    ]
+    trust = np.full(errors.expected.size, Trust.DOUBTFUL, np.int8)
+    reason = np.full(trust.size, 5)
+    known = np.isfinite(errors.expected)
+    for code, level, chosen in (
+        (4, Trust.DOUBTFUL, known),
+        (3, Trust.DOUBTFUL, known & (errors.expected <= NOTABLE_ERROR)),
+        (2, Trust.USABLE, known & (errors.expected <= NOTABLE_ERROR) & (errors.limit <= LARGE_ERROR)),
+        (1, Trust.SURE, known & (errors.limit <= NOTABLE_ERROR)),
+        (7, Trust.SURE, known & (errors.limit == 0)),
+        (0, Trust.SURE, errors.models == finest),
+    ):
+        trust[chosen], reason[chosen] = level, code
+    for departure in errors.departures:
+        name, low, high = departure.left.quantity, departure.left.low, departure.left.high
+        ends = (
+            f"from {low:g}" if np.isinf(high) else f"up to {high:g}" if np.isinf(low) else f"from {low:g} to {high:g}"
+        )
+        reasons.append(f"model {departure.model} holds for {name} {ends} only")
+        first = departure.outside & (reason < _OWN_REASONS)
+        trust[first], reason[first] = Trust.DOUBTFUL, len(reasons) - 1
+    if numerical is not None:
+        inexact = np.nan_to_num(numerical) > NOTABLE_ERROR
+        trust[inexact], reason[inexact] = Trust.DOUBTFUL, 6
+    return Verdicts(trust, reason, reasons)
+
+
+@dataclass
+class VerdictCount:
+    """Counts of verdicts, in constant memory, and the sentence that states them."""
+
+    quantity: str = ""
+    finest: str = ""
+    counts: Counter[tuple[Trust, str]] = field(default_factory=Counter)
+
+    def add(self, errors: ModelErrors, numerical: FloatArray | None = None) -> NDArray[np.int8]:
+        """Judge some points, count them, and return the `Trust` of each."""
+        judged = verdicts(errors, numerical)
+        self.quantity, self.finest = errors.quantity, errors.reference
+        pairs, counts = np.unique(np.stack([judged.trust, judged.reason]), axis=1, return_counts=True)
+        for (trust, reason), count in zip(pairs.T.tolist(), counts.tolist(), strict=True):
+            self.counts[Trust(trust), judged.reasons[reason]] += count
+        return judged.trust
+
+    def sentences(self, which: str = "") -> list[str]:
+        """The verdict as one sentence with its main reason; none without points.
+
+        Args:
+            which: A phrase for the points, as `` with all mechanisms on``.
+        """
+        total = sum(self.counts.values())
+        if not total:
+            return []
+        of_trust: Counter[Trust] = Counter()
+        for (trust, _), count in self.counts.items():
+            of_trust[trust] += count
+        worst = max(of_trust)
+        why = Counter({reason: count for (trust, reason), count in self.counts.items() if trust is worst})
+        reason, count = why.most_common(1)[0]
+        since = f"mostly since {reason} ({count_of(count, 'point')})" if len(why) > 1 else f"since {reason}"
+        if worst is Trust.DOUBTFUL:
+            since += f'; check {"it" if total == 1 else "some of these"} with model = "{self.finest}"'
+        if len(of_trust) > 1:
+            parts = ", ".join(f"{trust.label} at {of_trust[trust]:,}" for trust in sorted(of_trust))
+            since = since.removeprefix("mostly ")
+            return [f"Verdict on the {self.quantity}: {parts} of {total:,} points{which}; {worst.label} {since}."]
+        at = "" if total == 1 else f" at all {total:,} points{which}"
+        return [f"Verdict on the {self.quantity}: {worst.label}{at}, {since}."]

@@ -1,0 +1,250 @@
+"""A chart: a matplotlib figure in the common style, with its caption, its text alternative and its numbers."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tripod_doe.page_parts.charts.tooltips import add_tooltips, mark_points
+from tripod_doe.quantities import csv_cell, levels_apart
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK, MUTED = "#1d2733", "#5c6875"
+ON_LIGHT, ON_DARK = "#1b2430", "#fdfefe"
+"""Ink on cells whose shade shows a number: it stays as it is when a page turns dark."""
+COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
+LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P")
+HATCHES = ("", "////", "....", "xxxx")
+
+VARIABLES = {
+    INK: "ink",
+    "#000000": "ink",
+    MUTED: "muted",
+    "#ffffff": "paper",
+    "#8b96a3": "axis",
+    "#e3e8ee": "grid",
+    **{colour: f"series-{which + 1}" for which, colour in enumerate(COLOURS)},
+    "#b9d0e8": "tint-1",
+    "#f6d9c9": "tint-2",
+    "#cfe6d8": "tint-3",
+    "#cfdeee": "band",
+    "#6f9cc6": "band-edge",
+    "#eef3f8": "band-faint",
+    "#f2c14e": "highlight",
+    "#9cc3e6": "cell-best",
+    "#d6e6f5": "cell-good",
+    "#f2c9ae": "cell-poor",
+    "#e58a5c": "cell-wrong",
+    "#cfd4da": "cell-refused",
+    "#e3e6ea": "cell-empty",
+    "#e6edf5": "state-reused",
+    "#f6c9bd": "state-failed",
+    "#fff4e0": "state-blocked",
+}
+"""Colours of the charts as variables of the page's style sheet, which has a light and a dark value for each."""
+
+WIDE = 6.0
+"""Width in inches above which a chart does not share a row of a page with others."""
+
+_OWN_TICKS = 5
+_LABEL_GAP = 4.0  # least distance of two labels of ticks, in pixels
+_MOST_DRAWN = 2_000  # markers or cells above which they are an image in the figure, so that it stays small
+_LEGEND_SHARE = 0.86  # of the width of a figure; the rest is for the axis on its left
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.5,
+    "text.color": INK,
+    "axes.titlesize": 9,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.labelsize": 8.5,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#8b96a3",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": False,
+    "axes.unicode_minus": True,
+    "grid.color": "#e3e8ee",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#8b96a3",
+    "ytick.color": "#8b96a3",
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 4.5,
+    "hatch.linewidth": 0.6,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+}
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One figure of a report."""
+
+    name: str  # file name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it
+    title: str  # what is shown, in a few words; a page writes it above the figure
+    caption: str  # what is shown and how to read it, in a sentence or two
+    figure: Figure  # drawn in the common style
+    data: pd.DataFrame  # the numbers that were drawn
+
+    @property
+    def wide(self) -> bool:
+        """Whether it needs the whole width of a page."""
+        return float(self.figure.get_figwidth()) > WIDE
+
+    def svg(self) -> str:
+        """The figure as an SVG element with text as text and with its title: the same gives the same characters."""
+        buffer, tooltips = io.StringIO(), mark_points(self.figure)
+        with styled(self.name):
+            laid_out(self.figure).savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        element, end, content = _inline(add_tooltips(buffer.getvalue(), tooltips)).partition(">")
+        return f"{element}{end}<title>{escape(self.title)}</title>{content}"
+
+    def csv(self) -> str:
+        """The numbers as CSV, in full precision."""
+        words = {name: self.data[name].map(csv_cell) for name in self.data.select_dtypes(exclude="number").columns}
+        return self.data.assign(**words).to_csv(index=False)
+
+
+@contextmanager
+def styled(name: str) -> Iterator[None]:
+    """Draw in the common style; the same name gives the same identifiers in an SVG."""
+    import matplotlib as mpl
+
+    with mpl.rc_context({**_STYLE, "svg.hashsalt": name, "pdf.fonttype": 42}):
+        yield
+
+
+def laid_out(figure: Figure) -> Figure:
+    """The figure with its axes as they will be printed: to find that out, `savefig` would draw it once more."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    FigureCanvasSVG(figure)
+    figure.set_dpi(72)  # that of SVG
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+    _draw_many_as_image(figure)
+    return figure
+
+
+def _draw_many_as_image(figure: Figure) -> None:
+    """Draw markers and cells that are very many as an image, and the rest of the figure as lines and text."""
+    for axes in figure.axes:
+        for line in axes.lines:
+            if line.get_marker() not in ("None", "", " ", None):
+                line.set_rasterized(np.size(line.get_xdata()) > _MOST_DRAWN)
+        for drawn in axes.collections:
+            values = drawn.get_array()
+            cells = len(drawn.get_paths()) if values is None else np.size(values)
+            drawn.set_rasterized(max(cells, np.size(drawn.get_offsets()) // 2) > _MOST_DRAWN)
+
+
+def _inline(svg: str) -> str:
+    """Strip what only a file of its own needs; the identifiers that are left are salted with the chart's name."""
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)  # it would style the whole page
+    used = set(re.findall(r"#([A-Za-z][\w-]*)", svg))
+    svg = re.sub(r' id="([^"]*)"', lambda match: match[0] if match[1] in used else "", svg)
+    return re.sub(r"#[0-9a-f]{6}\b(?=[;\"])", _variable, svg.strip())
+
+
+def _variable(match: re.Match[str]) -> str:
+    """A colour that follows the page's; a file of its own, without style sheet, keeps the light one."""
+    return f"var(--{VARIABLES[match[0]]}, {match[0]})" if match[0] in VARIABLES else match[0]
+
+
+@contextmanager
+def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
+    """A figure with one pair of axes, drawn on in the common style; width and height in inches."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure, figure.add_subplot()
+
+
+@contextmanager
+def panels(count: int, columns: int, width: float, height: float) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of several panels that share their axes, in rows; width and height of one panel in inches."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    rows = -(-count // columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for unused in grid.ravel()[count:]:
+            unused.set_axis_off()
+        yield figure, list(grid.ravel()[:count])
+
+
+def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
+    """Ticks of a factor along the bottom: its own values, ascending, where they are few, else about five round ones."""
+    if levels.size <= _OWN_TICKS:
+        axes.set_xticks(levels, [texts.replace("-", "\N{MINUS SIGN}") for texts in levels_apart(levels)])
+        axes.set_xticks(levels, _labels_apart(axes, levels))
+    else:
+        from matplotlib.ticker import MaxNLocator
+
+        axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+
+
+def _labels_apart(axes: Axes, levels: NDArray[Any]) -> list[str]:
+    """The labels of ticks at these levels; one that would lie on another is put on a line further down."""
+    low, high = axes.get_xlim()
+    places = (levels - low) / (high - low) * axes.get_window_extent().width
+    texts, ends = [], list[float]()  # where the next label of each line may start
+    for place, label in zip(places, axes.get_xticklabels(), strict=True):
+        width = label.get_window_extent().width
+        line = next((at for at, end in enumerate(ends) if place - width / 2 >= end), len(ends))
+        ends[line : line + 1] = [place + width / 2 + _LABEL_GAP]
+        texts.append("\n" * line + label.get_text())
+    return texts
+
+
+def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
+    """Put the legend above the axes, where it hides no data, in fewer columns where these are too wide."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    for fewer in range(columns, 0, -1):
+        legend = axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(0, 1.0),
+            ncols=fewer,
+            title=title,
+            alignment="left",
+            borderaxespad=0.3,
+            handlelength=2.6,
+            columnspacing=1.2,
+            title_fontsize=8,
+        )
+        if legend.get_window_extent().width <= _LEGEND_SHARE * figure.bbox.width:
+            break

@@ -1,0 +1,328 @@
+"""The main results of a cube as labelled responses over the design."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.model_interface import ZERO_AT, Outcome
+from tripod_doe.page_parts.chosen_models import asked_orders
+from tripod_doe.quantities import in_words, level, with_unit
+from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
+
+_REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
+
+ORDINALS = (
+    "mean thrust force",
+    "first order",
+    "second order",
+    "third order",
+    "fourth order",
+    "fifth order",
+    "sixth order",
+    "seventh order",
+    "eighth order",
+    "ninth order",
+    "tenth order",
+    "eleventh order",
+    "twelfth order",
+)
+"""Orders in words."""
+
+_CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
+ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
+"""Outputs with the numerical error of the orders."""
+
+_VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
+_MOST_OWN = 6  # numbers of a function
+_UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
+_CLASSES = 10  # classes of a sampled factor
+_MOST_LEVELS = 40  # a factor with more values than this is a sampled one
+_REPETITION = "replicate"  # the factor that numbers repeated runs of one point
+_UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
+
+
+@dataclass(frozen=True)
+class Response:
+    """One number per point."""
+
+    key: str  # its name in tables: the variable, with the order where there is one
+    label: str  # in words, for instance ``third order``
+    unit: str  # its unit for people, empty without dimension
+    values: xr.DataArray  # over the dimensions of the design; NaN where the point did not finish
+    error: float = 0.0  # difference of two means that their numerical errors can make; 0 where none is known
+    zero_at: tuple[str, ...] = ()  # factors without which it is zero
+
+    @property
+    def axis(self) -> str:
+        """Label of an axis."""
+        words = f"{self.label} of the thrust force" if self.key.startswith("thrust_amplitude") else self.label
+        return f"{words} ({self.unit})" if self.unit else words
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Dependence of a response on one factor: statistics over all other factors, each array of shape (level,)."""
+
+    level: FloatArray  # values of the factor, or the means of ten equally filled classes of a sampled one
+    # mean, lower, upper: mean and quartiles of the response
+    mean: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    count: IntArray  # finished points
+    sampled: bool  # whether levels are classes
+
+
+def spoken(name: str) -> str:
+    """A parameter's name in words, without its unit: ``joint_angle_deg`` becomes ``joint angle``."""
+    return in_words(_UNIT_SUFFIX.sub("", name))
+
+
+def unit_text(unit: str) -> str:
+    """A unit as text."""
+    return _UNITS.get(unit, unit)
+
+
+def listed(names: list[str]) -> str:
+    """Names as a sentence lists them: ``a, b and c``."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def factor_label(cube: xr.Dataset, name: str) -> str:
+    """A factor in words; an argument of a user's function keeps its bare name."""
+    return name if cube[name].attrs.get("source") == "user function" else spoken(name)
+
+
+def factor_unit(cube: xr.Dataset, name: str) -> str:
+    """A factor's unit as text."""
+    return unit_text(str(cube[name].attrs.get("units", "1")))
+
+
+def axis_label(cube: xr.Dataset, name: str) -> str:
+    """A factor as the label of an axis, with its unit."""
+    unit = factor_unit(cube, name)
+    return f"{factor_label(cube, name)} ({unit})" if unit else factor_label(cube, name)
+
+
+def factor_text(cube: xr.Dataset, name: str, value: object, given: Callable[[float], str] = level) -> str:
+    """A factor with its value: ``torque 50 N m``, ``initial skew 1 = 2 deg``, ``step not given``.
+
+    Args:
+        value: Its value, a number or a word; a number may be given as text.
+    """
+    label = factor_label(cube, name)
+    if isinstance(value, str) and cube[name].dtype.kind == "f":
+        value = float(value)
+    if isinstance(value, float) and math.isnan(value):
+        return f"{label} not given"
+    text = with_unit(given(value) if isinstance(value, int | float) else str(value), factor_unit(cube, name))
+    return f"{label}{' =' * label[-1].isdigit()} {text}"
+
+
+def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
+    """The factors of one point in words: ``joint angle 10 deg, torque 50 N m``."""
+    return ", ".join(factor_text(cube, name, point[name].item()) for name in factor_names(cube))
+
+
+def design_kind(cube: xr.Dataset) -> str:
+    """Kind of the design as the study file names it; empty where the cube holds no study."""
+    try:
+        return str(tomllib.loads(str(cube.attrs.get("study", ""))).get("design", {}).get("kind", "grid"))
+    except tomllib.TOMLDecodeError:
+        return ""
+
+
+def finished(cube: xr.Dataset) -> xr.DataArray:
+    """Whether the points finished, over the dimensions of the design."""
+    return cube["outcome"] == Outcome.FINISHED
+
+
+def waiting(cube: xr.Dataset) -> xr.DataArray:
+    """Whether a point is still to be computed: the study runs, or was interrupted."""
+    return (cube["outcome"] == Outcome.NOT_RUN) & asked(cube)
+
+
+def asked(cube: xr.Dataset) -> xr.DataArray:
+    """Whether there is a point to run: all but those that a constraint excludes."""
+    return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
+
+
+def representative_points(cube: xr.Dataset) -> xr.Dataset:
+    """The points over which a mean describes the joint; all points of most cubes.
+
+    Of an ablation these are the points with all its switches on, without the switches; of a multifidelity study those
+    of the model that counts as the truth, since a mean over several models belongs to none. What each mechanism
+    contributes, and what all models together say, is stated by the analyses.
+    """
+    if switches := [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]:
+        on = np.all([cube[name].values == 1 for name in switches], axis=0)
+        return (
+            cube.isel(point=np.flatnonzero(on))
+            .drop_vars(switches)
+            .assign_attrs({_REPRESENTATIVE: "with all mechanisms on"})
+        )
+    if design_kind(cube) != "multifidelity":
+        return cube
+    fidelity, truth = truth_of(cube)
+    own = np.flatnonzero(cube[fidelity].values == truth)
+    points_text = f"of the {own.size:,} points by {truth}, which counts as the truth"
+    return cube.isel(point=own).drop_vars(fidelity).assign_attrs({_REPRESENTATIVE: points_text})
+
+
+def points_in_words(points: xr.Dataset) -> str:
+    """Which points represent the joint, as the end of a sentence; empty where all do."""
+    return str(points.attrs.get(_REPRESENTATIVE, ""))
+
+
+def truth_of(cube: xr.Dataset) -> tuple[str, object]:
+    """The factor that names the models of a multifidelity study, and the model that counts as the truth."""
+    study = tomllib.loads(str(cube.attrs["study"]))
+    fidelity = str(study["design"].get("fidelity", "model"))
+    values = study.get("factors", {}).get(fidelity, {}).get("values")
+    return fidelity, values[-1] if values else cube[fidelity].values[0]  # its samples come first
+
+
+def factor_names(cube: xr.Dataset) -> list[str]:
+    """Names of the factors, in the order of the study file."""
+    design = cube["outcome"].dims
+    if design == ("point",):
+        labels = ("point", "varied")
+        return [
+            str(name)
+            for name in cube.coords
+            if cube[name].dims == design and name not in labels and "source" in cube[name].attrs
+        ]
+    return [str(dim) for dim in design]
+
+
+def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArray[np.generic]]:
+    """Values of all factors at chosen points, shape (point,); words, and numbers with open fields, as text."""
+    columns, design = {}, cube["outcome"].sizes
+    for name in factor_names(cube):
+        (own,) = cube[name].dims
+        beside = [size if dimension == own else 1 for dimension, size in design.items()]
+        # without xr.broadcast, which costs 20 times as much
+        values = np.broadcast_to(cube[name].values.reshape(beside), tuple(design.values()))[rows]
+        words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
+        columns[name] = values.astype(str) if words else values
+    return columns
+
+
+def varies(column: NDArray[np.generic]) -> bool:
+    """Whether the values of a factor (`point_columns`) are not all the same; to sort them takes ten times as long."""
+    return column.size > 1 and bool((column != column[0]).any())
+
+
+def numeric_factors(cube: xr.Dataset) -> list[str]:
+    """Factors that are quantities and take more than one value at all points; a repetition is none."""
+    numbers = [name for name in factor_names(cube) if cube[name].dtype.kind in "fiu" and name != _REPETITION]
+    return [name for name in numbers if np.ptp(cube[name].values) > 0]
+
+
+def responses(cube: xr.Dataset) -> list[Response]:
+    """The responses that sentences and figures show: orders of the thrust with results of their own, or own numbers.
+
+    Orders that are small against the largest one are left out, as are checks of the numerics, and orders for which no
+    accuracy was asked where a pilot chose the models: from point to point they are those of different models.
+    """
+    names = [str(name) for name in cube.data_vars]
+    if "thrust_amplitude" in cube:
+        amplitude = cube["thrust_amplitude"]
+        largest = float(amplitude.max()) if amplitude.notnull().any() else 0.0
+        chosen = []
+        wanted = asked_orders(cube)
+        for order in (3, 2, 1) if wanted is None else wanted:
+            values = amplitude.sel(order=order, drop=True)
+            if order == 3 or wanted is not None or float(values.max()) > _VISIBLE * largest:
+                error = _error_of_order(cube, order)
+                zero_at = tuple(str(amplitude.attrs.get(ZERO_AT, "")).split())
+                chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error, zero_at))
+        return chosen + _own(cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE])
+    return _own(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
+
+
+def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
+    """Variables of one number a point as responses; an infinite one is none."""
+    values = {name: cube[name].where(np.isfinite(cube[name])) for name in names}
+    return [Response(name, _own_label(cube, name), _own_unit(cube, name), values[name]) for name in names]
+
+
+def _error_of_order(cube: xr.Dataset, order: int) -> float:
+    """Twice the mean numerical error that the runs report: both of two means may have it."""
+    known = [cube[name].sel(order=order) for name in ERRORS if name in cube]
+    errors = [float(values.mean()) for values in known if bool(values.notnull().any())]
+    return 2 * max(errors, default=0.0)
+
+
+def _is_own(cube: xr.Dataset, name: str) -> bool:
+    variable = cube[name]
+    recorded = name in COST_VARIABLES or variable.attrs.get("role") == RECORD_ROLE
+    return not recorded and variable.dtype.kind == "f" and variable.dims == cube["outcome"].dims
+
+
+def _own_label(cube: xr.Dataset, name: str) -> str:
+    return name if cube[name].attrs.get("long_name") == "output of a user function" else spoken(name)
+
+
+def _own_unit(cube: xr.Dataset, name: str) -> str:
+    return unit_text(str(cube[name].attrs.get("units", "1")))
+
+
+def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: FloatArray) -> float | None:
+    """The response between two levels of a factor of opposite signs, at its zero, which was not computed.
+
+    Args:
+        cube: The cube, whose outputs name the factors that make them zero.
+
+    Returns:
+        0 where the response is known to vanish; NaN where some output does, so that no line may be drawn across; None
+        where nothing happens at the zero, or it is one of the levels, or not between them.
+    """
+    if levels.size < 2 or 0 in levels or not levels[0] < 0 < levels[-1]:
+        return None
+    if factor in response.zero_at:
+        return 0.0
+    known = (str(variable.attrs.get(ZERO_AT, "")).split() for variable in cube.data_vars.values())
+    return np.nan if any(factor in names for names in known) else None
+
+
+def along(response: Response, cube: xr.Dataset, factor: str) -> tuple[FloatArray, FloatArray]:
+    """Every point's factor value and response, shape (point,) each.
+
+    Only finished points; in a one-at-a-time design only the base point and those that vary this factor.
+    """
+    values, levels = xr.broadcast(response.values, cube[factor])
+    good = np.isfinite(values.values)
+    if "varied" in cube.coords:
+        good &= np.isin(cube["varied"].values, ("base", factor))
+    return levels.values[good].astype(float), values.values[good].astype(float)
+
+
+def main_effect(response: Response, cube: xr.Dataset, factor: str) -> Effect:
+    """Mean and quartiles of the response at each value of a factor, over all others."""
+    levels, values = along(response, cube, factor)
+    distinct = np.unique(levels)
+    sampled = distinct.size > _MOST_LEVELS
+    if sampled:
+        edges = np.quantile(levels, np.linspace(0, 1, _CLASSES + 1))
+        group = np.clip(np.searchsorted(edges, levels, side="right") - 1, 0, _CLASSES - 1)
+    else:
+        group = np.searchsorted(distinct, levels)
+    members = [np.flatnonzero(group == which) for which in np.unique(group)]
+    lower, upper = (np.array([np.quantile(values[rows], part) for rows in members]) for part in (0.25, 0.75))
+    return Effect(
+        level=np.array([levels[rows].mean() for rows in members]) if sampled else distinct,
+        mean=np.array([values[rows].mean() for rows in members]),
+        lower=lower,
+        upper=upper,
+        count=np.array([rows.size for rows in members], np.int64),
+        sampled=sampled,
+    )

@@ -1,0 +1,63 @@
+"""The joint of a study to scale, for its report, and the command that moves one of its points."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from tripod_doe.model_interface import Value
+from tripod_doe.motion.drawing import joint_drawing
+from tripod_doe.page_parts.responses import factor_names
+from tripod_doe.study.definition.scenes import load_simulator
+
+
+def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
+    """The drawing of the first point, what it shows, and the command that moves that point; None for another scene."""
+    try:
+        study = tomllib.loads(str(cube.attrs.get("study", "")))
+    except tomllib.TOMLDecodeError:
+        return None
+    head = study.get("study", {})
+    if not head or head.get("function") or head.get("scene", "joint") != "joint":
+        return None
+    fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
+    columns = {name: cube[name].values.ravel() for name in factor_names(cube)}
+    first = {name: _plain(column[0]) for name, column in columns.items()}
+    drawing = drawing_of({**fixed, **first})
+    changed = ({**fixed, **first, name: _farthest(column)} for name, column in columns.items())
+    same = all(drawing_of(values) == drawing for values in changed)
+    of = ", ".join(f"{name} = {_word(value)}" for name, value in first.items())
+    caption = "All points have these sizes." if same else f"The first point: {of}."
+    words = [word for name, value in first.items() for word in ("--select", f"{name}={_word(value)}")]
+    command = shlex.join(["tripod-doe", "view", "DIR", *words, "--output", "joint.html"])
+    return drawing, caption, command
+
+
+def drawing_of(given: Mapping[str, Any]) -> Markup:
+    """The drawing of a point of the joint by the values that are given."""
+    simulator = load_simulator()
+    known: dict[str, Value] = {name: value for name, value in given.items() if name in simulator.parameters}
+    return Markup(joint_drawing(simulator.effective(known)))
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _farthest(column: NDArray[Any]) -> Any:
+    """The value that is farthest from the first one; of words, another one."""
+    if column.dtype.kind in "fiu":
+        return _plain(column[np.abs(column - column[0]).argmax()])
+    return _plain(next((value for value in column if value != column[0]), column[0]))
+
+
+def _word(value: Any) -> str:
+    return f"{value:.12g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,78 @@
+"""One page for who decides: the question, three sentences and one picture, as HTML or for print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tripod_doe.page_parts.charts.chart import Chart
+from tripod_doe.page_parts.charts.files import Paragraph, pdf_page, png_file, svg_file
+from tripod_doe.page_parts.responses import asked, finished
+from tripod_doe.page_parts.templates import render, typeset
+from tripod_doe.quantities import count_of
+from tripod_doe.reports.study import answered, read_analyses
+from tripod_doe.study.results.annotation import read_annotation
+from tripod_doe.study.results.result_cube import is_shown, opened_cube
+
+
+@dataclass(frozen=True)
+class OnePage:
+    """The page of a study."""
+
+    title: str
+    question: str
+    sentences: Sequence[str]  # at most three
+    picture: Chart | None
+    notes: Sequence[str]  # how far to trust it, and what the picture shows
+    source: str  # where it comes from
+
+    def html(self) -> str:
+        """The page for a browser, which prints on one sheet."""
+        return render("one_page.html", page=self)
+
+    def pdf(self) -> bytes:
+        """The page for print, A4."""
+        above = [Paragraph(self.title, 17, bold=True, gap=0)]
+        above += [Paragraph(self.question, 11, quiet=True)] if self.question else []
+        above += [Paragraph(typeset(sentence), 12, gap=0.18) for sentence in self.sentences]
+        below = list[Paragraph]()
+        if self.picture:
+            above.append(Paragraph(typeset(self.picture.title), 10, bold=True, gap=0.3))
+            below.append(Paragraph(typeset(self.picture.caption), 9, quiet=True, gap=0.1))
+        below += [Paragraph(typeset(note), 9, gap=0.2) for note in self.notes]
+        below.append(Paragraph(self.source, 8, quiet=True, gap=0.25))
+        return pdf_page(above, self.picture, below, self.title)
+
+
+def one_page(directory: Path) -> OnePage:
+    """The page of a result directory, or of the points finished so far.
+
+    Raises:
+        CubeError: If the cube or an analysis is missing or damaged.
+    """
+    analyses = read_analyses(directory) if is_shown(directory) else {}
+    about = read_annotation(directory)
+    with opened_cube(directory) as cube:
+        answer = answered(cube, analyses)
+        done, total = int(finished(cube).sum()), int(asked(cube).sum())
+        attributes = {name: str(value) for name, value in cube.attrs.items()}
+    origin = f"{attributes.get('source', 'tripod_doe')}. Study {attributes.get('study_hash', '')}"
+    return OnePage(
+        about.name or attributes.get("title") or "Study",
+        attributes.get("question", ""),
+        answer.sentences,
+        answer.picture,
+        attributes.get("model_notes", "").splitlines()[:1],
+        f"{done:,} of {count_of(total, 'point')} finished. {origin}".strip(),
+    )
+
+
+def figures_of(directory: Path) -> dict[str, bytes]:
+    """Every figure of the report of a directory by its file name, as SVG and as PNG."""
+    analyses = read_analyses(directory) if is_shown(directory) else {}
+    files: dict[str, bytes] = {}
+    with opened_cube(directory) as cube:
+        for chart in answered(cube, analyses).charts:
+            files |= {f"{chart.name}.svg": svg_file(chart), f"{chart.name}.png": png_file(chart)}
+    return files

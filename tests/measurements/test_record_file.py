@@ -1,0 +1,159 @@
+"""Tables as recorders write them: separators, decimal commas, lines before the table, names, units."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tripod_doe.errors import InputError
+from tripod_doe.measurements.headings import parse_column
+from tripod_doe.measurements.record_file import read_record
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text, given=None, encoding="utf-8"):
+        (tmp_path / "record.txt").write_bytes(text.encode(encoding))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return read_record(tmp_path / "record.txt", given)
+
+    return read
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rotation_deg,thrust_n\n0.5,1.25\n1.5,-2\n",
+        "# a note\n\nrotation_deg, thrust_n\n0.5, 1.25\n1.5, -2\n",
+        "rotation_deg;thrust_n\n0,5;1,25\n1,5;-2,0\n",
+        "rotation_deg;thrust_n;\n0.5;1.25;\n1.5;-2;\n",
+        "Drehwinkel [°]\tAxialkraft [kN]\n0,5\t0,00125\n1,5\t-0,002\n",
+        "\ufeffRotation angle (deg),Axial force (kN),note\n0.5,1.25e-3,\n1.5,-2e-3,\n",
+        "Recorder 7\nChannels: 2\nangle;force\ndeg;N\n0,5;1,25\n1,5;-2\n",
+        "angle   force\n[rad]   [N]\n0.00872664625997165 1.25\n0.0261799387799149 -2\n",
+        '"Shaft angle [rev]","Thrust Force [N]"\n0.001388888888888889,1.25\n0.004166666666666667,-2\n',
+        "channel_1,thrust_n,rotation_deg\nx,1.25,0.5\ny,-2,1.5\n",
+        "x;rotation_deg;thrust_n\n1;0,5;1,25\n2;1,5;-2\n",
+        "Shaft angle;Axial force housing;Oil temp;p\ndeg;N;degC;bar\n0,5;1,25;61,0;2\n1,5;-2;61,1;2\n",
+        "Zeit;Drehwinkel;Axialkraft Gehäuse;Öl\ns;°;N;°C\n0;0,5;1,25;-\n1;1,5;-2;n/a\n",
+        '"Rotation angle [deg]","Kraft axial [N]"\n"0,5","1,25"\n"1,5","-2"\n',
+        "Shaft angle (deg)   Axial force (N)\n0.5   1.25\n1.5   -2\n",
+        "# rig 7\n# rotation_deg thrust_n\n0.5 1.25\n1.5 -2\n",
+        "Torque;50;Nm\nKanal 1;Drehwinkel;F_ax/N\n1;0,5;1,25\n2;1,5;-2\n",
+    ],
+)
+def test_one_table_in_many_forms(read, text):
+    record = read(text)
+    assert record.columns["rotation_deg"] == pytest.approx([0.5, 1.5], rel=1e-12)
+    assert record.columns["thrust_n"] == pytest.approx([1.25, -2.0], rel=1e-12)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+def test_encodings_of_recorders(read, encoding):
+    record = read("Drehwinkel [°];Axialkraft Gehäuse [N]\n0,5;1,25\n1,5;-2\n", encoding=encoding)
+    assert record.headings == ("Drehwinkel [°]", "Axialkraft Gehäuse [N]")
+    assert record.columns["thrust_n"].tolist() == [1.25, -2.0]
+
+
+def test_times_of_day_pass_midnight(read):
+    record = read("Zeit;thrust_n;tacho\n25.11.2026 23:59:59,5;1;0\n26.11.2026 00:00:00,25;2;5\n")
+    assert record.columns["time_s"].tolist() == [0.0, 0.75]
+
+
+def test_a_column_of_torque_or_speed_is_no_other_one(read):
+    text = "Time;Axial force;Drehzahl;Torque;Joint angle\ns;N;V;Nm;deg\n0,1;1;0;50;8\n0,2;2;5;51;8\n"
+    assert set(read(text).columns) == {"time_s", "thrust_n", "tacho", "torque_n_m", "joint_angle_deg"}
+    assert "speed_rpm" in read(text.replace("V", "1/min")).columns
+    assert "torque_n_m" not in read(text.replace("Nm", "V")).columns
+
+
+def test_what_was_taken_for_what_is_stated(read):
+    taken = read("Time [ms];Axial force [kN];Tacho [V]\n0,5;1,25;0\n1,5;-2;5\n").taken
+    assert (
+        taken
+        == "thrust_n from 'Axial force [kN]' times 1000, time_s from 'Time [ms]' times 0.001, tacho from 'Tacho [V]'"
+    )
+    assert read("time_s,thrust_n,tacho\n1,2,3\n4,5,6\n").taken == ""
+
+
+def test_other_headings_are_named_by_the_user(read):
+    text = "Kanal 3,Kanal 4,Kanal 5 [kN]\n0.5,7,1.25\n1.5,8,-2\n"
+    record = read(text, dict(map(parse_column, ["rotation-deg=Kanal 3", "thrust_n = Kanal 5 [kN]"])))
+    assert record.columns["thrust_n"].tolist() == [1250.0, -2000.0]
+    assert read(text, {"rotation_deg": "kanal 3", "thrust_n": "Kanal 5"}).columns["thrust_n"].tolist() == [1250, -2000]
+    in_newtons = {"rotation_deg": "Kanal 3", "thrust_n": "Kanal 5 [N]"}
+    assert read(text, in_newtons).columns["thrust_n"].tolist() == [1.25, -2.0]
+    with pytest.raises(InputError, match="no such heading; did you mean 'Kanal 3'"):
+        read(text, {"thrust_n": "Kanal 33"})
+    with pytest.raises(InputError, match="write NAME=HEADING, a NAME of thrust_n"):
+        parse_column("force=Kanal 3")
+
+
+def test_dropouts_are_nan_and_words_are_named(read):
+    assert np.isnan(read("rotation_deg;thrust_n\n0,5;\n1,5;2\n").columns["thrust_n"]).tolist() == [True, False]
+    with pytest.raises(InputError, match=r"thrust_n = 'off' in row 2"):
+        read("rotation_deg;thrust_n\n0,5;1,5\n1,5;off\n2,5;2,5\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("angle,winkel,thrust\n1,2,3\n", "'angle' or 'winkel' may be rotation_deg: choose one"),
+        ("rotation_deg,thrust [psi]\n1,2\n", "unit of 'thrust .psi.' is not known; known are n, kn"),
+        ("1,2\n3,4\n", "one line of column names"),
+        ("rotation_deg,thrust_n\n1,2\n3,4,5\n", "rows of different length"),
+        ("rotation_deg,thrust_n\n" + "1,2\n" * 400 + "3,4,5\n", "rows of different length"),
+    ],
+)
+def test_what_cannot_be_read_is_named(read, text, message):
+    with pytest.raises(InputError, match=message):
+        read(text)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.text('0123456789.,;- \t\n\r"#eEnrothus_dgk[]()°µ\x1a', max_size=120))
+def test_any_text_is_read_or_refused_without_a_warning(read, text):
+    with suppress(InputError):
+        columns = read("rotation_deg;thrust_n\n" + text).columns
+        assert len({values.size for values in columns.values()}) <= 1
+
+
+def test_tdms_files(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "record.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        head = nptdms.RootObject({"Joint angle": "8 deg"})
+        force = nptdms.ChannelObject(
+            "rig", "Axial force", np.array([1.25, -2.0]), {"unit_string": "kN", "wf_increment": 0.1}
+        )
+        angle = nptdms.ChannelObject(
+            "rig", "Shaft angle", np.array([0.5, 1.5]), {"unit_string": "deg", "wf_increment": 0.1}
+        )
+        writer.write_segment([head, force, angle])
+    record = read_record(path)
+    assert record.columns["thrust_n"].tolist() == [1250.0, -2000.0]
+    assert record.columns["time_s"].tolist() == [0.0, 0.1]
+    assert record.notes == ("Joint angle: 8 deg",)
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(InputError, match="TDMS"):
+        read_record(path)
+
+
+def test_an_mdf_file_is_named(tmp_path):
+    (tmp_path / "record.mf4").write_bytes(b"MDF     4.10    ")
+    with pytest.raises(InputError, match="MDF file is not read: export its channels"):
+        read_record(tmp_path / "record.mf4")
+
+
+def test_a_pipe_is_no_record(tmp_path):
+    """Nobody writes to it: reading it would wait for ever."""
+    os.mkfifo(tmp_path / "record.csv")
+    with pytest.raises(InputError, match="pipe"):
+        read_record(tmp_path / "record.csv")

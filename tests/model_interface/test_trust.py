@@ -1,0 +1,73 @@
+"""The verdict on results: one rule of errors and ranges, stated with its main reason and counts that add up."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
+from tripod_doe.model_interface.trust import LARGE_ERROR, VerdictCount, verdicts
+
+
+def errors(random, count):
+    """Errors of a random block, some of them unknown, some of the finest model, some outside of a range."""
+    models = random.choice(np.array(["coarse", "fine"], object), count)
+    expected = np.where(random.random(count) < 0.2, np.nan, random.choice([0.0, 0.01, 0.05, 0.06], count))
+    expected[models == "fine"] = np.nan
+    limit = expected * random.choice([1.0, 3.0, 10.0], count)
+    outside = (random.random(count) < 0.2) & (models == "coarse")
+    left = Departure("coarse", ValidRange("ratio", "why", high=1), outside, np.full(outside.sum(), 2.0))
+    return ModelErrors("third order", "fine", models, expected, limit, np.full(count, "", object), [left])
+
+
+def expected_trust(expected, limit, outside, model, numerical):
+    """The rule, point by point."""
+    if outside or numerical > 0.05:
+        return Trust.DOUBTFUL
+    if model == "fine":
+        return Trust.SURE
+    if not expected <= 0.05 or not limit <= LARGE_ERROR:
+        return Trust.DOUBTFUL
+    return Trust.SURE if limit <= 0.05 else Trust.USABLE
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_rule_holds_point_by_point_and_the_sentence_counts_them(seed):
+    """Exact by its meaning, at random errors."""
+    random = np.random.default_rng(seed)
+    blocks = [errors(random, random.integers(1, 40)) for _ in range(3)]
+    told, summary = VerdictCount(), ModelSummary()
+    trust = []
+    for block in blocks:
+        numerical = random.choice([np.nan, 0.0, 0.04, 0.06], block.expected.size)
+        rows = zip(block.expected, block.limit, block.departures[0].outside, block.models, numerical, strict=True)
+        wanted = [expected_trust(*row) for row in rows]
+        assert told.add(block, numerical).tolist() == wanted
+        assert summary.add(block, numerical).tolist() == wanted
+        trust += wanted
+    (sentence,) = told.sentences()
+    assert summary.texts[0] == sentence
+    assert summary.texts[1].startswith("Model ")
+    for each in set(trust):
+        count = trust.count(each)
+        assert f"{each.label} at {count}" in sentence or f"{each.label} at all {count} points" in sentence
+    worst = max(trust)
+    assert ("check some of these" in sentence) == (worst is Trust.DOUBTFUL)
+    assert "since" in sentence
+
+
+def test_a_reason_is_that_of_the_worst_points():
+    """Regression: a verdict without its reason says nothing to a reader."""
+    models, known = np.full(3, "coarse", object), np.array([0.01, 0.01, 0.3])
+    block = ModelErrors("third order", "fine", models, known, known * 2, np.full(3, "", object))
+    told = VerdictCount()
+    told.add(block)
+    (sentence,) = told.sentences(" with all mechanisms on")
+    assert sentence == (
+        "Verdict on the third order: sure at 2, doubtful at 1 of 3 points with all mechanisms on; doubtful since half "
+        'of the similar points were off by more than 5 %; check some of these with model = "fine".'
+    )
+    assert not VerdictCount().sentences()
+    assert re.match("its value is known exactly", verdicts(block).reasons[7])

@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.page_parts.main_outputs import left_points, main_outputs
+
+
+@pytest.mark.parametrize(
+    ("output", "units", "words", "unit"),
+    [
+        ("thrust_amplitude", "N", "the third order", "N"),
+        ("thrust_phase_deg", "degree", "the thrust phase of the third order", "deg"),
+    ],
+)
+def test_an_output_has_its_own_name_and_unit(output, units, words, unit):
+    """Regression: any output along order was told as the third order, and whatever began with thrust in N."""
+    result = xr.Dataset(
+        {"mean": ("order", [0.0, 0.0, np.nan, 3.0])},
+        {"order": [0, 1, 2, 3]},
+        {"outputs": output, "output_units": f'{{"{output}": "{units}"}}'},
+    )
+    [part] = main_outputs(result, "mean")
+    assert (part.output, part.what, part.unit, float(part.answers["mean"])) == (output, words, unit, 3.0)
+
+
+def test_missing_points_are_counted():
+    assert left_points(xr.Dataset(attrs={"points_dropped": 1, "points_used": 1200})) == [
+        "1 point is missing, 1,200 are used."
+    ]
+    assert left_points(xr.Dataset(attrs={"points_dropped": 0, "points_used": 1200})) == []
