@@ -78,7 +78,7 @@ _HOME = {
     "view": "motion.page",
     "WorkflowSummary": "workflow.chain",
     "workflow_schema": "workflow.workflow_file",
-    "write_report": "pages.study",
+    "write_report": "reports.study",
 }
 
 __all__ = [
