@@ -17,7 +17,7 @@ from tripod_doe.joint.parameters import point_values
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.motion.page import motion_data, motion_page, viewed_point
 from tripod_doe.motion.poses import needle_poses, poses_of
-from tripod_doe.motion.stored_point import point_in
+from tripod_doe.motion.stored_point import points_in
 
 FRICTIONLESS = {
     "groove_sliding": 0,
@@ -137,12 +137,14 @@ def test_commands_write_pages(tmp_path, capsys):
         "[factors]\ntorque_n_m = { values = [20, 40] }\n"
     )
     td.run(tmp_path / "s.toml", out=tmp_path / "out", progress=False, workers=0)
-    assert point_in(tmp_path / "out", ["torque_n_m=40"])["torque_n_m"] == 40
+    assert [point["torque_n_m"] for point in points_in(tmp_path / "out", ["torque_n_m=40"])] == [40]
     page = str(tmp_path / "b.html")
     assert main(["view", str(tmp_path / "out"), "--select", "torque_n_m=40", "--output", page]) == 0
     assert "40 N m" in (tmp_path / "b.html").read_text()
-    assert main(["view", str(tmp_path / "out"), "--output", page]) == 2
-    assert "the selection leaves 2 points" in capsys.readouterr().err
+    assert main(["view", str(tmp_path / "out"), "--output", page]) == 0
+    assert (tmp_path / "b.html").read_text().count('class="scene"') == 2
+    assert main(["view", str(tmp_path / "out"), "--output", page, "--against", "torque_n_m=3"]) == 2
+    assert "the selection leaves two points" in capsys.readouterr().err
     assert (
         main(
             [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import shutil
 import struct
 import xml.etree.ElementTree as ET
 import zlib
@@ -16,6 +17,7 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
 from tripod_doe.page_parts.workbook import Sheet, workbook
+from tripod_doe.service.routes.dependencies import IN_SANDBOX
 
 STUDY = {
     "study": {"name": "Angles & <torques>", "question": "How does the thrust grow with $ and \u00e4ngle?"},
@@ -193,3 +195,43 @@ def test_a_report_in_a_sandbox_saves_its_figures(results, chromium, tmp_path):
             assert width == 1800
             assert width / height == pytest.approx(box[2] / box[3], rel=1e-2)
     window.close()
+
+
+@pytest.mark.slow
+def test_a_report_moves_two_of_its_points_under_the_policy_of_the_service(results, chromium, tmp_path):
+    copy = tmp_path / "out"
+    shutil.copytree(results, copy)
+    chosen = ["--select", "bearing_radial_clearance_mm=0.01", "--select", "joint_angle_deg=4,12"]
+    assert main(["report", str(copy), "--motion", *chosen]) == 0
+    report = (copy / "report" / "index.html").read_text()
+    assert len(report) - len((results / "report" / "index.html").read_text()) < 2_100_000  # a megabyte a revolution
+    policy = IN_SANDBOX["content-security-policy"].replace("frame-ancestors 'self'", "")
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{policy.partition(";")[2]}">'
+    (tmp_path / "served.html").write_text(report.replace("<head>", f"<head>{meta}", 1))
+    (tmp_path / "frame.html").write_text(
+        '<iframe sandbox="allow-scripts allow-downloads" src="served.html" width="1000" height="900"></iframe>'
+    )
+    window = chromium.new_context(offline=True)
+    page = window.new_page()
+    page.goto((tmp_path / "frame.html").as_uri())
+    shown = page.frame_locator("iframe")
+    shown.locator("h2", has_text="The joint in motion").scroll_into_view_if_needed()
+    shown.locator("body").evaluate("() => document.querySelector('#motion').scrollIntoView()")
+    moving = shown.frame_locator("iframe.motion")
+    moving.get_by_role("button", name="Play").click()
+    moving.locator("body:not([data-frames='0'])").wait_for()
+    assert "normal forces" in moving.locator("#numbers-1").inner_text()
+    window.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--motion"], "the selection leaves 6 points; choose one or two, for instance --select joint_angle_deg=4"),
+        (["--motion", "--format", "pdf"], "only the report itself shows a joint in motion, not --format pdf"),
+        (["--select", "joint_angle_deg=4"], "give --motion, too"),
+    ],
+)
+def test_motion_in_a_report_says_what_to_choose(results, words, message, capsys):
+    assert main(["report", str(results), *words]) == 2
+    assert message in capsys.readouterr().err

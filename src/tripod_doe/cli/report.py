@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.cli.parser import DONE, Command, Parser, add_selection
+from tripod_doe.cli.view import add_against, moved_points
 from tripod_doe.errors import InputError
 
 _FILES = {"pdf": "summary.pdf", "html": "summary.html", "xlsx": "tables.xlsx", "figures": "figures"}
@@ -28,6 +29,13 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         help="where to write that: a file whose ending may stand for --format, or a folder for figures (default: "
         "DIR/report/summary.pdf, summary.html, tables.xlsx, figures)",
     )
+    parser.add_argument(
+        "--motion",
+        action="store_true",
+        help="show the joint in motion in the report: one or two points, which are simulated again; about a megabyte each",
+    )
+    add_selection(parser, "with --motion: a value of a factor")
+    add_against(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -40,12 +48,18 @@ def _run(options: argparse.Namespace) -> int:
     if options.output and (form is None or (named and named != form)):
         ask = "end the name in .pdf, .html or .xlsx, or give --format" if form is None else f"but --format is {form}"
         raise InputError(f"--output {options.output}: {ask}")
+    if not options.motion and (options.select or options.against):
+        raise InputError("--select and --against choose what moves; give --motion, too")
+    if form and options.motion:
+        raise InputError(f"--motion: only the report itself shows a joint in motion, not --format {form}")
     if form:
         return _hand_on(options.directory, form, options.output or options.directory / "report" / _FILES[form])
     if (options.directory / FIT_FILE).is_file():
+        if options.motion:
+            raise InputError(f"{options.directory}: a fit has no points to move; give the directory of a study")
         print(write_fit_page(options.directory, open_cube(options.directory)))
     else:
-        print(write_report(options.directory))
+        print(write_report(options.directory, motion=moved_points(options) if options.motion else ""))
     return DONE
 
 

@@ -1,4 +1,4 @@
-"""Write a page that moves the joint at one point of a study's results."""
+"""Write a page that moves the joint at one or two points of a study's results."""
 
 from __future__ import annotations
 
@@ -20,15 +20,23 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.motion.page import motion_page, viewed_point, write_page
-    from tripod_doe.motion.stored_point import point_in
+    from tripod_doe.motion.page import write_page
 
-    values = point_in(options.directory, options.select, options.nearest)
-    others = [values | changes] if (changes := against(options.against)) else []
-    page = motion_page(*(viewed_point(**each) for each in (values, *others)))
-    write_page(page, options.output, "--output")
+    write_page(moved_points(options), options.output, "--output")
     print(f"view    {options.output}", file=sys.stderr)
     return DONE
+
+
+def moved_points(options: argparse.Namespace) -> str:
+    """The page that moves one or two points of a study, which are simulated again."""
+    from tripod_doe.motion.page import motion_page, viewed_point
+    from tripod_doe.motion.stored_point import points_in
+
+    points, changes = points_in(options.directory, options.select, options.nearest), against(options.against)
+    if changes and len(points) > 1:
+        raise InputError("--against: the selection leaves two points, which are shown side by side; select one")
+    others = [points[0] | changes] if changes else []
+    return motion_page(*(viewed_point(**each) for each in (*points, *others)))
 
 
 def add_against(parser: Parser, needs: str = "") -> None:
@@ -58,4 +66,4 @@ def against(texts: Sequence[str]) -> dict[str, Any]:
     return values
 
 
-COMMAND = Command("write a page that moves the joint at a point of a study", _add_arguments, _run)
+COMMAND = Command("write a page that moves the joint at one or two points of a study", _add_arguments, _run)

@@ -1,4 +1,4 @@
-"""One point of a study's results: all values that it was simulated with."""
+"""Points of a study's results: all values that they were simulated with."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from tripod_doe.study.query.query import records
 from tripod_doe.study.results.stored_study import stored_study
 
 
-def point_in(directory: Path, select: Sequence[str] = (), nearest: bool = False) -> dict[str, Any]:
-    """Values of the one point of a result directory that a selection leaves, as `simulate` takes them.
+def points_in(directory: Path, select: Sequence[str] = (), nearest: bool = False) -> list[dict[str, Any]]:
+    """Values of the one or two points of a result directory that a selection leaves, as `simulate` takes them.
 
     Args:
         select: ``name=value`` for factors.
         nearest: Take the nearest value where none matches.
 
     Raises:
-        InputError: If the study is of another scene, or the selection leaves none or several points.
+        InputError: If the study is of another scene, or the selection leaves no point or more than two.
     """
     study = stored_study(directory)
     if study.simulator.name != "joint":
@@ -35,9 +35,12 @@ def point_in(directory: Path, select: Sequence[str] = (), nearest: bool = False)
                 if name in {**cube.variables, **cube.coordinates}
             }
     count = columns["outcome"].size
-    if count != 1:
+    if not 1 <= count <= 2:
         several = [f"{name}={next(iter(column.tolist()), '')}" for name, column in of_point.items()]
         advice = " ".join(option("select", text) for text in several)
-        raise InputError(f"{directory}: the selection leaves {count} points; choose one, for instance {advice}")
-    own = {name: column.tolist()[0] for name, column in of_point.items()}
-    return {name: value for name, value in {**study.base, **own}.items() if value is not None and value == value}
+        raise InputError(f"{directory}: the selection leaves {count} points; choose one or two, for instance {advice}")
+    each = [{name: column.tolist()[i] for name, column in of_point.items()} for i in range(count)]
+    return [
+        {name: value for name, value in {**study.base, **own}.items() if value is not None and value == value}
+        for own in each
+    ]

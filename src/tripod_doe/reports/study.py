@@ -72,6 +72,7 @@ _SECTIONS = {
     "skews": "Needle skew",
     "region": "Where points fail",
     "failed": "Unfinished points",
+    "motion": "The joint in motion",
     "cost": "Cost",
     "setting": "Parameters",
     "provenance": "Provenance",
@@ -80,11 +81,12 @@ _ALWAYS = {"setting", "provenance"}  # the others only where there is something 
 _FILES = ("cube.nc", "cost.nc", "study.toml")
 
 
-def write_report(directory: str | Path, findings: Sequence[str] | None = None) -> Path:
+def write_report(directory: str | Path, findings: Sequence[str] | None = None, motion: str = "") -> Path:
     """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
     Args:
         findings: What `find` says of its cube, where that is known already.
+        motion: A page that moves the joint at points of the study, to be shown in the report.
 
     Returns:
         The report, ``directory/report/index.html``; an older one is replaced whole.
@@ -103,7 +105,7 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None) -
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
     with opened_cube(directory) as cube:
-        page = make_page(cube, analyses, files, findings, read_annotation(directory))
+        page = make_page(cube, analyses, files, findings, read_annotation(directory), motion)
     return replace_text(directory / "report" / "index.html", page)
 
 
@@ -118,6 +120,7 @@ def make_page(
     files: Sequence[str] = (),
     findings: Sequence[str] | None = None,
     annotation: Annotation | None = None,
+    motion: str = "",
 ) -> str:
     """The report as HTML: the same cube and analyses give the same text.
 
@@ -125,6 +128,7 @@ def make_page(
         files: Files of the result directory, relative to it, to which the page links.
         findings: What `find` says of the cube, where that is known already.
         annotation: What people have written about it.
+        motion: A page that moves the joint.
     """
     shown = representative_points(shown_subset(cube))
     said = answered(cube, analyses, findings)
@@ -141,6 +145,7 @@ def make_page(
     filled |= {"failed"} if lost or left else set()
     not_asked = asked_orders(cube) is not None
     filled |= {"models"} if not_asked else set()
+    filled |= {"motion"} if motion else set()
     return render(
         "page.html",
         attrs=cube.attrs,
@@ -167,6 +172,7 @@ def make_page(
         factors=factor_rows(cube),
         fixed=fixed_rows(cube),
         joint=drawn_joint(cube),
+        motion=motion,
         packages=json.loads(str(cube.attrs.get("package_versions", "{}"))),
         histories={name: data.attrs.get("history", "") for name, data in {"cube": cube, **analyses}.items()},
         **content,
