@@ -32,7 +32,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--motion",
         action="store_true",
-        help="show the joint in motion in the report: one or two points, which are simulated again; about a megabyte each",
+        help="show the joint in motion in the report: one or two points, simulated again; about a megabyte each",
     )
     add_selection(parser, "with --motion: a value of a factor")
     add_against(parser)
