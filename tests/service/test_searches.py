@@ -11,7 +11,8 @@ import pytest
 import tripod_doe as td
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.workers.questions import plan
+from tripod_doe.service.workers.questions import base, plan
+from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.journal import Journal
 
 ROOT = Path(__file__).parents[2]
@@ -217,3 +218,18 @@ def test_rows_and_candidates_are_counted_before_they_are_made(body, message):
         plan(request, Limits())
     assert message in refused.value.problems[0].message
     assert time.process_time() - started < 5
+
+
+def test_a_front_that_another_program_wrote_is_said(api, settings, optimised, tmp_path):
+    """Regression: internal errors where a role, a value of each candidate or the file itself is missing."""
+    front = td.open_cube(settings.folder / optimised / "front.nc")
+    spoilt = (
+        front.drop_vars("knee"),
+        front.assign(groove_radius_ratio=((), 1.0, front["groove_radius_ratio"].attrs)),
+        front.assign_attrs(optimisation="name = 1"),
+        front.drop_attrs(deep=False),
+    )
+    for number, data in enumerate(spoilt):
+        write_dataset(data, path := tmp_path / f"{number}.nc")
+        with pytest.raises(RefusedError, match="optimisation"):
+            base(str(path), "optimisation", None)

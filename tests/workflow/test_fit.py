@@ -13,6 +13,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli.main import main
+from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.workflow.fit_plan import plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
 
@@ -113,6 +114,22 @@ def test_what_it_leaves_in_its_directory(fitted, capsys):
     assert pasted.base["groove_sliding_friction"] == pytest.approx(0.075, rel=0.01)
     tolerance = td.load_study(out / "tolerance.toml")
     assert list(tolerance.factors) == list(TRUTH)
+
+
+@pytest.mark.parametrize("text", ["title", "question", "source", "fit", "model", "model_error_source"])
+def test_a_result_that_another_program_wrote_is_said(fitted, tmp_path, capsys, text):
+    """Regression: a text that is missing, or is no text, was an internal error."""
+    with td.open_cube(fitted[0]) as fit:
+        strange = fit.assign_attrs({text: 1.5})
+    write_dataset(strange, tmp_path / "fit.nc")
+    assert main(["report", str(tmp_path)]) == 2
+    assert f"the attribute {text} holds no text" in capsys.readouterr().err
+
+
+def test_one_page_of_a_fit_is_refused(fitted, capsys):
+    """Regression: it was an internal error; there is a page of its points."""
+    assert main(["report", str(fitted[0]), "--format", "html"]) == 2
+    assert str(fitted[0] / "steps" / "points") in capsys.readouterr().err
 
 
 def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkeypatch):

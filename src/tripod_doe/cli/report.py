@@ -68,8 +68,14 @@ def _hand_on(directory: Path, form: str, place: Path) -> int:
     from tripod_doe.atomic_files import refuse_links, replace_file
     from tripod_doe.reports.one_page import figures_of, one_page
     from tripod_doe.reports.tables import tables_of
+    from tripod_doe.study.results.result_cube import FIT_FILE
 
     refuse_links(directory)
+    if (directory / FIT_FILE).is_file() or (directory / "front.nc").is_file():
+        raise InputError(
+            f"--format {form}: it hands on results of studies; of a fit or an optimisation name the points: "
+            f"{directory / 'steps' / 'points'}"
+        )
     if form == "figures":
         files = figures_of(directory)
     elif form == "xlsx":

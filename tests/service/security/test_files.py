@@ -13,6 +13,7 @@ from service_client import COAST
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
+from tripod_doe.service.security.delivered_files import file_within
 from tripod_doe.service.settings import read_token
 
 SECRET = "kept from others"
@@ -206,3 +207,16 @@ def test_what_is_no_token_file_is_refused(tmp_path, what):
         path.chmod(0o600)
     with pytest.raises(InputError, match="token_file"):
         read_token(path)
+
+
+@pytest.mark.parametrize(
+    "place", ["a" * 300 + ".html", "b/" * 3_000, "../out.html", "/etc/passwd", "", "in/../../out.html"]
+)
+def test_no_address_names_a_file_outside_or_fails(tmp_path, place):
+    """Regression: a name of 300 letters was an internal error of the help site and of report pages, without a token."""
+    inside = tmp_path / "site"
+    inside.mkdir()
+    (tmp_path / "out.html").touch()
+    (inside / "in.html").touch()
+    assert file_within(inside, place) is None
+    assert file_within(inside, "x/../in.html") == inside / "in.html"

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
+from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import count_of, interval, level, number, with_unit
@@ -20,6 +21,7 @@ UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most
 RECORD_HEADS = ("record", "order", "measured N", "+- N", "fitted N", "model +- N", "difference N", "note")
 """Heads of the table of records."""
 
+_TEXTS = ("title", "question", "source", "fit", "model", "search_model", "model_error_source")  # attributes of a fit
 _CORRELATED = 0.9  # correlation from which the reader should know
 _WIDE = 1.3  # root of chi squared over degrees of freedom from which the reader should know
 _EDGE = 1e-6  # relative: how near to its bound an interval ends there
@@ -27,7 +29,13 @@ _SHOWN = 3  # combinations and candidates that sentences state
 
 
 def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
-    """Sentences on what the records say, and on what they do not."""
+    """Sentences on what the records say, and on what they do not.
+
+    Raises:
+        CubeError: If a text is missing that every result of a fit holds.
+    """
+    if wrong := [text for text in _TEXTS if not isinstance(fit.attrs.get(text), str)]:
+        raise CubeError(f"the attribute {wrong[0]} holds no text: this is no result of a fit, or it is damaged")
     names = fit["unknown"].values.tolist()
     known = [name for name in names if _is_known(fit.sel(unknown=name))]
     sentences = _known_sentence(fit, known)

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from pydantic import ValidationError
 
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import pasted
-from tripod_doe.errors import InputError
+from tripod_doe.errors import CubeError, InputError
 from tripod_doe.page_parts.responses import unit_text
 from tripod_doe.quantities import number
 from tripod_doe.study.definition.study_file import parse_toml
@@ -26,8 +27,15 @@ def findings_in(candidates: xr.Dataset, name: str = "") -> list[str]:
 
 
 def names_of(candidates: xr.Dataset, role: str) -> list[str]:
-    """Names of the variables, objectives or constraints of stored candidates."""
-    return [str(name) for name, each in candidates.data_vars.items() if each.attrs.get("role") == role]
+    """Names of the variables, objectives or constraints of stored candidates.
+
+    Raises:
+        CubeError: If one of them has no value for each candidate, as in a file of another program.
+    """
+    found = [each for each in candidates.data_vars.values() if str(each.attrs.get("role", "")) == role]
+    if wrong := [each.name for each in found if each.dims != ("candidate",)]:
+        raise CubeError(f"{wrong[0]}: no value for each candidate: this is no result of an optimisation")
+    return [str(each.name) for each in found]
 
 
 def candidate_table(candidates: xr.Dataset) -> tuple[list[str], list[list[str]]]:
@@ -51,6 +59,8 @@ def knee_of(front: xr.Dataset) -> int:
     """
     if not front.sizes["candidate"]:
         raise InputError("the front has no candidate: no joint keeps all limits")
+    if "knee" not in front or front["knee"].dims != ("candidate",):
+        raise CubeError("knee: no value for each candidate: this is no front of an optimisation")
     return int(np.argmax(front["knee"].values))
 
 
@@ -64,5 +74,8 @@ def base_of(front: xr.Dataset, candidate: int) -> str:
 
 
 def file_of(candidates: xr.Dataset) -> OptimisationFile:
-    """The file of the optimisation to which stored candidates belong."""
-    return OptimisationFile.model_validate(parse_toml(str(candidates.attrs["optimisation"]), "optimise.toml"))
+    """The file of the optimisation to which stored candidates belong; CubeError if it is not with them."""
+    try:
+        return OptimisationFile.model_validate(parse_toml(str(candidates.attrs["optimisation"]), "optimise.toml"))
+    except (KeyError, InputError, ValidationError) as error:
+        raise CubeError("the attribute optimisation holds no file of an optimisation: the result is damaged") from error

@@ -69,6 +69,7 @@ _STYLE: dict[Any, Any] = {
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8.5,
     "text.color": INK,
+    "text.parse_math": False,
     "axes.titlesize": 9,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
@@ -144,7 +145,10 @@ def laid_out(figure: Figure) -> Figure:
     """The figure with its axes as they will be printed: to find that out, `savefig` would draw it once more."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
+    from tripod_doe.page_parts.charts.powers import write_powers_plainly
+
     FigureCanvasSVG(figure)
+    write_powers_plainly(figure)
     figure.set_dpi(72)  # that of SVG
     if engine := figure.get_layout_engine():
         engine.execute(figure)

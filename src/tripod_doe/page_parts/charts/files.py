@@ -105,7 +105,7 @@ def _write(figure: Figure, paragraphs: Sequence[Paragraph], top: float, scale: f
                 figure.text(
                     0,
                     top / height,
-                    line.replace("$", r"\$"),
+                    line,
                     va="top",
                     size=scale * paragraph.size,
                     weight="bold" if paragraph.bold else "normal",

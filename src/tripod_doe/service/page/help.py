@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 from fastapi import APIRouter
 from starlette.responses import FileResponse, Response
 
@@ -12,6 +9,7 @@ from tripod_doe.documentation import BUILD, INSTALL, site_folder
 from tripod_doe.service.page.rendering import show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import AnyService
+from tripod_doe.service.security.delivered_files import file_within
 
 router = APIRouter(include_in_schema=False)
 
@@ -37,8 +35,8 @@ def help_page(place: str, service: AnyService) -> Response:
     site = site_folder()
     if site is None:
         return show("help.html", service.settings, root="", install=INSTALL, build=BUILD)
-    path = Path(os.path.normpath(site / (place or "index.html")))
-    if not path.is_relative_to(site) or path.suffix not in _KINDS or not path.is_file():
+    path = file_within(site, place or "index.html")
+    if path is None or path.suffix not in _KINDS:
         raise RefusedError(404, "the documentation has no such page")
     headers = {"content-security-policy": _POLICY, "cache-control": "private, max-age=60"}
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=headers)

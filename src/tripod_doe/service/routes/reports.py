@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Literal
 
 from fastapi import APIRouter, Request
@@ -11,6 +9,7 @@ from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Re
 
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
+from tripod_doe.service.security.delivered_files import file_within
 from tripod_doe.service.security.report_keys import report_key
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
@@ -55,8 +54,7 @@ def summary(run_id: str, form: Form, service: AnyService, step: str | None = Non
 def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     """A page or a cube that a report links to; `Guard` has checked the key."""
     directory = service.directory(run_id)
-    path = Path(os.path.normpath(directory / place))
-    inside = any(path.is_relative_to(directory / name) for name in ("report", "steps"))
-    if not inside or path.suffix not in _KINDS or not path.is_file():
+    path = file_within(directory, place)
+    if path is None or path.suffix not in _KINDS or path.relative_to(directory).parts[0] not in ("report", "steps"):
         raise RefusedError(404, "no such page of this run")
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)

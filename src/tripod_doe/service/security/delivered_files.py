@@ -36,6 +36,16 @@ def check_delivered(directory: Path, found: bool) -> None:
         return
 
 
+def file_within(folder: Path, place: str) -> Path | None:
+    """The file in a folder that an address names; None where there is none, as where no file can have such a name."""
+    path = Path(os.path.normpath(folder / place))
+    try:
+        there = path.is_relative_to(folder) and path.is_file()
+    except OSError:  # a name that is too long
+        return None
+    return path if there else None
+
+
 def _refusal(state: os.stat_result, top: os.stat_result, found: bool) -> str:
     """The reason for which an entry is not delivered; empty if it is."""
     if stat.S_ISLNK(state.st_mode):
