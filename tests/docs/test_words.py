@@ -1,0 +1,59 @@
+"""What people read is spelled right, in plain words, and names only files that exist."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+READ = [
+    *PAGES,
+    *(
+        path
+        for folder in ("src", "studies", "workflows", "optimisations", "measurements", "docs")
+        for ending in ("py", "toml", "html", "js", "css", "txt")
+        for path in sorted((ROOT / folder).rglob(f"*.{ending}"))
+    ),
+]
+FOLDERS = "studies|workflows|benchmarks|docs|tests|optimisations|measurements"
+
+
+def spelled(*files: Path) -> str:
+    """What codespell says of files; nothing where all words are right."""
+    pytest.importorskip("codespell_lib")
+    words = [sys.executable, "-m", "codespell_lib", *files]
+    return subprocess.run(words, capture_output=True, text=True, cwd=ROOT).stdout
+
+
+def test_words_are_spelled_right():
+    """Exact: pages, docstrings, comments, messages, templates and example files; exceptions stand in pyproject.toml."""
+    assert spelled(*READ) == ""
+
+
+def test_a_wrong_word_is_seen(tmp_path):
+    (tmp_path / "page.md").write_text("A paramter of the roller, to and fro.")
+    assert spelled(tmp_path / "page.md").endswith("page.md:1: paramter ==> parameter\n")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_names_no_host_outside(page):
+    """Addresses are those of this machine, or names reserved for examples."""
+    hosts = re.findall(r"\bhttps?://([\w.-]+)", page.read_text(encoding="utf-8"))
+    assert [host for host in hosts if host != "127.0.0.1" and not host.endswith(".example")] == []
+
+
+def test_files_that_the_code_names_exist():
+    """Docstrings, comments, messages and templates that lead to a page, a study or a benchmark."""
+    missing = [
+        f"{path.relative_to(ROOT)}: {named}"
+        for path in (*sorted((ROOT / "src").rglob("*.*")), *sorted((ROOT / "benchmarks").glob("*.*")))
+        if path.suffix in (".py", ".toml", ".html", ".js", ".md")
+        for named in re.findall(rf"(?<![\w/])(?:{FOLDERS})/[\w/]+\.\w+", path.read_text(encoding="utf-8"))
+        if not (ROOT / named).exists()
+    ]
+    assert missing == []
