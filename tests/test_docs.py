@@ -131,19 +131,19 @@ def test_the_picture_shows_what_its_study_gives(tmp_path):
 
 def test_models_and_what_they_ignore():
     assert [row[0] for row in table("explanation/models.md", "models")] == [f"`{name}`" for name in MODELS]
-    for name, ignored in table("explanation/models.md", "ignored parameters"):
+    for name, ignored in table("reference/models.md", "ignored parameters"):
         assert set(names(ignored)) == MODELS[name.strip("`")].ignores
 
 
 def test_the_ranges_of_the_models_are_those_of_the_code():
     told = [(f"`{name}`", valid.text, valid.reason) for name, model in MODELS.items() for valid in model.valid]
-    assert [tuple(row) for row in table("explanation/models.md", "ranges")] == told
+    assert [tuple(row) for row in table("reference/models.md", "ranges")] == told
 
 
 def test_the_measured_errors_are_those_of_the_record():
     """Exact: medians and ninth deciles over the joint angle, as printed."""
     record = pd.read_csv(RECORDED, comment="#")
-    rows = table("explanation/models.md", "measured errors")
+    rows = table("reference/models.md", "measured errors")
     for angle, *cells in rows:
         low, high = (float(end) for end in re.findall(r"[\d.]+", angle))
         part = record[record["joint_angle_deg"].between(low, high, inclusive="left")]

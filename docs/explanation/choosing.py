@@ -56,7 +56,7 @@ measures them in a pilot ([Automatic choice of the model](automatic_choice.md)).
 _VIBRATING = """
 Many joints vibrate by themselves: with high friction in the grooves or of the needles, with large joint angles, and at
 low torque and low speed. `rollers` and `needles` follow the vibration, which takes several times as long, and
-`outcome_detail` states its frequency, growth and size ([Models](models.md#vibration)). `kinetostatic` computes the
+`outcome_detail` states its frequency, growth and size ([Vibration](vibration.md)). `kinetostatic` computes the
 motion without vibration.
 """
 

@@ -14,7 +14,7 @@ from tripod_doe.joint.simulator import simulator
 from tripod_doe.model_interface import Accuracy, Quantity, model_notes
 
 FLUTTERING = {"joint_angle_deg": 17.0, "torque_n_m": -300.0, "speed_rpm": 1500.0, "groove_sliding_friction": 0.15}
-"""Its third order is 391 N without vibration, and 255 N with it by three methods (docs/explanation/models.md)."""
+"""Its third order is 391 N without vibration, and 255 N with it by three methods (docs/explanation/vibration.md)."""
 
 
 def test_a_joint_is_compared_with_the_recorded_ones_nearest_in_angle_and_friction(monkeypatch, tmp_path):
