@@ -11,8 +11,8 @@ from executed_page import execute_page
 from tripod_doe.cli.main import main
 
 ROOT = Path(__file__).parents[2]
-LONG = {"extending", "read_a_report"}
-"""Guides of more than a screen, with tests of their own."""
+LONG = {"extending"}
+"""Of more than a screen, with a test of its own."""
 GUIDES = [path for path in sorted((ROOT / "docs" / "guides").glob("*.md")) if path.stem not in LONG]
 LINES, WORDS = 80, 380
 SLOW = {"best_joint", "below_a_limit", "halve_a_friction", "which_friction", "which_friction_does_my_joint_have"}

@@ -19,7 +19,7 @@ STATED = [
     *(SOURCE / name for name in ("page_parts/subset.py", "model_interface/model_summary.py")),
 ]
 FEWEST_WORDS = 4  # of its own; a template with fewer is a frame of others
-GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "read_a_report.md"
+GUIDE = Path(__file__).parents[2] / "docs" / "reference" / "reports.md"
 
 
 def templates(path):

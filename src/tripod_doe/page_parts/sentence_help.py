@@ -44,7 +44,7 @@ def reading_of(sentence: str) -> Reading | None:
 
 
 def guide_entries() -> str:
-    """All entries as Markdown, by kind of page: a part of docs/guides/read_a_report.md."""
+    """All entries as Markdown, by kind of page: a part of docs/reference/reports.md."""
     lines, group = [], ""
     for each in readings():
         if each.group != group:
