@@ -206,7 +206,7 @@ def http() -> str:
     parts = ["# HTTP\n", _NOTE]
     parts.append(
         "`tripod-doe serve` answers under `/api/v1`, with the token as `Authorization: Bearer TOKEN`.\n"
-        "`/api/v1/openapi.json` is this page for programs. [The service over HTTP](service.md) explains limits and faults.\n"
+        "`/api/v1/openapi.json` is this page for programs. Limits and faults: [The service over HTTP](service.md).\n"
     )
     for path, methods in description["paths"].items():
         for method, route in methods.items():
