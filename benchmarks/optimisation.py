@@ -30,6 +30,7 @@ DIAMETERS = [1.6, 1.8, 2.0, 2.2, 2.5]
 RANGES = {"pitch_radius_mm": (20.0, 26.0), "roller_radius_mm": (14.0, 18.5)}
 FIXED: dict[str, Any] = {"needle_count": 29, "torque_n_m": 130.0}
 ANGLES = [4.0, 8.0, 12.0]
+"""Joint angles of the operating points, degrees."""
 LIMIT = 1900.0
 """Largest pressure of the needles, MPa."""
 WORST = (60.0, 90.0)
@@ -53,7 +54,7 @@ values = [1.6, 1.8, 2.0, 2.2, 2.5]
 [variables.needle_pitch_diameter_mm]
 formula = "needle_count * (needle_diameter_mm + 0.008) / 3.14159265"
 [at.joint_angle_deg]
-values = [4, 8, 12]
+values = {angles}
 [responses.diameter]
 formula = "2 * (pitch_radius_mm + roller_radius_mm) + 0 * largest_needle_pressure_mpa"
 [objectives.third]
@@ -93,6 +94,23 @@ def judge(place: Sequence[float], model: str) -> tuple[float, float, float]:
     return max(thirds), 2 * (pitch + roller), max(pressures)
 
 
+class Tried:
+    """Candidates of a plain loop: places, values, and the CPU time since the loop began."""
+
+    def __init__(self) -> None:
+        self.places: list[Sequence[float]] = []
+        self.values: list[tuple[float, float, float]] = []
+        self.seconds: list[float] = []
+        self._started = time.process_time()
+
+    def judge(self, place: Sequence[float], model: str) -> tuple[float, float, float]:
+        """Judge a candidate, and keep it."""
+        self.places.append(place)
+        self.values.append(judge(place, model))
+        self.seconds.append(time.process_time() - self._started)
+        return self.values[-1]
+
+
 def volume(front: np.ndarray[Any, Any]) -> float:
     """Part of the box below `WORST` that a front dominates."""
     inside = front[np.isfinite(front).all(axis=1) & (front < WORST).all(axis=1)]
@@ -108,7 +126,7 @@ def front_of(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 def ours(options: argparse.Namespace) -> tuple[str, float, np.ndarray[Any, Any], str]:
     """Our command: the search on the cheap model, confirmed by the fine one."""
     text = FILE.format(
-        cheap=options.cheap, fine=options.fine, candidates=options.candidates, confirmed=options.confirmed
+        angles=ANGLES, cheap=options.cheap, fine=options.fine, candidates=options.candidates, confirmed=options.confirmed
     )
     with TemporaryDirectory() as folder:
         (Path(folder) / "joint.toml").write_text(text)
@@ -119,14 +137,13 @@ def ours(options: argparse.Namespace) -> tuple[str, float, np.ndarray[Any, Any],
     return f"tripod-doe optimise, confirmed by {options.fine}", seconds, front, "all confirmed"
 
 
-def with_pymoo(options: argparse.Namespace, model: str, candidates: int) -> tuple[float, np.ndarray[Any, Any], Any]:
-    """A plain loop around NSGA-II of pymoo; CPU time, values and places of all candidates."""
+def with_pymoo(options: argparse.Namespace, model: str, candidates: int, seed: int) -> Tried:
+    """A plain loop around NSGA-II of pymoo."""
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.problem import ElementwiseProblem
     from pymoo.optimize import minimize
 
-    seen: list[tuple[float, float, float]] = []
-    places: list[list[float]] = []
+    tried = Tried()
 
     class Joint(ElementwiseProblem):  # type: ignore[misc]
         def __init__(self) -> None:
@@ -134,43 +151,36 @@ def with_pymoo(options: argparse.Namespace, model: str, candidates: int) -> tupl
             super().__init__(n_var=3, n_obj=2, n_ieq_constr=1, xl=np.array(low), xu=np.array(high))
 
         def _evaluate(self, x: Any, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            third, size, pressure = judge(x, model)
-            seen.append((third, size, pressure))
-            places.append([float(value) for value in x])
+            third, size, pressure = tried.judge([float(value) for value in x], model)
             whole = math.isfinite(third)
             out["F"] = [third, size] if whole else [1e6, 1e6]  # which pymoo leaves to its user
             out["G"] = [pressure / LIMIT - 1 if whole else 10.0]
 
-    started = time.process_time()
-    minimize(Joint(), NSGA2(pop_size=min(20, candidates)), ("n_eval", candidates), seed=1)
-    return time.process_time() - started, np.array(seen), np.array(places)
+    minimize(Joint(), NSGA2(pop_size=min(20, candidates)), ("n_eval", candidates), seed=seed)
+    return tried
 
 
-def with_optuna(options: argparse.Namespace, model: str, candidates: int) -> tuple[float, np.ndarray[Any, Any], Any]:
+def with_optuna(options: argparse.Namespace, model: str, candidates: int, seed: int) -> Tried:
     """A plain loop around NSGA-II of Optuna."""
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    seen: list[tuple[float, float, float]] = []
-    places: list[list[float]] = []
+    tried = Tried()
 
     def value(trial: Any) -> tuple[float, float]:
         place = [trial.suggest_float(name, *ends) for name, ends in RANGES.items()]
         place.append(trial.suggest_int("diameter", 0, len(DIAMETERS) - 1))
-        found = judge(place, model)
-        seen.append(found)
-        places.append(place)
+        found = tried.judge(place, model)
         trial.set_user_attr("far", [found[2] / LIMIT - 1 if math.isfinite(found[2]) else 10.0])
         return (found[0], found[1]) if math.isfinite(found[0]) else (1e6, 1e6)
 
-    started = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its constraints are experimental
         sampler = optuna.samplers.NSGAIISampler(
-            population_size=min(20, candidates), seed=1, constraints_func=lambda trial: trial.user_attrs["far"]
+            population_size=min(20, candidates), seed=seed, constraints_func=lambda trial: trial.user_attrs["far"]
         )
         optuna.create_study(directions=["minimize", "minimize"], sampler=sampler).optimize(value, n_trials=candidates)
-    return time.process_time() - started, np.array(seen), np.array(places)
+    return tried
 
 
 def plain(
@@ -301,11 +311,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--candidates", type=int, default=400, help="candidates of a search on the cheap model")
     parser.add_argument("--confirmed", type=int, default=6, help="candidates that the fine model judges")
     parser.add_argument("--direct", type=int, default=60, help="candidates of the search on the fine model itself")
+    parser.add_argument("--angles", type=float, nargs="+", default=ANGLES, help="joint angles of the operating points")
     parser.add_argument("--only", nargs="*", default=[], choices=["ours", "pymoo", "optuna", "direct"])
     parser.add_argument("--robust", action="store_true", help="the robust front, in place of all others")
     parser.add_argument("--grid", type=int, default=16, help="values of each variable of the robust front")
     parser.add_argument("--sample", type=int, default=512, help="joints of each sample beside it")
     options = parser.parse_args(arguments)
+    ANGLES[:] = options.angles
     (robust if options.robust else compare)(options)
 
 
