@@ -16,6 +16,7 @@ from tripod_doe.analyses.optimisation.sentences import (
     find_in_optimisation,
     front_table,
     left_out_table,
+    sensitivity_table,
     shown_rows,
     start_table,
 )
@@ -65,6 +66,7 @@ def write_optimisation_page(
         charts=optimisation_charts(problem, solved, waves),
         front=front_table(problem, solved),
         ends=ends_table(problem, solved),
+        sensitivity=sensitivity_table(problem, solved),
         start=start_table(problem, solved),
         left_out=left_out_table(solved, failures),
         bases=bases,

@@ -13,6 +13,7 @@ import xarray as xr
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.optimisation.front import Archive, knee
 from tripod_doe.analyses.optimisation.measures import Judged
+from tripod_doe.analyses.optimisation.neighbours import Neighbours
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.responses import ERROR
@@ -31,6 +32,7 @@ class Solved:
     confirmed: int  # number of candidates that were judged once more; 0 where the search is the last word
     counts: Mapping[str, int] = field(default_factory=dict)  # points, computed, failed
     ended: tuple[float, ...] = ()  # the best objective, to minimise, of each search from another place
+    around: Neighbours | None = None  # of the ends and the knee of the front; None where the front is empty
     polished: float = np.nan  # step of the last polish that found nothing better, as part of a range
 
 

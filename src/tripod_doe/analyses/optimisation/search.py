@@ -21,6 +21,7 @@ _FAILED = 10.0  # violation of a candidate that cannot be computed: more than li
 _IDLE = 10  # generations with hardly a new candidate, or with equal ones, after which a search is over
 _EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
 _POLISHED = 0.15  # share of the candidates with which a single objective is polished
+_CORRECTED = 0.3  # share of the candidates that are tried after a better model has judged the first front
 _WIDEST, _NARROWEST = 0.05, 1e-3  # step of the polish, as part of a range
 
 
@@ -36,6 +37,7 @@ class Search:
         signs: 1 for an objective to minimise, -1 for one to maximise.
         constraints: Number of constraints.
         start: A candidate of the first generation, on the unit cube; None without one.
+        first: The whole first generation, in place of a start among random ones.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Search:
         population: int,
         seed: int,
         start: FloatArray | None,
+        first: FloatArray | None = None,
     ) -> None:
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
@@ -53,7 +56,8 @@ class Search:
         self._variables, self._signs = variables, signs
         count = len(variables.chosen)
         self._problem = Problem(n_var=count, n_obj=len(signs), n_ieq_constr=constraints + 1, xl=0.0, xu=1.0)
-        first = _first_generation(variables, population, seed, start)
+        if first is None:
+            first = _first_generation(variables, population, seed, start)
         self._algorithm = _algorithm(len(signs), population, first, variables)
         self._algorithm.setup(self._problem, termination=NoTermination(), seed=seed, verbose=False)
         self._asked: Any = None
@@ -128,6 +132,27 @@ def _algorithm(objectives: int, population: int, first: FloatArray, variables: V
     return SMSEMOA(pop_size=population, sampling=first, repair=Snap())
 
 
+def steps_around(variables: Variables, unit: FloatArray, step: float) -> list[tuple[int, FloatArray]]:
+    """Candidates one step of one variable away, down and up: the number of the variable, and where it leads.
+
+    Args:
+        unit: The candidate, on the unit cube.
+        step: Part of a range; levels go to their neighbours.
+    """
+    moves = []
+    for at, variable in enumerate(variables.chosen):
+        width = 1 / len(variable.levels) if variable.levels else step
+        for sign in (-1, 1):
+            moved = unit.copy()
+            moved[at] += sign * width
+            if variable.levels and not 0 < moved[at] < 1:
+                continue
+            moved[at] = min(max(moved[at], 0.0), 1.0)
+            if moved[at] != unit[at]:
+                moves.append((at, moved))
+    return moves
+
+
 class Polish:
     """Steps in one variable at a time from the best candidate, halved where none is better: for a single objective.
 
@@ -143,17 +168,7 @@ class Polish:
 
     def ask(self) -> FloatArray:
         """Candidates around the best one, shape (candidate, variable); levels go to their neighbours."""
-        moves = []
-        for at, variable in enumerate(self._variables.chosen):
-            step = 1 / len(variable.levels) if variable.levels else self.step
-            for sign in (-1, 1):
-                unit = self.best.copy()
-                unit[at] += sign * step
-                if variable.levels and not 0 < unit[at] < 1:
-                    continue
-                unit[at] = min(max(unit[at], 0.0), 1.0)
-                if unit[at] != self.best[at]:
-                    moves.append(unit)
+        moves = [unit for _, unit in steps_around(self._variables, self.best, self.step)]
         return self._variables.snapped(np.array(moves)) if moves else np.empty((0, self.best.size))
 
     def tell(self, better: FloatArray | None) -> bool:
@@ -163,6 +178,11 @@ class Polish:
             return True
         self.step /= 2
         return self.step >= _NARROWEST
+
+
+def correction_share(confirm: bool) -> float:
+    """Share of the candidates that are kept for the search on the model as another one corrects it."""
+    return _CORRECTED if confirm else 0.0
 
 
 def polish_share(objectives: int) -> float:

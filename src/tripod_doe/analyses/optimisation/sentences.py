@@ -9,9 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripod_doe.analyses.optimisation.front import binding, front_rows, knee
+from tripod_doe.analyses.optimisation.neighbours import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values, best_so_far
 from tripod_doe.array_types import FloatArray
+from tripod_doe.model_interface import Value
 from tripod_doe.page_parts.responses import listed, spoken, unit_text
 from tripod_doe.quantities import count_of, digits_apart, interval, level, number, with_unit
 from tripod_doe.study.failure_summary import Failure
@@ -28,7 +30,13 @@ def find_in_optimisation(problem: Problem, solved: Solved) -> list[str]:
     if not len(solved.front.units):
         return _nothing(problem, solved)
     sentences = _single(problem, solved) if len(problem.objectives) == 1 else _several(problem, solved)
-    return [*sentences, *_confirmation(problem, solved), *_scatter(problem), *_left_out(solved)]
+    return [
+        *sentences,
+        *_improvable(problem, solved),
+        *_confirmation(problem, solved),
+        *_scatter(problem),
+        *_left_out(solved),
+    ]
 
 
 def _unit(problem: Problem, output: str) -> str:
@@ -41,7 +49,7 @@ def _unit(problem: Problem, output: str) -> str:
 
 def _aim(problem: Problem, at: int, value: float, error: float = np.nan) -> str:
     table = list(problem.objectives.values())[at]
-    text = interval(value, error) if np.isfinite(error) else number(value, 4)
+    text = interval(value, error) if error > 0 else number(value, 4)
     return with_unit(text, _unit(problem, table.output))
 
 
@@ -231,9 +239,7 @@ def front_table(problem: Problem, solved: Solved) -> Table:
     for row in shown_rows(len(front.units)):
         cells = [str(row)]
         for at, (value, error) in enumerate(zip(judged.objectives[row], judged.objective_errors[row], strict=True)):
-            cells.append(
-                interval(float(value), float(error)) if np.isfinite(error) else number(float(value), apart[at])
-            )
+            cells.append(interval(float(value), float(error)) if error > 0 else number(float(value), apart[at]))
         cells += [number(float(value), 4) for value in judged.constraints[row]]
         cells += [
             level(float(v)) if isinstance(v, int | float) else str(v)
@@ -255,15 +261,89 @@ def ends_table(problem: Problem, solved: Solved) -> Table:
     front = solved.front
     if not len(front.units):
         return [], []
-    aims = front.judged.objectives * problem.signs
-    rows = [(f"best {name}", int(aims[:, at].argmin())) for at, name in enumerate(problem.objectives)]
-    if aims.shape[1] > 1:
-        rows.append(("knee", knee(aims)))
     table = []
-    for what, row in rows:
+    for what, row in _places(problem, solved).items():
         touched = binding(front.units[row], front.judged.violations[row], problem.variables, list(problem.constraints))
         table.append([what, str(row), joint_text(problem, front.units[row]), listed(touched) or "nothing"])
     return ["where", "candidate", "joint", "binds"], table
+
+
+def _places(problem: Problem, solved: Solved) -> dict[str, int]:
+    return places_of(solved.front.judged.objectives * problem.signs, list(problem.objectives))
+
+
+def _improvable(problem: Problem, solved: Solved) -> list[str]:
+    """Ends of the front that a step of a single variable would move on: the search has not come to rest there."""
+    own = solved.around
+    if own is None or len(problem.objectives) == 1:
+        return []
+    sentences = []
+    able = np.array([not reason for reason in own.reasons(solved.front.judged, list(problem.constraints))], bool)
+    for at, (name, row) in enumerate(zip(problem.objectives, _places(problem, solved).values(), strict=False)):
+        centre = int(np.flatnonzero(own.centres == row)[0])
+        gains = own.changes("objectives")[:, at] * problem.signs[at]
+        better = np.flatnonzero((own.centre == centre) & able & (gains < 0))
+        if better.size:
+            best = int(better[gains[better].argmin()])
+            by = f" by {problem.model}" if problem.confirm != problem.model else ""
+            value = _aim(problem, at, float(abs(gains[best])))
+            sentences.append(
+                f"The search has not come to rest at the best {name}: {_step_text(problem, solved, best)} improves it "
+                f"by {value}{by}{' and keeps the limits' * bool(problem.constraints)}; more evaluations may get there."
+            )
+    return sentences
+
+
+def _step_text(problem: Problem, solved: Solved, neighbour: int) -> str:
+    """A step of one variable: ``pitch radius = 26.5 mm in place of 26.2 mm``."""
+    own = solved.around
+    assert own is not None
+    name = problem.variables.chosen[int(own.variable[neighbour])].name
+    unit = unit_text(problem.simulator.parameters[name].unit)
+    ends = (own.units[neighbour], solved.front.units[own.centres[own.centre[neighbour]]])
+    new, old = (with_unit(_shown(base_values(problem, each)[name]), unit) for each in ends)
+    return f"{_spoken(problem, name)} = {new} in place of {old}"
+
+
+def _shown(value: Value) -> str:
+    return number(float(value), 4) if isinstance(value, int | float) else str(value)
+
+
+def sensitivity_table(problem: Problem, solved: Solved) -> Table:
+    """How objectives and limits change by a step of a variable at the ends and the knee, the largest change first."""
+    own = solved.around
+    if own is None or not own.units.size:
+        return [], []
+    aims, kept = own.changes("objectives"), own.changes("constraints")
+    reasons = own.reasons(solved.front.judged, list(problem.constraints))
+    size = np.nan_to_num(np.abs(aims))
+    size = size / np.where(size.max(axis=0) > 0, size.max(axis=0), 1.0)
+    names = list(problem.objectives)
+    rows = []
+    for what, row in _places(problem, solved).items():
+        centre = int(np.flatnonzero(own.centres == row)[0])
+        weight = size[:, names.index(what.removeprefix("best "))] if what != "knee" else size.max(axis=1)
+        mine = np.flatnonzero(own.centre == centre)
+        largest = {at: weight[mine][own.variable[mine] == at].max() for at in set(own.variable[mine].tolist())}
+        for at in sorted(mine.tolist(), key=lambda k: (-largest[int(own.variable[k])], k)):
+            changes = [_change(value) for value in (*aims[at], *kept[at])]
+            rows.append([what, _step_text(problem, solved, at), *changes, reasons[at] or "yes"])
+    outputs = [
+        *(table.output for table in problem.objectives.values()),
+        *(table.output for table in problem.constraints.values()),
+    ]
+    units = [_unit(problem, output) for output in outputs]
+    heads = [
+        f"{name}{f' ({unit})' if unit else ''}"
+        for name, unit in zip([*names, *problem.constraints], units, strict=True)
+    ]
+    return ["where", "step", *heads, "feasible"], rows
+
+
+def _change(value: float) -> str:
+    if not np.isfinite(value):
+        return "-"
+    return f"{'+' if value > 0 else ''}{number(float(value), 3)}"
 
 
 def start_table(problem: Problem, solved: Solved) -> Table:
@@ -271,10 +351,7 @@ def start_table(problem: Problem, solved: Solved) -> Table:
     front = solved.front
     if not len(front.units):
         return [], []
-    aims = front.judged.objectives * problem.signs
-    shown = {f"best {name}": int(aims[:, at].argmin()) for at, name in enumerate(problem.objectives)}
-    if aims.shape[1] > 1:
-        shown["knee"] = knee(aims)
+    shown = _places(problem, solved)
     units = [solved.archive.units[0], *(front.units[row] for row in shown.values())]
     rows = []
     bases = [base_values(problem, unit) for unit in units]
