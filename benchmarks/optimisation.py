@@ -1,10 +1,9 @@
 """What a front costs, and how good it is: searched on a cheap model and confirmed, beside plain loops of pymoo and Optuna.
 
 A joint with 29 needles at three operating points: third order against diameter, with a limit on the pressure of the
-needles. Everybody's front is judged by the fine model. With `--robust`, a front that holds for 95 % of the joints with
-scatter, beside all joints of a grid, each with a sample of its own.
+needles. Everybody's front is judged by the fine model. Means over some seeds, with the smallest and the largest.
 
-Run as: python benchmarks/optimisation.py [--fine needles] [--candidates 400] [--direct 60] [--robust] [--only NAME]
+Run as: python benchmarks/optimisation.py [--fine needles] [--candidates 400] [--direct 60] [--seeds 5] [--only NAME]
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from moocore import hypervolume, is_nondominated
@@ -67,11 +66,10 @@ output = "largest_needle_pressure_mpa"
 high = 1900
 [search]
 evaluations = {candidates}
+seed = {seed}
 confirm = "{fine}"
 confirmed = {confirmed}
 """
-
-Judge = Callable[[Sequence[float], str], tuple[float, float, float]]
 
 
 def judge(place: Sequence[float], model: str) -> tuple[float, float, float]:
@@ -92,6 +90,14 @@ def judge(place: Sequence[float], model: str) -> tuple[float, float, float]:
         thirds.append(float(point.outputs["thrust_amplitude"].data[3]))
         pressures.append(float(point.outputs["largest_needle_pressure_mpa"].data))
     return max(thirds), 2 * (pitch + roller), max(pressures)
+
+
+class Front(NamedTuple):
+    """The front of one way, as the fine model judges it."""
+
+    seconds: float
+    values: np.ndarray[Any, Any]
+    note: str
 
 
 class Tried:
@@ -123,18 +129,24 @@ def front_of(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     return rows[is_nondominated(np.ascontiguousarray(values[rows, :2]))] if rows.size else rows
 
 
-def ours(options: argparse.Namespace) -> tuple[str, float, np.ndarray[Any, Any], str]:
+def ours(options: argparse.Namespace, seed: int) -> Front:
     """Our command: the search on the cheap model, confirmed by the fine one."""
     text = FILE.format(
-        angles=ANGLES, cheap=options.cheap, fine=options.fine, candidates=options.candidates, confirmed=options.confirmed
+        angles=ANGLES,
+        cheap=options.cheap,
+        fine=options.fine,
+        candidates=options.candidates,
+        confirmed=options.confirmed,
+        seed=seed,
     )
     with TemporaryDirectory() as folder:
         (Path(folder) / "joint.toml").write_text(text)
         started = time.process_time()
         summary = td.optimise(Path(folder) / "joint.toml", Path(folder) / "out", workers=0, progress=False)
         seconds = time.process_time() - started
-    front = np.stack([summary.front["third"].values, summary.front["size"].values], axis=1)
-    return f"tripod-doe optimise, confirmed by {options.fine}", seconds, front, "all confirmed"
+    judged = int(summary.front.attrs["confirmed"])
+    values = np.stack([summary.front["third"].values, summary.front["size"].values], axis=1)
+    return Front(seconds, values, f"{len(values)} of {judged} judged")
 
 
 def with_pymoo(options: argparse.Namespace, model: str, candidates: int, seed: int) -> Tried:
@@ -183,24 +195,21 @@ def with_optuna(options: argparse.Namespace, model: str, candidates: int, seed: 
     return tried
 
 
-def plain(
-    name: str, search: Any, options: argparse.Namespace, model: str, candidates: int
-) -> tuple[str, float, np.ndarray[Any, Any], str]:
+def plain(search: Any, options: argparse.Namespace, model: str, candidates: int, seed: int) -> Front:
     """A plain loop; where it ran on the cheap model, as many of its front as ours confirms are judged by the fine one."""
-    seconds, values, places = search(options, model, candidates)
+    tried = search(options, model, candidates, seed)
+    values = np.array(tried.values)
     rows = front_of(values)
-    label = f"{name}, {candidates} candidates by {model}"
     if model == options.fine:
-        return label, seconds, values[rows, :2], f"{rows.size} candidates"
+        return Front(tried.seconds[-1], values[rows, :2], f"{rows.size} of {len(values)}")
     chosen = (
         rows[np.unique(np.linspace(0, rows.size - 1, options.confirmed).round().astype(int))] if rows.size else rows
     )
-    ordered = chosen[np.argsort(values[chosen, 0])]
     started = time.process_time()
-    fine = np.array([judge(places[row], options.fine) for row in ordered]).reshape(-1, 3)
-    seconds += time.process_time() - started
+    fine = np.array([judge(tried.places[row], options.fine) for row in chosen]).reshape(-1, 3)
+    seconds = tried.seconds[-1] + time.process_time() - started
     kept = np.isfinite(fine[:, 2]) & (fine[:, 2] <= LIMIT)
-    return f"{label}, judged by {options.fine}", seconds, fine[kept, :2], f"{kept.sum()} of {len(fine)} keep the limit"
+    return Front(seconds, fine[kept, :2], f"{kept.sum()} of {len(fine)} judged")
 
 
 def compare(options: argparse.Namespace) -> None:
@@ -208,99 +217,38 @@ def compare(options: argparse.Namespace) -> None:
     judge([23.0, 17.0, 2], options.cheap), judge([23.0, 17.0, 2], options.fine)  # compiled, and warm
     started = time.process_time()
     judge([22.0, 16.0, 1], options.fine)
-    price = time.process_time() - started
-    ways: dict[str, Callable[[], tuple[str, float, np.ndarray[Any, Any], str]]] = {
-        "ours": lambda: ours(options),
-        "pymoo": lambda: plain("pymoo", with_pymoo, options, options.cheap, options.candidates),
-        "optuna": lambda: plain("Optuna", with_optuna, options, options.cheap, options.candidates),
-        "direct": lambda: plain("pymoo", with_pymoo, options, options.fine, options.direct),
+    print(f"a candidate by {options.fine}: {time.process_time() - started:.3g} CPU-s", flush=True)
+    cheap, fine, many, few = options.cheap, options.fine, options.candidates, options.direct
+    ways: dict[str, tuple[str, Callable[[int], Front]]] = {
+        "ours": (f"`tripod-doe optimise`, {many} by {cheap}, judged by {fine}", lambda seed: ours(options, seed)),
+        "pymoo": (
+            f"pymoo, {many} by {cheap}, {options.confirmed} judged by {fine}",
+            lambda seed: plain(with_pymoo, options, cheap, many, seed),
+        ),
+        "optuna": (
+            f"Optuna, {many} by {cheap}, {options.confirmed} judged by {fine}",
+            lambda seed: plain(with_optuna, options, cheap, many, seed),
+        ),
+        "direct": (f"pymoo, {few} by {fine} itself", lambda seed: plain(with_pymoo, options, fine, few, seed)),
     }
-    whole = price * options.candidates
-    print(f"a candidate by {options.fine}: {price:.3g} s; {options.candidates} of them: {whole:.4g} s", flush=True)
-    print(
-        "| way | CPU s | of a search by the fine model | hypervolume | front |\n| --- | --- | --- | --- | --- |",
-        flush=True,
-    )
-    for name, way in ways.items():
+    print("| way | CPU s | hypervolume | candidates that keep the limit |\n| --- | --- | --- | --- |", flush=True)
+    for name, (label, way) in ways.items():
         if options.only and name not in options.only:
             continue
         try:
-            label, seconds, front, note = way()
+            fronts = [way(seed) for seed in range(1, options.seeds + 1)]
         except ImportError:
-            print(f"| {name} | not installed | | | |", flush=True)
+            print(f"| {name} | not installed | | |", flush=True)
             continue
-        print(f"| {label} | {seconds:.1f} | 1/{whole / seconds:.1f} | {volume(front):.4f} | {note} |", flush=True)
+        seconds, volumes = [front.seconds for front in fronts], [volume(front.values) for front in fronts]
+        notes = "; ".join(front.note for front in fronts)
+        print(f"| {label} | {_spread(seconds, 1)} | {_spread(volumes, 4)} | {notes} |", flush=True)
 
 
-ROBUST = """
-[optimisation]
-name = "robust"
-quantile = 0.95
-[base]
-model = "equilibrium"
-torque_n_m = 130
-joint_angle_deg = 9
-[variables.pitch_radius_mm]
-values = {pitches}
-[variables.groove_sliding_friction]
-values = {frictions}
-[scatter.groove_sliding_friction]
-distribution = "normal"
-std = 0.006
-[scatter.pitch_radius_mm]
-distribution = "normal"
-std = 0.15
-[objectives.third]
-output = "thrust_amplitude"
-order = 3
-[objectives.size]
-output = "pitch_radius_mm"
-[search]
-evaluations = {candidates}
-samples = 64
-confirm_samples = 256
-"""
-
-
-def robust(options: argparse.Namespace) -> None:
-    """A robust front beside that of all joints of a grid, each with a sample of its own."""
-    steps = options.grid
-    pitches = np.linspace(18, 26, steps).round(4).tolist()
-    frictions = np.linspace(0.03, 0.1, steps).round(6).tolist()
-    text = ROBUST.format(pitches=pitches, frictions=frictions, candidates=max(steps * steps // 4, 20))
-    with TemporaryDirectory() as folder:
-        (Path(folder) / "robust.toml").write_text(text)
-        started = time.process_time()
-        summary = td.optimise(Path(folder) / "robust.toml", Path(folder) / "out", workers=0, progress=False)
-        seconds = time.process_time() - started
-    random = np.random.default_rng(5)
-    started, whole = time.process_time(), []
-    for pitch in pitches:
-        for friction in frictions:
-            pitch_sample = pitch + 0.15 * random.standard_normal(options.sample)
-            result = td.simulate(
-                model="equilibrium",
-                torque_n_m=130,
-                joint_angle_deg=9,
-                pitch_radius_mm=_along(pitch_sample),
-                groove_sliding_friction=_along(friction + 0.006 * random.standard_normal(options.sample)),
-            )
-            third = result["thrust_amplitude"].sel(order=3).values
-            whole.append((np.quantile(third, 0.95), np.quantile(pitch_sample, 0.95)))
-    brute = time.process_time() - started
-    every, found = np.array(whole), np.stack([summary.front[name].values for name in ("third", "size")], axis=1)
-    best = every[is_nondominated(np.ascontiguousarray(every))]
-    low, high = best.min(axis=0), every.max(axis=0)
-    of = [float(hypervolume((front - low) / (high - low), ref=np.ones(2))) for front in (found, best)]
-    print(
-        f"robust front: {seconds:.1f} s, hypervolume {of[0]:.4f}; all {len(every)} joints: {brute:.1f} s, {of[1]:.4f}"
-    )
-
-
-def _along(values: np.ndarray[Any, Any]) -> Any:
-    import xarray as xr
-
-    return xr.DataArray(values, dims="sample")
+def _spread(values: Sequence[float], digits: int) -> str:
+    """Mean, smallest and largest value."""
+    mean, low, high = float(np.mean(values)), min(values), max(values)
+    return f"{mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -313,12 +261,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--direct", type=int, default=60, help="candidates of the search on the fine model itself")
     parser.add_argument("--angles", type=float, nargs="+", default=ANGLES, help="joint angles of the operating points")
     parser.add_argument("--only", nargs="*", default=[], choices=["ours", "pymoo", "optuna", "direct"])
-    parser.add_argument("--robust", action="store_true", help="the robust front, in place of all others")
-    parser.add_argument("--grid", type=int, default=16, help="values of each variable of the robust front")
-    parser.add_argument("--sample", type=int, default=512, help="joints of each sample beside it")
+    parser.add_argument("--seeds", type=int, default=1, help="searches of each way")
     options = parser.parse_args(arguments)
     ANGLES[:] = options.angles
-    (robust if options.robust else compare)(options)
+    compare(options)
 
 
 if __name__ == "__main__":
