@@ -200,8 +200,46 @@ def of_distributions(seed: int) -> Hits:
     low, high = result["quantile_low"].values, result["quantile_high"].values
     yield from (("tolerance quantiles", a <= t <= b) for a, t, b in zip(low, truth, high, strict=True))
     yield "tolerance exceedance", result["exceedance_low"] <= exact.sf(limit) <= result["exceedance_high"]
+    yield from of_remedies(seed)
     gain = 1 - np.sqrt([9 / 4 + 4, 9 + 1]) / np.sqrt(13)
     yield from (("tolerance gains", hit) for hit in within(result, "gain_of_halving", np.append(gain, 0))[:2])
+
+
+def of_remedies(seed: int) -> Hits:
+    """Chances to exceed with smaller scatters and moved centres, and whether what is proposed keeps the limit."""
+    for samples in (400, 2048):
+        cube, limit = cube_of(f'kind = "latin-hypercube"\nsamples = {samples}', seed), 107.0
+        settings = ToleranceSettings(
+            outputs=["y"], limits={"y": limit}, keep=0.98, seed=seed, costs=dict.fromkeys(_FACTORS, 1.0)
+        )
+        result, name = tolerance(cube, settings), f"tolerance, {samples} points"
+        count = range(len(_FACTORS))
+        halved = [np.where(np.arange(3) == at, 0.5, 1.0) for at in count]
+        for at, sizes in enumerate(halved):
+            yield f"{name}: chance if halved", _holds_chance(result.isel(factor=at), "if_halved", _beyond(limit, sizes))
+        wrong = 0
+        for first in count:
+            for second in range(first + 1):
+                one = result.isel(factor=first, factor_2=second)
+                scale = np.where(np.isin(np.arange(3), (first, second)), float(one["scale_to_keep"]), 1.0)
+                truth = _beyond(limit, scale)
+                yield f"{name}: chance at a scale proposed", _holds_chance(one, "at_scale", truth)
+                wrong += truth > 0.02
+            truth = _beyond(limit - _WEIGHTS[first] * float(result["shift_to_keep"][first]), np.ones(3))
+            yield f"{name}: chance at a shift proposed", _holds_chance(result.isel(factor=first), "at_shift", truth)
+            wrong += truth > 0.02
+        truth = _beyond(limit, result["cheapest_scale"].values)
+        yield f"{name}: chance at the cheapest scales", _holds_chance(result, "at_cheapest", truth)
+        yield f"{name}: all that is proposed keeps the limit", wrong + (truth > 0.02) == 0
+
+
+def _beyond(limit: float, scales: np.ndarray) -> float:
+    return float(norm(100, np.sqrt((_WEIGHTS**2 * scales**2).sum())).sf(limit))
+
+
+def _holds_chance(result: xr.Dataset, way: str, truth: float) -> float:
+    low, high = (float(result[f"exceedance_{way}_{end}"]) for end in ("low", "high"))
+    return np.nan if np.isnan(low) or np.isnan(truth) else float(low <= truth <= high)
 
 
 def of_surrogates(seed: int) -> Hits:

@@ -9,8 +9,9 @@ import pytest
 from scipy import stats
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.distributions import quantile, scatter_density
+from tripod_doe.study.definition.distributions import quantile, scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import FactorTable
 
 UNIT = np.array([0.0, 1e-9, 0.01, 0.3, 0.5, 0.9, 1 - 1e-9, 1.0])
 
@@ -70,3 +71,26 @@ def test_a_mean_out_of_reach_is_refused():
     with pytest.raises(InputError, match="more than 1e\\+09 standard deviations outside"):
         factor(1e4, 1e-6)
     assert math.isclose(quantile(factor(10.0, 5e-324), np.array([0.3]))[0], 10.0)
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        FactorTable(distribution="normal", mean=2.0, std=0.3),
+        FactorTable(distribution="truncated-normal", mean=2.0, std=0.3, low=1.7, high=3.0),
+        FactorTable(low=1.5, high=2.5),
+        FactorTable(low=1.0, high=4.0, scale="log"),
+        FactorTable(distribution="triangular", low=1.0, high=4.0, mode=1.5),
+    ],
+    ids=lambda table: table.sampled_as,
+)
+def test_a_table_scaled_or_moved_has_that_density(table):
+    """Exact: f(c + (x - c) / s) / s, and f(x - d)."""
+    before = scatter_density(table)
+    at = np.linspace(0.2, 5, 500)
+    x, width = (np.log(at), np.log(1.1)) if before.logarithmic else (at, 0.1)
+    scaled, moved = scatter_density(scaled_table(table, 0.5)), before.density(x - width)
+    expected = before.density(before.centre + (x - before.centre) / 0.5) / 0.5
+    np.testing.assert_allclose(scaled.density(x), expected, rtol=1e-9, atol=1e-12)
+    shift = np.exp(before.centre) * 0.1 if before.logarithmic else 0.1
+    np.testing.assert_allclose(scatter_density(shifted_table(table, shift)).density(x), moved, rtol=1e-9, atol=1e-12)

@@ -1,109 +1,146 @@
-"""The scale by which one scatter, or two together, must shrink to keep a limit, from the existing points.
+"""By how much one scatter, or two, must shrink to keep a limit, from the existing points.
 
 Each point counts by how much more often it would occur if the scatter were s times as wide about its centre,
-w = f(c + (x - c) / s) / (s f(x)) with the density f of the factor; of two factors by the product.
+w = f(c + (x - c) / s) / (s f(x)) with the density f of the factor; of two factors by the product. A scale is an answer
+where the upper end of the interval of the chance to exceed the limit is small enough, at a confidence that holds for
+all scatters and pairs together: of many ways that are tried, the best looks better than it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.sample import Sample
+from tripod_doe.analyses.tolerance.chances import Exceeding, points_to_resolve, weighted_chances
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.distributions import scatter_density
 from tripod_doe.study.definition.study_file import FactorTable
 
-_SCALES = np.arange(0.95, 0.075, -0.05)  # tried from the widest
-FEWEST = 100
-"""Effective points below which a share of 1 % is not resolved."""
+SCALES = np.arange(0.95, 0.075, -0.05)
+"""Scales that are tried, from the widest scatter."""
+_ENDS = ("low", "value", "high")
 
 
-def scale_to_keep(sample: Sample, values: FloatArray, limit: FloatArray, keep: float) -> FloatArray:
-    """The largest scale of the scatter of two factors by which a limit is kept, shape (factor, factor, component).
+def together(confidence: float, ways: int) -> float:
+    """The confidence of each of some intervals that all hold with a confidence (Bonferroni)."""
+    return 1 - (1 - confidence) / max(ways, 1)
 
-    The diagonal holds the scales of single factors. NaN without a limit, where it is kept already, where no scale that
-    the points resolve keeps it, and for factors of listed values.
+
+def scaled_weights(table: FactorTable, column: NDArray[np.generic], scales: FloatArray) -> FloatArray:
+    """Weights of the points at some scales of the scatter of a factor, shape (scale, point); NaN where it has none."""
+    scatter = scatter_density(table)
+    if scatter is None:
+        return np.full((scales.size, column.size), np.nan)
+    x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
+    now = scatter.density(x)
+    return np.stack([scatter.density(scatter.centre + (x - scatter.centre) / s) / (s * now) for s in scales.tolist()])
+
+
+def scale_to_keep(
+    sample: Sample, points: Exceeding, wanted: NDArray[np.bool_], keep: float, confidence: float
+) -> dict[str, FloatArray]:
+    """The largest resolved scales of the scatter of two factors by which a limit is kept, and the chances there.
 
     Args:
-        values: Shape (point, component).
+        wanted: Components whose limit is to be kept, shape (component,).
         keep: Share of the joints that must keep the limit.
+
+    Returns:
+        scale_to_keep, exceedance_at_scale with its interval : ndarray, shape (factor, factor, component)
+            On the diagonal those of single factors. NaN where no scale is resolved to keep the limit.
+        scale_excluded : ndarray, shape (factor, factor, component)
+            1 where all scales are resolved to break it.
+        samples_to_resolve : ndarray, shape (component,)
+            Points with which one of them would be resolved; infinite where the points name none.
     """
-    columns = [np.asarray(sample.columns[name]) for name in sample.tables]
-    weights = [_weights(table, column) for table, column in zip(sample.tables.values(), columns, strict=True)]
-    count, above = len(weights), (values > limit).astype(float)
-    answers = np.full((count, count, limit.size), np.nan)
-    wanted = np.isfinite(limit) & (above.mean(axis=0) > 1 - keep)
-    if not wanted.any():
-        return answers
-    for first in range(count):
+    weights = [scaled_weights(table, np.asarray(sample.columns[name]), SCALES) for name, table in sample.tables.items()]
+    count = len(weights)
+    answers = np.full((4, count, count, wanted.size), np.nan)
+    excluded, times = np.zeros((count, count, wanted.size)), np.full(wanted.size, np.inf)
+    part, confident = points.of(wanted), together(confidence, count * (count + 1) // 2)
+    for first in range(count if wanted.any() else 0):
         for second in range(first + 1):
             both = weights[first] * (weights[second] if second != first else 1.0)
-            total = both.sum(axis=1)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                share = (both @ above[:, wanted]) / total[:, None]
-                effective = total**2 / (both**2).sum(axis=1)
-            kept = (share <= 1 - keep) & (effective >= FEWEST)[:, None]  # shape (scale, component)
-            best = np.where(kept.any(axis=0), _SCALES[kept.argmax(axis=0)], np.nan)
-            answers[first, second, wanted] = answers[second, first, wanted] = best
-    return answers
+            chances = weighted_chances(both, part)  # shape (scale, component)
+            sure = chances.interval(confident)
+            kept = sure.high <= 1 - keep
+            own = np.stack([np.broadcast_to(SCALES[:, None], kept.shape), *chances.interval(confidence).ends()])
+            best = np.where(kept.any(axis=0), own[:, kept.argmax(axis=0), np.arange(kept.shape[1])], np.nan)
+            answers[:, first, second, wanted] = answers[:, second, first, wanted] = best
+            never = (sure.low > 1 - keep).all(axis=0)
+            excluded[first, second, wanted] = excluded[second, first, wanted] = never
+            times[wanted] = np.minimum(times[wanted], points_to_resolve(chances, 1 - keep, confident))
+    names = ("scale_to_keep", *(_at("scale", end) for end in _ENDS))
+    return dict(zip(names, answers, strict=True)) | {
+        "scale_excluded": excluded,
+        "samples_to_resolve": np.where(wanted, times * (sample.design.samples or sample.rows.size), np.nan),
+    }
 
 
 def cheapest_to_keep(
-    sample: Sample, values: FloatArray, limit: FloatArray, keep: float, costs: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray]:
-    """The cheapest scales of one scatter or two by which a limit is kept, and what they cost.
+    sample: Sample,
+    points: Exceeding,
+    wanted: NDArray[np.bool_],
+    keep: float,
+    confidence: float,
+    costs: Mapping[str, float],
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """The cheapest resolved scales of one scatter or two by which a limit is kept, their cost and chance.
 
     A scale s of a scatter costs 1 / s - 1 times what it costs to halve it.
 
     Args:
-        values: Shape (point, component).
-        keep: Share of the joints that must keep the limit.
+        wanted, keep: As for `scale_to_keep`.
         costs: What it costs to halve each scatter; others stay as they are.
 
     Returns:
         scales : ndarray, shape (factor, component): 1 where a scatter stays; NaN as in `scale_to_keep`.
-        cost : ndarray, shape (component,)
+        cheapest_cost, exceedance_at_cheapest with its interval : ndarray, shape (component,)
     """
-    names, above = list(sample.tables), (values > limit).astype(float)
-    scales, cost = np.full((len(names), limit.size), np.nan), np.full(limit.size, np.inf)
-    wanted = np.isfinite(limit) & (above.mean(axis=0) > 1 - keep)
-    sizes = np.array([1.0, *_SCALES])
-    own = {
-        name: np.concatenate(
-            [np.ones((1, len(values))), _weights(sample.tables[name], np.asarray(sample.columns[name]))]
-        )
-        for name in names
-        if name in costs and wanted.any()
-    }
-    pairs = [(first, second) for first in own for second in own if names.index(second) < names.index(first)]
-    for first, second in pairs or [(name, name) for name in own]:
-        for size, weights in zip(sizes.tolist(), own[first], strict=True):
-            both = weights if first == second else weights * own[second]
-            both = np.atleast_2d(both)
-            total = both.sum(axis=1)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                share, effective = (both @ above) / total[:, None], total**2 / (both**2).sum(axis=1)
-            other = sizes if first != second else np.ones(1)
-            price = costs[first] * (1 / size - 1) + costs[second] * (1 / other - 1)
-            kept = (share <= 1 - keep) & (effective >= FEWEST)[:, None] & wanted
-            priced = np.where(kept, price[:, None], np.inf)
-            best = priced.argmin(axis=0)
-            for at in np.flatnonzero(priced.min(axis=0) < cost):
-                cost[at], scales[:, at] = priced[best[at], at], 1.0
+    names = list(sample.tables)
+    scales, answers = np.full((len(names), wanted.size), np.nan), np.full((4, wanted.size), np.nan)
+    answers[0] = np.inf
+    part, places = points.of(wanted), np.flatnonzero(wanted)
+    own = [name for name in names if name in costs and places.size]
+    sizes = np.array([1.0, *SCALES])
+    confident = together(confidence, len(own) * (len(own) + 1) // 2)
+    for first, second, size, weights in _ways(sample, own, sizes):
+        chances = weighted_chances(weights, part)
+        other = sizes if first != second else np.ones(1)
+        price = costs[first] * (1 / size - 1) + costs[second] * (1 / other - 1)
+        priced = np.where(chances.interval(confident).high <= 1 - keep, price[:, None], np.inf)
+        best, ends = priced.argmin(axis=0), chances.interval(confidence).ends()
+        for column, at in enumerate(places.tolist()):
+            if priced[best[column], column] < answers[0, at]:
+                answers[:, at] = priced[best[column], column], *(end[best[column], column] for end in ends)
+                scales[:, at] = 1.0
                 scales[names.index(first), at] = size
                 if first != second:
-                    scales[names.index(second), at] = other[best[at]]
-    return scales, np.where(np.isfinite(cost), cost, np.nan)
+                    scales[names.index(second), at] = other[best[column]]
+    answers[0] = np.where(np.isfinite(answers[0]), answers[0], np.nan)
+    keys = ("cheapest_cost", *(_at("cheapest", end) for end in _ENDS))
+    return scales, dict(zip(keys, answers, strict=True))
 
 
-def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
-    """Weights of the points for all scales, shape (scale, point); NaN where the factor has no scatter."""
-    scatter = scatter_density(table)
-    if scatter is None:
-        return np.full((_SCALES.size, column.size), np.nan)
-    x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
-    now = scatter.density(x)
-    return np.stack([scatter.density(scatter.centre + (x - scatter.centre) / s) / (s * now) for s in _SCALES.tolist()])
+def _ways(sample: Sample, own: list[str], sizes: FloatArray) -> Iterator[tuple[str, str, float, FloatArray]]:
+    """Pairs of factors, a scale of the first and weights at all scales of the second; one factor is its own pair."""
+    weights = {
+        name: np.concatenate(
+            [
+                np.ones((1, sample.rows.size)),
+                scaled_weights(sample.tables[name], np.asarray(sample.columns[name]), sizes[1:]),
+            ]
+        )
+        for name in own
+    }
+    pairs = [(first, second) for at, first in enumerate(own) for second in own[:at]]
+    for first, second in pairs or [(name, name) for name in own]:
+        for size, each in zip(sizes.tolist(), weights[first], strict=True):
+            yield first, second, size, np.atleast_2d(each * weights[second] if first != second else each)
+
+
+def _at(way: str, end: str) -> str:
+    return f"exceedance_at_{way}" if end == "value" else f"exceedance_at_{way}_{end}"

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+import math
+from collections.abc import Mapping
+from statistics import NormalDist
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.analyses.tolerance.keeping import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.responses import listed, spoken, unit_text
 from tripod_doe.quantities import interval, number, with_unit
+from tripod_doe.study.definition.distributions import scaled_table, shifted_table
+from tripod_doe.study.definition.study_file import FactorTable
 
 _MOST_NAMED = 3
 _AMPLITUDE = "thrust_amplitude"
 _NOTABLE = 0.1  # of the largest order, from which on another one is stated
 _MOST_ORDERS = 6
+_MOST_DOUBLINGS = 10  # of the points of a run that is proposed
 
 
 def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
@@ -60,105 +65,195 @@ def _quantiles(what: str, part: xr.Dataset, unit: str, name: str) -> list[str]:
 def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:
     if not np.isfinite(part["exceedance"]):
         return []
-    low, value, high = (100 * float(part[key]) for key in ("exceedance_low", "exceedance", "exceedance_high"))
     limit = with_unit(number(float(part["limit"])), unit)
-    return [
-        f"The probability that {what} exceeds {limit} is {number(value, 2)} % "
-        f"({number(low, 2)} to {number(high, 2)} %)."
-    ]
+    return [f"The probability that {what} exceeds {limit} is {_chance(part, 'exceedance')}."]
+
+
+def _chance(part: xr.Dataset, key: str) -> str:
+    """A chance in per cent with its interval: ``0.4 % (0.2 to 0.8 %)``."""
+    low, value, high = (100 * float(part[name]) for name in (f"{key}_low", key, f"{key}_high"))
+    return f"{number(value, 2)} % ({number(low, 2)} to {number(high, 2)} %)"
 
 
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
-    """Which scatter to halve first: only gains that exceed their intervals."""
-    rows = zip(
-        map(str, part["factor"].values),
-        part["gain_of_halving"].values,
-        part["gain_of_halving_conf"].values,
-        part["exceedance_if_halved"].values,
-        strict=True,
-    )
-    exceeds = np.isfinite(part["exceedance"]) and float(part["exceedance"]) > 0
-    resolved = [row for row in rows if row[1] - row[2] > 0]
-    known = sorted(resolved, key=lambda row: (row[3], -row[1]) if exceeds else (-row[1], 0))
-    if not known:
+    """Which scatter to halve first: gains beyond what noise gives to one of so many factors."""
+    names, confidence = [str(name) for name in part["factor"].values], float(part.attrs.get("confidence_level", 0.95))
+    gain, half = part["gain_of_halving"].values, part["gain_of_halving_conf"].values
+    beyond = half * _wider(confidence, int(np.isfinite(gain).sum()))
+    resolved = [at for at in np.argsort(-np.nan_to_num(gain)) if gain[at] - beyond[at] > 0]
+    if not resolved:
         return [f"These points resolve no gain for {what} by halving the scatter of a single factor."]
-    first = known[0]
-    after = ""
-    if np.isfinite(first[3]) and float(part["exceedance"]) > 0:
-        limit = with_unit(number(float(part["limit"])), unit)
-        after = (
-            f", and {number(100 * float(first[3]), 2)} % in place of {number(100 * float(part['exceedance']), 2)} % "
-            f"would exceed {limit}"
-        )
-    head = (
-        f"For {what}, tighten {spoken(first[0])} first: half its scatter takes {_percent(first)} off the standard "
-        f"deviation{after}"
-    )
-    others = listed([f"{spoken(row[0])} {_percent(row)}" for row in known[1:_MOST_NAMED]])
-    return [f"{head}{f'; next {others}' if others else ''}."]
+    best = resolved[0]
+    level = [at for at in resolved if gain[at] + beyond[at] >= gain[best] - beyond[best]]
+    rest = [at for at in resolved if at not in level]
+    takes = [f"takes {_percent(gain[at], half[at])}" for at in range(len(names))]
+    if len(level) == 1:
+        head = f"For {what}, tighten {spoken(names[best])} first: half its scatter {takes[best]}"
+    else:
+        stated = [f"half the scatter of {spoken(names[at])} {takes[at]}" for at in level[:_MOST_NAMED]]
+        head = f"For {what}, these points do not tell which scatter to tighten first: {listed(stated)}"
+    after = _exceedance_if_halved(part.isel(factor=int(best)), unit) if len(level) == 1 else ""
+    others = listed([f"{spoken(names[at])} {_percent(gain[at], half[at])}" for at in rest[: _MOST_NAMED - 1]])
+    return [f"{head} off the standard deviation{after}{f'; next {others}' if others else ''}."]
+
+
+def _wider(confidence: float, ways: int) -> float:
+    """By how much an interval grows that holds for several things together."""
+    normal = NormalDist()
+    return normal.inv_cdf(0.5 + together(confidence, ways) / 2) / normal.inv_cdf(0.5 + confidence / 2)
+
+
+def _exceedance_if_halved(one: xr.Dataset, unit: str) -> str:
+    """The chance to exceed the limit with half the scatter, where the interval lies below that of now."""
+    if not float(one["exceedance_if_halved_high"]) < float(one["exceedance_low"]):
+        return ""
+    limit = with_unit(number(float(one["limit"])), unit)
+    now = number(100 * float(one["exceedance"]), 2)
+    return f", and {_chance(one, 'exceedance_if_halved')} in place of {now} % would exceed {limit}"
 
 
 def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
-    """The scale by which one scatter, or two, must shrink to keep the limit; nothing where it is kept."""
+    """Ways to keep the limit that are resolved, and the run that confirms them; nothing where it is kept."""
     keep = float(part.attrs.get("keep", np.nan))
-    if not np.isfinite(part["exceedance"]) or "scale_to_keep" not in part or not float(part["exceedance"]) > 1 - keep:
+    if not np.isfinite(part["exceedance"]) or "scale_to_keep" not in part:
         return []
-    names, scale = [str(name) for name in part["factor"].values], part["scale_to_keep"].values
-    aim = f"To keep {what} within {with_unit(number(float(part['limit'])), unit)} with {100 * keep:g} %"
-    return [*_smaller_scatter(aim, names, scale), *_cheapest(part, names), *_shift(part, names)]
+    low, value, high = (float(part[f"exceedance{end}"]) for end in ("_low", "", "_high"))
+    within = f"within {with_unit(number(float(part['limit'])), unit)}"
+    said = []
+    if low <= 1 - keep < high:
+        more = _times_as_many(value, 1 - keep, int(part.attrs["samples_of_points"]))
+        said = [f"Whether {what} stays {within} with {100 * keep:g} % is not resolved by these points{more}."]
+    if not value > 1 - keep:
+        return said
+    names = [str(name) for name in part["factor"].values]
+    tables = {name: FactorTable(**table) for name, table in json.loads(str(part.attrs["factor_tables"])).items()}
+    aim = f"To keep {what} {within} with {100 * keep:g} %"
+    ways = [_smaller_scatter(part, names, tables), _cheapest(part, names, tables), _shifts(part, names, tables)]
+    chances = [chance for _, each in ways for chance in each]
+    return [
+        *said,
+        *([f"{aim}, {ways[0][0]}"] if ways[0][1] else [_unresolved(aim, part)]),
+        *(sentence for sentence, each in ways[1:] if each),
+        *(_confirmation(part, max(chances), 1 - keep) if chances else []),
+    ]
 
 
-def _cheapest(part: xr.Dataset, names: list[str]) -> list[str]:
+def _changed(name: str, table: FactorTable, now: FactorTable) -> str:
+    """What the table of a factor becomes: ``[factors.torque_n_m] std = 0.2``."""
+    keys = [key for key in ("mean", "mode", "std", "low", "high") if getattr(table, key) is not None]
+    changed = [key for key in keys if not math.isclose(getattr(table, key), getattr(now, key), rel_tol=1e-12)]
+    return f"[factors.{name}] " + ", ".join(f"{key} = {getattr(table, key):.6g}" for key in changed)
+
+
+def _smaller(name: str, scale: float, tables: Mapping[str, FactorTable]) -> str:
+    """The demand on one scatter: ``halve the scatter of torque ([factors.torque_n_m] std = 0.2)``."""
+    keys = _changed(name, scaled_table(tables[name], scale), tables[name])
+    if math.isclose(scale, 0.5):
+        return f"halve the scatter of {spoken(name)} ({keys})"
+    return f"reduce the scatter of {spoken(name)} to {100 * scale:.3g} % ({keys})"
+
+
+def _then(part: xr.Dataset, way: str) -> str:
+    return f"then {_chance(part, f'exceedance_at_{way}')} exceed it"
+
+
+_Way = tuple[str, list[float]]  # a sentence, and the chances to exceed the limit that it states
+
+
+def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> _Way:
+    """The single scatters that are enough, else two."""
+    scale, excluded = part["scale_to_keep"].values, part["scale_excluded"].values
+    every = range(len(names))
+    alone = sorted((k for k in every if np.isfinite(scale[k, k])), key=lambda k: -scale[k, k])[:_MOST_NAMED]
+    if alone:
+        own = [part.isel(factor=k, factor_2=k) for k in alone]
+        ways = [
+            f"{_smaller(names[k], float(scale[k, k]), tables)}: {_then(one, 'scale')}"
+            for k, one in zip(alone, own, strict=True)
+        ]
+        return f"{'; or '.join(ways)}.", [float(one["exceedance_at_scale"]) for one in own]
+    pairs = sorted(((m, k) for k in every for m in range(k) if np.isfinite(scale[k, m])), key=lambda p: -scale[p])
+    if not pairs:
+        return "", []
+    first, second = pairs[0]
+    size, one = float(scale[first, second]), part.isel(factor=first, factor_2=second)
+    start = "no single scatter suffices: " if all(excluded[k, k] for k in every) else ""
+    both = f"{_smaller(names[first], size, tables)} and {_smaller(names[second], size, tables)}"
+    return f"{start}{both}: {_then(one, 'scale')}.", [float(one["exceedance_at_scale"])]
+
+
+def _unresolved(aim: str, part: xr.Dataset) -> str:
+    """Why no smaller scatter is proposed, and how many points would be needed."""
+    if bool(part["scale_excluded"].values.astype(bool).all()):
+        return f"{aim}, no smaller scatter of one factor or two is enough."
+    needed = float(part["samples_to_resolve"])
+    points = f"{int(part.attrs['points_used']):,} points"
+    more = f"; set samples = {int(needed)} in [design] and run the study again" if np.isfinite(needed) else ""
+    return f"{aim}, these {points} resolve no smaller scatter of one factor or two that is enough{more}."
+
+
+def _cheapest(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> _Way:
     """The cheapest set of smaller scatters, where costs are given."""
     if "cheapest_scale" not in part or not np.isfinite(part["cheapest_cost"]):
-        return []
+        return "", []
     sizes = part["cheapest_scale"].values
-    changed = [
-        f"{spoken(name)} {number(float(s), 2)} times as far" for name, s in zip(names, sizes, strict=True) if s < 1
-    ]
-    cost = float(part["cheapest_cost"])
-    verb = "scatters" if len(changed) == 1 else "scatter"
-    return [
-        f"At the costs given, the cheapest way is that {listed(changed)} {verb}, for {number(cost, 3)} "
-        "(a scale s costs 1 / s - 1 times what it costs to halve that scatter)."
-    ]
-
-
-def _shift(part: xr.Dataset, names: list[str]) -> list[str]:
-    """Which nominal value to move, with the scatter as it is: the one that moves least, in its standard deviations."""
-    if "shift_to_keep" not in part:
-        return []
-    units = json.loads(str(part.attrs.get("factor_units", "{}")))
-    moves = [
-        f"{spoken(name)} by {with_unit(f'{float(move):+.3g}', unit_text(units.get(name, '1')))}"
-        for name, move in zip(names, part["shift_to_keep"].values, strict=True)
-        if np.isfinite(move)
-    ]
-    if not moves:
-        return []
-    return [
-        f"With the scatter as it is, it is enough to move the nominal value of {' or of '.join(moves[:_MOST_NAMED])}."
-    ]
-
-
-def _smaller_scatter(aim: str, names: list[str], scale: NDArray[np.floating[Any]]) -> list[str]:
-    """One scatter that is enough, else two."""
-    alone = sorted((-scale[k, k], names[k]) for k in range(len(names)) if np.isfinite(scale[k, k]))
-    if alone:
-        ways = [f"{spoken(name)} scatters {number(-size, 2)} times as far" for size, name in alone[:_MOST_NAMED]]
-        return [f"{aim}, it is enough that {' or that '.join(ways)} (by the same points)."]
-    pairs = sorted(
-        (-scale[k, m], names[m], names[k]) for k in range(len(names)) for m in range(k) if np.isfinite(scale[k, m])
+    changed = [_smaller(name, float(size), tables) for name, size in zip(names, sizes, strict=True) if size < 1]
+    return (
+        f"At the costs given, the cheapest way that these points resolve is: {listed(changed)}, for "
+        f"{number(float(part['cheapest_cost']), 3)} (a scale s costs 1 / s - 1 times what it costs to halve that "
+        f"scatter); {_then(part, 'cheapest')}.",
+        [float(part["exceedance_at_cheapest"])],
     )
-    if pairs:
-        size, first, second = pairs[0]
-        both = f"{spoken(first)} and {spoken(second)} both scatter {number(-size, 2)} times as far"
-        return [f"{aim}, no single scatter suffices; it is enough that {both} (by the same points)."]
-    return [f"{aim}, these points resolve no smaller scatter of one factor or two that is enough."]
 
 
-def _percent(row: tuple[str, float, float, float]) -> str:
-    return f"{interval(100 * float(row[1]), 100 * float(row[2]))} %"
+def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> _Way:
+    """Which nominal value to move, with the scatter as it is."""
+    units = json.loads(str(part.attrs.get("factor_units", "{}")))
+    shifts = part["shift_to_keep"].values
+    moved = [at for at in range(len(names)) if np.isfinite(shifts[at])][:_MOST_NAMED]
+    if not moved:
+        return "", []
+    ways = []
+    for at in moved:
+        name, shift = names[at], float(shifts[at])
+        keys = _changed(name, shifted_table(tables[name], shift), tables[name])
+        by = with_unit(f"{shift:+.3g}", unit_text(units.get(name, "1")))
+        ways.append(f"{spoken(name)} by {by} ({keys}): {_then(part.isel(factor=at), 'shift')}")
+    chances = part["exceedance_at_shift"].values[moved].tolist()
+    return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
+
+
+def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
+    """The run that confirms a proposal: other points, and enough of them for the chance that is expected."""
+    samples = _enough(chance, allowed, int(part.attrs["samples_of_points"]))
+    return [
+        "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
+        f"study, with seed = {int(part.attrs['seed_of_points']) + 1} and samples = {samples} in [design], and run it: "
+        "tripod-doe run COPY.toml --out DIR."
+    ]
+
+
+def _enough(chance: float, allowed: float, least: int) -> int:
+    """Points, `least` times a power of two, whose interval of a chance lies on one side of what is allowed."""
+    points, z = least, NormalDist().inv_cdf(0.975)
+    for _ in range(_MOST_DOUBLINGS):
+        spread = z * math.sqrt(chance * (1 - chance) / points + (z / (2 * points)) ** 2)
+        middle, norm = chance + z**2 / (2 * points), 1 + z**2 / points
+        if not middle - spread <= allowed * norm < middle + spread:
+            return points
+        points *= 2
+    return points
+
+
+def _times_as_many(chance: float, allowed: float, used: int) -> str:
+    points = _enough(chance, allowed, used)
+    if points >= used * 2**_MOST_DOUBLINGS:
+        return ""
+    return f"; set samples = {points} in [design] and run the study again"
+
+
+def _percent(value: float, half: float) -> str:
+    return f"{interval(100 * value, 100 * half)} %"
 
 
 def tolerance_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
@@ -168,10 +263,9 @@ def tolerance_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
         gains = part["gain_of_halving"].values
         for at in np.argsort(-np.nan_to_num(gains, nan=-np.inf)):
             one = part.isel(factor=int(at))
-            row = ("", float(one["gain_of_halving"]), float(one["gain_of_halving_conf"]), 0.0)
-            if_halved = float(one["exceedance_if_halved"])
-            chance = f"{number(100 * if_halved, 2)} %" if np.isfinite(if_halved) else "-"
-            rows.append(
-                [what, spoken(str(one["factor"].values)), _percent(row) if np.isfinite(row[1]) else "-", chance]
-            )
+            gain, half = float(one["gain_of_halving"]), float(one["gain_of_halving_conf"])
+            if_halved = np.isfinite(one["exceedance_if_halved"])
+            chance = _chance(one, "exceedance_if_halved") if if_halved else "-"
+            name = spoken(str(one["factor"].values))
+            rows.append([what, name, _percent(gain, half) if np.isfinite(gain) else "-", chance])
     return ["output", "factor", "standard deviation less by", "exceeds the limit if halved"], rows

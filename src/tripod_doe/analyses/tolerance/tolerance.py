@@ -1,8 +1,8 @@
 """Tolerances: how manufacturing scatter distributes an output, and what halving the scatter of one factor would gain.
 
-Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution.
-Halving needs no further points: each point counts by how much more often it would occur if that factor scattered half
-as far about its centre, w = 2 f(c + 2 (x - c)) / f(x) with the density f of the factor.
+Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution,
+and that contain the known error of the model and the numerical one where there is a limit. Halving needs no further
+points: each point counts by how much more often it would occur if that factor scattered half as far about its centre.
 
 Phases are ordered by their difference from the circular mean, and so is their limit.
 """
@@ -14,7 +14,6 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
@@ -22,13 +21,15 @@ from tripod_doe.analyses.outputs import OutputTable, is_course, output_attribute
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
-from tripod_doe.analyses.tolerance.keeping import cheapest_to_keep, scale_to_keep
+from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
+from tripod_doe.analyses.tolerance.keeping import cheapest_to_keep, scale_to_keep, scaled_weights
 from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
-from tripod_doe.study.definition.distributions import scatter_density
-from tripod_doe.study.definition.study_file import FactorTable
+from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
+
+_THIRD = "thrust_amplitude_3"  # the quantity whose error of the model is on record
 
 
 class ToleranceSettings(SensitivitySettings):
@@ -67,42 +68,36 @@ def _quantiles(values: FloatArray, probabilities: list[float], confidence: float
     }
 
 
-def _exceedance(values: FloatArray, limit: FloatArray, confidence: float) -> dict[str, FloatArray]:
+def _exceedance(points: Exceeding, limit: FloatArray, confidence: float) -> dict[str, FloatArray]:
     """Probability to exceed a limit with Wilson's interval, shape (component,); NaN without limit."""
     from scipy import stats
 
-    above = (values > limit).sum(axis=0)
     answers = np.full((3, limit.size), np.nan)
     for at in np.flatnonzero(np.isfinite(limit)):
-        test = stats.binomtest(int(above[at]), len(values))
-        inside = test.proportion_ci(confidence, method="wilson")
-        answers[:, at] = test.statistic, inside.low, inside.high
-    return {"exceedance": answers[0], "exceedance_low": answers[1], "exceedance_high": answers[2]}
+        own = [each[:, at] for each in (points.surely, points.computed, points.possibly)]
+        low, test, high = (stats.binomtest(int(each.sum()), each.size) for each in own)
+        ends = [each.proportion_ci(confidence, method="wilson") for each in (low, high)]
+        answers[:, at] = ends[0].low, test.statistic, ends[1].high
+    return {"exceedance_low": answers[0], "exceedance": answers[1], "exceedance_high": answers[2]}
 
 
 def _halved_weights(sample: Sample) -> FloatArray:
     """Weights of the points if one factor scattered half as far, shape (factor, point); NaN where it has no scatter."""
-    return np.stack([_weights(table, np.asarray(sample.columns[name])) for name, table in sample.tables.items()])
-
-
-def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
-    scatter = scatter_density(table)
-    if scatter is None:
-        return np.full(column.size, np.nan)
-    x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
-    return 2 * scatter.density(scatter.centre + 2 * (x - scatter.centre)) / scatter.density(x)
+    half = np.array([0.5])
+    return np.concatenate(
+        [scaled_weights(table, np.asarray(sample.columns[name]), half) for name, table in sample.tables.items()]
+    )
 
 
 def _gains(
-    weights: FloatArray, values: FloatArray, limit: FloatArray, settings: ToleranceSettings
+    weights: FloatArray, values: FloatArray, points: Exceeding, limit: FloatArray, settings: ToleranceSettings
 ) -> dict[str, FloatArray]:
     """Gain of halving the scatter of each factor, shape (factor, component)."""
     draws = bootstrap_weights(len(values), settings.resamples, settings.seed)
     draws = np.concatenate([np.full((1, len(values)), 1 / len(values)), draws])
     centred = values - values.mean(axis=0)
-    above = (values > limit).astype(float)
     whole = np.sqrt(np.maximum(draws @ centred**2 - (draws @ centred) ** 2, 0))
-    gain, gain_conf, exceedance = [], [], []
+    gain, gain_conf = [], []
     for own in weights:
         drawn = draws * own
         drawn = drawn / drawn.sum(axis=1, keepdims=True)
@@ -111,12 +106,21 @@ def _gains(
             part = 1 - halved / whole
         gain.append(part[0])
         gain_conf.append(half_width(part[1:], settings.confidence))
-        exceedance.append(np.where(np.isfinite(limit), drawn[0] @ above, np.nan))
-    return {
-        "gain_of_halving": np.stack(gain),
-        "gain_of_halving_conf": np.stack(gain_conf),
-        "exceedance_if_halved": np.stack(exceedance),
+    low, chance, high = weighted_chances(weights, points).interval(settings.confidence).ends()
+    halved = {"exceedance_if_halved_low": low, "exceedance_if_halved": chance, "exceedance_if_halved_high": high}
+    return {"gain_of_halving": np.stack(gain), "gain_of_halving_conf": np.stack(gain_conf)} | {
+        key: np.where(np.isfinite(limit) & np.isfinite(chance), answer, np.nan) for key, answer in halved.items()
     }
+
+
+def _errors(cube: xr.Dataset, sample: Sample, table: OutputTable) -> FloatArray:
+    """Error of the values of an output that the cube states, of the model and numerical, shape (point, component)."""
+    errors = np.zeros(table.values.shape) + np.nan_to_num(table.error)
+    third = table.named(_THIRD)
+    if MODEL_ERROR_LIMIT in cube and third.any():
+        relative = np.nan_to_num(cube[MODEL_ERROR_LIMIT].values[sample.rows])
+        errors[:, third] += relative[:, None] * np.abs(table.values[:, third])
+    return errors
 
 
 def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
@@ -144,30 +148,41 @@ def _check_costs(costs: Mapping[str, float], factors: Collection[str]) -> None:
             raise InputError(f"costs: {name} = {cost:g}: must be above 0")
 
 
-def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
-    values, limit = table.values, _limits(settings.limits, table)
+def _of_output(cube: xr.Dataset, sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
+    values, limit, confidence = table.values, _limits(settings.limits, table), settings.confidence
     bound = table.relative(limit)
-    quantiles = _quantiles(values, settings.probabilities, settings.confidence)
-    single = _exceedance(values, bound, settings.confidence)
+    points = exceeding(values, bound, _errors(cube, sample, table))
+    quantiles = _quantiles(values, settings.probabilities, confidence)
     quantiles = {key: table.placed(answer) for key, answer in quantiles.items()}
+    single = _exceedance(points, bound, confidence)
     single |= {"mean": table.placed(values.mean(axis=0)), "std": values.std(axis=0, ddof=1), "limit": limit}
-    gains = _gains(_halved_weights(sample), values, bound, settings)
-    gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
-    scale = scale_to_keep(sample, values, bound, settings.keep)
-    remedies = {"shift_to_keep": shift_to_keep(sample, values, bound, settings.keep)}
+    gains = _gains(_halved_weights(sample), values, points, bound, settings)
+    remedies = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
+    wanted = np.isfinite(bound) & (points.computed.mean(axis=0) > 1 - settings.keep)
+    scales = scale_to_keep(sample, points, wanted, settings.keep, confidence)
+    single["samples_to_resolve"] = scales.pop("samples_to_resolve")
+    remedies |= shift_to_keep(sample, points, wanted, settings.keep, confidence)
     if settings.costs:
-        scales, single["cheapest_cost"] = cheapest_to_keep(sample, values, bound, settings.keep, settings.costs)
-        remedies["cheapest_scale"] = scales
+        remedies["cheapest_scale"], cheapest = cheapest_to_keep(
+            sample, points, wanted, settings.keep, confidence, settings.costs
+        )
+        single |= cheapest
     return xr.Dataset(
         {"distribution": table.labelled(quantiles.pop("distribution"), ("share",))}
         | {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
         | {key: table.labelled(answer, ()) for key, answer in single.items()}
-        | {key: table.labelled(answer, ("factor",)) for key, answer in gains.items()}
         | {key: table.labelled(answer, ("factor",)) for key, answer in remedies.items()}
-        | {"scale_to_keep": table.labelled(scale, ("factor", "factor_2"))}
+        | {key: table.labelled(answer, ("factor", "factor_2")) for key, answer in scales.items()}
     )
 
 
+_WAYS = {
+    "if_halved": "if the factor scattered half as far",
+    "at_scale": "at scale_to_keep",
+    "at_shift": "at shift_to_keep",
+    "at_cheapest": "at cheapest_scale",
+}
+_ENDS = {"": "", "_low": "lower end of the interval of the ", "_high": "upper end of the interval of the "}
 _MEANINGS = {
     "quantile": "value that the output stays below with the probability",
     "distribution": "value that the output stays below at the share of the points",
@@ -176,13 +191,19 @@ _MEANINGS = {
     "exceedance": "probability to exceed the limit",
     "exceedance_low": "lower end of the interval of the exceedance",
     "exceedance_high": "upper end of the interval of the exceedance",
-    "exceedance_if_halved": "probability to exceed the limit if the factor scattered half as far",
     "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
     "gain_of_halving_conf": "half width of the interval of the gain",
-    "scale_to_keep": "largest scale of the scatter of two factors, or of one, by which the limit is kept",
-    "shift_to_keep": "smallest shift of the nominal value of the factor, in its unit, by which the limit is kept",
-    "cheapest_scale": "scale of the scatter of the factor in the cheapest set of one or two by which the limit is kept",
+    "scale_to_keep": "largest scale of the scatter of two factors, or of one, that is resolved to keep the limit",
+    "scale_excluded": "whether every scale of the scatter of two factors, or of one, is resolved to break the limit",
+    "shift_to_keep": "smallest shift of the nominal value, in its unit, that is resolved to keep the limit",
+    "cheapest_scale": "scale of the scatter of the factor in the cheapest set of one or two resolved to keep the limit",
     "cheapest_cost": "cost of that set, by what it costs to halve each scatter",
+    "samples_to_resolve": "points with which a smaller scatter of one factor or two would be resolved to suffice",
+    **{
+        f"exceedance_{way}{end}": f"{part}probability to exceed the limit {where}"
+        for way, where in _WAYS.items()
+        for end, part in _ENDS.items()
+    },
     "mean": "mean",
     "std": "standard deviation",
     "limit": "largest value allowed",
@@ -200,9 +221,9 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     Returns:
         quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its
         interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), scale_to_keep (factor,
-        factor_2, ...), shift_to_keep (factor, ...), with costs cheapest_scale (factor, ...) and cheapest_cost; mean,
-        std, limit; with the dimensions of the output, and with several outputs also along
-        ``output``. The gain of a factor with listed values is NaN.
+        factor_2, ...), shift_to_keep (factor, ...), with costs cheapest_scale (factor, ...) and cheapest_cost, each
+        with the exceedance that it leaves; samples_to_resolve, mean, std, limit; with the dimensions of the output, and
+        with several outputs also along ``output``. The gain of a factor with listed values is NaN.
 
     Raises:
         InputError: If the cube is of another design, a limit is of no output, or too few points are left.
@@ -215,11 +236,11 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     tables = list(read_outputs(cube, names, sample.rows))
     _check_limits(settings.limits, tables)
     _check_costs(settings.costs, sample.tables)
-    parts = [_of_output(sample, table, settings) for table in tables]
+    parts = [_of_output(cube, sample, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))
     result = result.assign_coords(factor_2=list(sample.tables))
-    pure = ("exceedance", "gain", "scale", "cheapest")
+    pure = ("exceedance", "gain", "scale", "cheapest", "samples")
     for name in result.data_vars:
         unit = {"units": "1"} if str(name).startswith(pure) else {}
         result[name].attrs = {"long_name": _MEANINGS[str(name)]} | unit
@@ -232,6 +253,9 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         keep=settings.keep,
+        factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
+        seed_of_points=sample.design.seed,
+        samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
         **region,
     )

@@ -145,3 +145,29 @@ def scatter_density(table: FactorTable) -> Scatter | None:
         return Scatter(stats.uniform(low, high - low).pdf, (low + high) / 2, True)
     centre = {"triangular": table.mode, "normal": table.mean, "truncated-normal": table.mean}.get(kind)
     return Scatter(_frozen(table).pdf, (low + high) / 2 if centre is None else centre, False)
+
+
+def scaled_table(table: FactorTable, scale: float) -> FactorTable:
+    """The factor scattering some times as far about its centre; not for listed values."""
+    return _moved(table, scale, 0.0)
+
+
+def shifted_table(table: FactorTable, shift: float) -> FactorTable:
+    """The factor with its centre moved, in its unit, its scatter as it is (on a logarithmic scale as a ratio)."""
+    return _moved(table, 1.0, shift)
+
+
+def _moved(table: FactorTable, scale: float, shift: float) -> FactorTable:
+    scatter = scatter_density(table)
+    if scatter is None:
+        raise ValueError("listed values have no centre")
+    centre = math.exp(scatter.centre) if scatter.logarithmic else scatter.centre
+
+    def placed(value: float) -> float:
+        if scatter.logarithmic:
+            return (centre + shift) * (value / centre) ** scale
+        return centre + shift + (value - centre) * scale
+
+    given = {key: getattr(table, key) for key in ("low", "high", "mean", "mode")}
+    moved = {key: placed(value) for key, value in given.items() if value is not None}
+    return table.model_copy(update=moved | ({} if table.std is None else {"std": table.std * scale}))
