@@ -111,7 +111,8 @@ def main(arguments: list[str] | None = None) -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / "study.toml"
     file.write_text(study(options.points))
-    cube = td.run(file, out=options.out / "run")
+    td.run(file, out=options.out / "run")
+    cube = td.open_cube(options.out / "run")
     cube = cube.isel(point=np.flatnonzero(cube["outcome"].values == 0)).load()
     limit = float(cube["thrust_amplitude"].sel(order=3).quantile(0.93))
     whole, collected = Whole(cube, limit), defaultdict(list)
