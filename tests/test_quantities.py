@@ -19,6 +19,8 @@ from tripod_doe.quantities import (
     rounded_up,
     size,
     squared,
+    value_range,
+    value_with_ends,
 )
 
 
@@ -104,6 +106,8 @@ def test_intervals_keep_the_digits_that_are_known():
     assert interval(0.55712, 0.0613) == "0.557 +- 0.061"
     assert interval(14.1234, 3e-9) == "14.12 +- 3e-9"
     assert interval(0.0, 0.01) == "0 +- 0.01"
+    assert interval(7e-6, 0.014) == "0 +- 0.014"
+    assert interval(0.0016, 0.014) == "0.002 +- 0.014"
     assert interval(14.1234, 0.0) == "14.1"
     assert interval(14.1234, math.nan) == "14.1"
 
@@ -122,6 +126,13 @@ def test_numbers_that_differ_look_different():
     assert digits_apart(6.9400, 6.9416) == 4
     assert digits_apart(0.1, 0.1 + 1e-9) == 9
     assert digits_apart(0.1, 0.1) == 16
+
+
+def test_ends_of_a_range_look_different():
+    assert value_range(1.0131, 1.0142, "N") == "1.013 to 1.014 N"
+    assert value_range(2.0, 2.0, "N") == "2 N"
+    assert value_range(1.0, 1.0 + 1e-9) == "1"
+    assert value_with_ends(1.0136, 1.0131, 1.0142, "N") == "1.014 N (1.013 to 1.014)"
 
 
 def test_levels_in_a_legend_are_short_and_differ():

@@ -13,6 +13,7 @@ from itertools import pairwise
 from tripod_doe.errors import printable
 
 _DIGITS = 3
+_MOST_APART = 6  # digits by which the ends of a range differ, beyond which they are alike
 _GIVEN_DIGITS = 6  # of a value that a user wrote: enough to recognise it
 _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
 _GROUPED = 1e4  # from here on, digits are grouped by commas
@@ -94,10 +95,24 @@ def interval(value: float, half: float) -> str:
         return number(value)
     if half == 0:
         return number(value)
-    if value == 0:
+    if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(abs(half))) - 1):  # beyond the digits that are left
         return f"0 +- {number(half, 2)}"
     wanted = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
     return f"{number(value, min(max(wanted, 1), _DIGITS + 1))} +- {number(half, 2)}"
+
+
+def value_range(low: float, high: float, unit: str = "") -> str:
+    """Two ends with the digits in which they differ: ``1.012 to 1.014 N``; one number where they are alike."""
+    digits = digits_apart(low, high)
+    if digits > _MOST_APART:
+        return with_unit(number(high), unit)
+    return f"{number(low, digits)} to {with_unit(number(high, digits), unit)}"
+
+
+def value_with_ends(value: float, low: float, high: float, unit: str = "") -> str:
+    """A value with the ends of its interval, with the digits in which these differ: ``1.013 N (1.012 to 1.014)``."""
+    digits = min(digits_apart(low, high), _MOST_APART)
+    return f"{with_unit(number(value, digits), unit)} ({value_range(low, high)})"
 
 
 def in_words(name: str) -> str:

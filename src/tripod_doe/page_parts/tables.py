@@ -20,7 +20,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.page_parts.responses import asked, factor_names, factor_unit, finished, unit_text, waiting
-from tripod_doe.quantities import duration, level, number
+from tripod_doe.quantities import duration, level, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.definition.scenes import load_simulator
@@ -209,7 +209,7 @@ def _levels(values: np.ndarray[Any, Any]) -> str:
     distinct = distinct[distinct == distinct]  # an open field of a table is no level
     if distinct.size <= 6 or distinct.dtype.kind not in "fiu":
         return ", ".join(_text(value) for value in distinct)
-    return f"{number(float(distinct[0]))} to {number(float(distinct[-1]))}" + (
+    return value_range(float(distinct[0]), float(distinct[-1])) + (
         f" ({distinct.size} values)" if distinct.size <= 200 else ", sampled"
     )
 

@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.page_parts.responses import ORDINALS
-from tripod_doe.quantities import interval, level, number
+from tripod_doe.quantities import interval, level, number, value_range
 
 ORDER_HEADS = (
     "order",
@@ -109,8 +109,8 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         speed = comparison["speed_rpm"].values
         if np.abs(speed - model_speed).max() > _SPEED_APART * model_speed:
             sentences.append(
-                f"The speed of the record is {number(float(speed.min()))} to {number(float(speed.max()))} rpm, that of "
-                f"the model's point {level(model_speed)} rpm."
+                f"The speed of the record is {value_range(float(speed.min()), float(speed.max()), 'rpm')}, that of the "
+                f"model's point {level(model_speed)} rpm."
             )
     counts = (
         ("revolutions_left_out", "revolution", "left out for a gap wider than 14.4 deg or too few samples"),

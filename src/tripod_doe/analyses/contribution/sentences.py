@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.analyses.contribution.shares import (
@@ -15,6 +16,7 @@ from tripod_doe.analyses.contribution.shares import (
     percent,
     signed,
     spread,
+    summarised,
 )
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
@@ -39,7 +41,7 @@ def contribution_findings(part: Contribution) -> list[str]:
         return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
     return [
         *_changes(part),
-        _who_makes_it(part),
+        *(_who_makes_it(part, side, rows) for side, rows in part.sides.items() if part.shared[rows].any()),
         *_without(part),
         *_uncertain(part),
         *_furthest(part),
@@ -93,14 +95,18 @@ def _changes(part: Contribution) -> list[str]:
         text.append(f"{spoken(part.mechanisms[at])} {' and '.join(values)}")
     one = "friction" if set(part.mechanisms) <= set(MECHANISMS) else "mechanism"  # a function has names of its own
     what = {"change_halved": f"half of one {one} alone", "change_off": f"one {one} alone switched off"}[key]
-    many = f"; {part.summarised.replace('operating points', 'points')}" if len(part.labels) > len(sides) else ""
+    count = max(int(part.shared[rows].sum()) for rows in sides.values())
+    each = " each" * (len(sides) > 1)
+    text_of = summarised(count).replace("operating points", f"points{each}")
+    many = f"; {text_of}" if len(part.labels) > len(sides) else ""
     whole = f" ({part.amplitude})" if part.amplitude else ""
     return [f"With {what}, {part.what}{whole} changes by: {', '.join(text)}{many} (analysis {part.analysis})."]
 
 
-def _who_makes_it(part: Contribution) -> str:
+def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str:
+    """The shares at the operating points of drive or of coast, where friction may help, or at all of them."""
     leading = part.leading
-    values = part.shares[leading]
+    values = part.shares[leading][rows]
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
     ranked = [int(at) for at in np.argsort(-np.nan_to_num(median), kind="stable")]
@@ -110,12 +116,12 @@ def _who_makes_it(part: Contribution) -> str:
     ]
     opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
     closure = ""
-    if leading == "share_off" and spread(part.closure):
-        closure = f"; they add up to {percent(100 - part.closure)}"
-    over = f", {part.summarised}" if len(part.labels) > 1 else ""
-    size = f" ({part.amplitude})" if part.amplitude else ""
+    if leading == "share_off" and spread(part.closure[rows]):
+        closure = f"; they add up to {percent(100 - part.closure[rows])}"
+    over = f", {summarised(int(part.shared[rows].sum()))}" if rows.sum() > 1 else ""
+    size = f" ({part.amplitude})" if part.amplitude and not side else ""
     return (
-        f"Of {part.what}{size}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "
+        f"Of {part.what}{size}{f' in {side}' if side else ''}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "
         f"{', '.join(text)}{opposed}{closure} (analysis {part.analysis})."
     )
 
@@ -147,14 +153,19 @@ def _furthest(part: Contribution) -> list[str]:
     values = part.shares[part.leading]
     if not part.many or not np.isfinite(values).any():
         return []
-    away = np.abs(values - np.nanmedian(np.where(np.isfinite(values).any(axis=0), values, 0.0), axis=0))
+    usual = np.full_like(values, np.nan)  # of drive and of coast by itself
+    for rows in part.sides.values():
+        own = values[rows]
+        usual[rows] = np.nanmedian(np.where(np.isfinite(own).any(axis=0), own, 0.0), axis=0)
+    away = np.abs(values - usual)
     at, which = np.unravel_index(int(np.nanargmax(away)), away.shape)
     if not away[at, which] > _REMOTE or not part.labels[at]:
         return []
-    median = percent(np.nanmedian(values[:, which], keepdims=True))
+    median = percent(usual[at : at + 1, which])
+    side = next(f" in {side}" if side else "" for side, rows in part.sides.items() if rows[at])
     return [
         f"The share of {spoken(part.mechanisms[which])} in {part.what} is furthest from its median: "
-        f"{percent(values[at : at + 1, which])} at {part.labels[at]}, with a median of {median}."
+        f"{percent(values[at : at + 1, which])} at {part.labels[at]}, with a median{side} of {median}."
     ]
 
 

@@ -84,14 +84,6 @@ class Contribution:
         return np.asarray(np.any(known, axis=0), bool)
 
     @property
-    def summarised(self) -> str:
-        """How shares at several operating points are stated."""
-        count = int(self.shared.sum())
-        if self.many:
-            return f"median (and quartiles) over {count:,} operating points"
-        return f"smallest to largest at {count} operating points"
-
-    @property
     def many(self) -> bool:
         """Whether shares are stated as a distribution, for there are too many operating points."""
         return int(self.shared.sum()) >= _MANY
@@ -101,7 +93,8 @@ class Contribution:
         """The operating points of drive and of coast, where there are both; else all of them without a name."""
         torque = self.points["torque_n_m"].to_numpy(float) if "torque_n_m" in self.points else np.ones(len(self.labels))
         sides = {"drive": torque > 0, "coast": torque < 0}
-        return sides if all(rows.any() for rows in sides.values()) else {"": np.ones(len(self.labels), bool)}
+        known = all((rows & self.shared).any() for rows in sides.values())
+        return sides if known else {"": np.ones(len(self.labels), bool)}
 
     def knows(self, definition: str) -> bool:
         """Whether all shares by a definition are known where any share is."""
@@ -125,6 +118,13 @@ class Contribution:
         there = {name: values[self.like_paper][:, printed] for name, values in self.shares.items()}
         known = {name: values for name, values in there.items() if np.isfinite(values).all()}
         return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
+
+
+def summarised(count: int) -> str:
+    """How shares at some operating points are stated."""
+    if count >= _MANY:
+        return f"median (and quartiles) over {count:,} operating points"
+    return f"smallest to largest at {count} operating points"
 
 
 def contributions(analyses: Mapping[str, xr.Dataset]) -> list[Contribution]:
@@ -254,6 +254,12 @@ def _one_digit(value: float) -> str:
     return "0.0" if text == "-0.0" else text
 
 
+def _by_side(part: Contribution, values: FloatArray) -> str:
+    """A column of shares as text, drive and coast by themselves where both are there."""
+    sides = {side: spread(values[rows]) or "not known" for side, rows in part.sides.items()}
+    return ", ".join(f"{side} {text}" if side else text for side, text in sides.items())
+
+
 def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[list[str]]]:
     """The table of one contribution: heads, one row per mechanism, and rows of sums and remainders.
 
@@ -262,14 +268,14 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
     """
     heads = ["Mechanism", *(DEFINITIONS[name] for name in part.shares)]
     rows = [
-        [spoken(mechanism), *(spread(values[:, at]) or "not known" for values in part.shares.values())]
+        [spoken(mechanism), *(_by_side(part, values[:, at]) for values in part.shares.values())]
         for at, mechanism in enumerate(part.mechanisms)
     ]
     sums = [values.sum(axis=1) for values in part.shares.values()]
     below = [
-        ["sum", *(spread(total) or "not known" for total in sums)],
-        ["closure: 100 - sum", *(spread(100 - total) or "not known" for total in sums)],
-        ["all off, P(none)", *([spread(part.none) or "not known"] + [""] * (len(sums) - 1))],
+        ["sum", *(_by_side(part, total) for total in sums)],
+        ["closure: 100 - sum", *(_by_side(part, 100 - total) for total in sums)],
+        ["all off, P(none)", *([_by_side(part, part.none)] + [""] * (len(sums) - 1))],
     ]
     if part.paper is not None:
         heads.append("paper, 3.5")

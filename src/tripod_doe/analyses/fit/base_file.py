@@ -12,7 +12,7 @@ import xarray as xr
 from tripod_doe.analyses.fit.identifiability import FOUND
 from tripod_doe.errors import printable
 from tripod_doe.model_interface import Value
-from tripod_doe.quantities import number
+from tripod_doe.quantities import value_range
 
 _DEVIATIONS = 1.96  # of half a 95 % interval of a normal distribution
 _SAMPLES = 256
@@ -27,7 +27,7 @@ def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         if not math.isfinite(float(own["value"])):
             lines.append(f"# {name}: each record or group has its own, see value_of_record in fit.nc")
             continue
-        words = f"{number(float(own['low']))} to {number(float(own['high']))}"
+        words = value_range(float(own["low"]), float(own["high"]))
         verdict = str(own["verdict"].item())
         lines.append(f"{name} = {_rounded(own)}  # 95 %: {words}; {verdict}")
     return "\n".join(lines) + "\n"

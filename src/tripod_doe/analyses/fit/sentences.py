@@ -13,7 +13,7 @@ from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDE
 from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
-from tripod_doe.quantities import count_of, interval, level, number, with_unit
+from tripod_doe.quantities import count_of, interval, level, number, value_range, value_with_ends, with_unit
 
 UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")
 """Heads of the table of unknowns."""
@@ -59,8 +59,8 @@ def _known_sentence(fit: xr.Dataset, names: list[str]) -> list[str]:
     texts = []
     for name in names:
         own = fit.sel(unknown=name)
-        value, low, high = (number(float(own[key])) for key in ("value", "low", "high"))
-        texts.append(f"{spoken(name)} is {with_unit(value, _unit(name))} ({low} to {high})")
+        value, low, high = (float(own[key]) for key in ("value", "low", "high"))
+        texts.append(f"{spoken(name)} is {value_with_ends(value, low, high, _unit(name))}")
     if not texts:
         return []
     whole = ", ".join(texts)
@@ -82,7 +82,7 @@ def _subject(name: str) -> str:
 
 def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str) -> str:
     """Knowledge of a value that is not determined, as the end of a sentence."""
-    ends = f"{number(low)} to {with_unit(number(high), unit)}"
+    ends = value_range(low, high, unit)
     if verdict == ONE_SIDED:
         ends_low, ends_high = (
             abs(end - float(own[f"bound_{name}"])) > _EDGE * abs(end) for end, name in ((low, "low"), (high, "high"))
@@ -92,7 +92,7 @@ def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str
         side, end = ("at least", low) if ends_low else ("at most", high)
         return (
             f"is {side} {with_unit(number(end), unit)} with 95 % confidence; the records set no other limit within its "
-            f"bounds {number(float(own['bound_low']))} to {number(float(own['bound_high']))}"
+            f"bounds {value_range(float(own['bound_low']), float(own['bound_high']))}"
         )
     if verdict == COMBINATION:
         return f"is known only together with other unknowns: by itself it may be anything from {ends}"
@@ -106,8 +106,8 @@ def _sentence_of_records(own: xr.Dataset, name: str) -> str:
     counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
     unit = _unit(name)
     return (
-        f"{_subject(name)} differs between records: from {number(float(values.min()))} to "
-        f"{with_unit(number(float(values.max())), unit)} ({counts})."
+        f"{_subject(name)} differs between records: {value_range(float(values.min()), float(values.max()), unit)} "
+        f"({counts})."
     )
 
 

@@ -14,7 +14,7 @@ from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.registry import findings_of, table_of
 from tripod_doe.errors import InputError
 from tripod_doe.page_parts.responses import spoken, unit_text
-from tripod_doe.quantities import number, with_unit
+from tripod_doe.quantities import number, value_with_ends, with_unit
 from tripod_doe.service.explorer.axes import choices, coordinate_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.open_cubes import opened
@@ -104,8 +104,7 @@ def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
         if np.isfinite(errors.get(ending, np.nan)):
             return f"{number(value)} \N{PLUS-MINUS SIGN} {number(errors[ending])}"
     if {"_low", "_high"} <= errors.keys() and np.isfinite(errors["_low"] + errors["_high"]):
-        low, high = number(errors["_low"]), number(errors["_high"])
-        return f"{number(value)} ({low} to {high})" if low != high else number(value)
+        return value_with_ends(value, errors["_low"], errors["_high"])
     return number(value)
 
 
