@@ -21,6 +21,7 @@ _MOST_NAMED = 3
 _AMPLITUDE = "thrust_amplitude"
 _NOTABLE = 0.1  # of the largest order, from which on another one is stated
 _MOST_ORDERS = 6
+_WIDER = 1.2  # times an interval, from which on the error of the model is worth a sentence
 _MOST_DOUBLINGS = 10  # of the points of a run that is proposed
 
 
@@ -66,7 +67,20 @@ def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:
     if not np.isfinite(part["exceedance"]):
         return []
     limit = with_unit(number(float(part["limit"])), unit)
-    return [f"The probability that {what} exceeds {limit} is {_chance(part, 'exceedance')}."]
+    return [f"The probability that {what} exceeds {limit} is {_chance(part, 'exceedance')}{_of_model(part)}."]
+
+
+def _of_model(part: xr.Dataset) -> str:
+    """What the error of the model makes of a chance, where it widens the interval notably."""
+    ends = [(float(part[f"exceedance_{end}"]), float(part[f"exceedance_model_{end}"])) for end in ("low", "high")]
+    own, wide = (abs(ends[1][at] - ends[0][at]) for at in (0, 1))
+    if not wide > _WIDER * own:
+        return ""
+    low, high = (number(100 * end[1], 2) for end in ends)
+    return (
+        f" by this model; with the error that nine in ten similar points keep, up to "
+        f"{number(100 * float(part.attrs['model_error_limit']), 2)} %, between {low} and {high} %"
+    )
 
 
 def _chance(part: xr.Dataset, key: str) -> str:
@@ -229,8 +243,15 @@ def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     return [
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
         f"study, with seed = {int(part.attrs['seed_of_points']) + 1} and samples = {samples} in [design], and run it: "
-        "tripod-doe run COPY.toml --out DIR."
+        f"tripod-doe run COPY.toml --out DIR{_finer(part)}."
     ]
+
+
+def _finer(part: xr.Dataset) -> str:
+    """A finer model for the run that confirms, where the error of this one matters."""
+    return '; with model = "rollers" or "needles" in [base], since the error of this model counts here' * bool(
+        _of_model(part)
+    )
 
 
 def _enough(chance: float, allowed: float, least: int) -> int:

@@ -1,8 +1,9 @@
 """Tolerances: how manufacturing scatter distributes an output, and what halving the scatter of one factor would gain.
 
-Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution,
-and that contain the known error of the model and the numerical one where there is a limit. Halving needs no further
-points: each point counts by how much more often it would occur if that factor scattered half as far about its centre.
+Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution
+and, where there is a limit, contain the numerical error. The error of the model, alike at all points, stands beside
+them. Halving needs no further points: each point counts by how much more often it would occur if that factor scattered
+half as far about its centre.
 
 Phases are ordered by their difference from the circular mean, and so is their limit.
 """
@@ -78,7 +79,7 @@ def _exceedance(points: Exceeding, limit: FloatArray, confidence: float) -> dict
         low, test, high = (stats.binomtest(int(each.sum()), each.size) for each in own)
         ends = [each.proportion_ci(confidence, method="wilson") for each in (low, high)]
         answers[:, at] = ends[0].low, test.statistic, ends[1].high
-    return {"exceedance_low": answers[0], "exceedance": answers[1], "exceedance_high": answers[2]}
+    return dict(zip(("exceedance_low", "exceedance", "exceedance_high"), answers, strict=True))
 
 
 def _halved_weights(sample: Sample) -> FloatArray:
@@ -113,14 +114,26 @@ def _gains(
     }
 
 
-def _errors(cube: xr.Dataset, sample: Sample, table: OutputTable) -> FloatArray:
-    """Error of the values of an output that the cube states, of the model and numerical, shape (point, component)."""
-    errors = np.zeros(table.values.shape) + np.nan_to_num(table.error)
+def _by_model(
+    cube: xr.Dataset, sample: Sample, table: OutputTable, limit: FloatArray, settings: ToleranceSettings
+) -> dict[str, FloatArray]:
+    """The interval of the exceedance with the stated error of the model, NaN where none is stated."""
+    ends = np.full((2, limit.size), np.nan)
     third = table.named(_THIRD)
     if MODEL_ERROR_LIMIT in cube and third.any():
-        relative = np.nan_to_num(cube[MODEL_ERROR_LIMIT].values[sample.rows])
-        errors[:, third] += relative[:, None] * np.abs(table.values[:, third])
-    return errors
+        relative = cube[MODEL_ERROR_LIMIT].values[sample.rows]
+        if np.isfinite(relative).any():
+            error = np.nan_to_num(relative)[:, None] * np.abs(table.values[:, third]) + table.error[third]
+            points = exceeding(table.values[:, third], limit[third], error)
+            found = _exceedance(points, limit[third], settings.confidence)
+            ends[:, third] = found["exceedance_low"], found["exceedance_high"]
+    return {"exceedance_model_low": ends[0], "exceedance_model_high": ends[1]}
+
+
+def _limit_of_model(cube: xr.Dataset, sample: Sample) -> FloatArray:
+    """The stated errors of the model at the points, shape (known,)."""
+    errors = cube[MODEL_ERROR_LIMIT].values[sample.rows] if MODEL_ERROR_LIMIT in cube else np.empty(0)
+    return np.asarray(errors[np.isfinite(errors)])
 
 
 def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
@@ -151,10 +164,10 @@ def _check_costs(costs: Mapping[str, float], factors: Collection[str]) -> None:
 def _of_output(cube: xr.Dataset, sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
     values, limit, confidence = table.values, _limits(settings.limits, table), settings.confidence
     bound = table.relative(limit)
-    points = exceeding(values, bound, _errors(cube, sample, table))
+    points = exceeding(values, bound, np.broadcast_to(np.nan_to_num(table.error), values.shape))
     quantiles = _quantiles(values, settings.probabilities, confidence)
     quantiles = {key: table.placed(answer) for key, answer in quantiles.items()}
-    single = _exceedance(points, bound, confidence)
+    single = _exceedance(points, bound, confidence) | _by_model(cube, sample, table, bound, settings)
     single |= {"mean": table.placed(values.mean(axis=0)), "std": values.std(axis=0, ddof=1), "limit": limit}
     gains = _gains(_halved_weights(sample), values, points, bound, settings)
     remedies = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
@@ -204,6 +217,8 @@ _MEANINGS = {
         for way, where in _WAYS.items()
         for end, part in _ENDS.items()
     },
+    "exceedance_model_low": "lower end of the exceedance with the error of the model at nine in ten similar points",
+    "exceedance_model_high": "upper end of the exceedance with the error of the model at nine in ten similar points",
     "mean": "mean",
     "std": "standard deviation",
     "limit": "largest value allowed",
@@ -254,6 +269,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         confidence_level=settings.confidence,
         keep=settings.keep,
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
+        **({"model_error_limit": float(np.nanmax(limit))} if (limit := _limit_of_model(cube, sample)).size else {}),
         seed_of_points=sample.design.seed,
         samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
