@@ -151,9 +151,10 @@ def test_a_function_has_no_paper_column(uneven):
     assert not any("paper" in row[0] for row in below)
     assert part.what == "y"
     assert not any("paper" in sentence for sentence in contribution_findings(part) + contribution_notes(part))
-    assert "What each mechanism contributes" in make_page(
-        uneven, {"shares": contribution_shares(uneven, ContributionSettings(output="y"))}
-    )
+    page = make_page(uneven, {"shares": contribution_shares(uneven, ContributionSettings(output="y"))})
+    assert "What each mechanism contributes" in page
+    notes = page.partition("Notes on these shares</summary>")[2].partition("</details>")[0]
+    assert notes.count("<p>") == notes.count('class="why"') > 0
 
 
 @pytest.mark.parametrize(
