@@ -105,7 +105,7 @@ def test_a_damaged_study_beside_its_results_is_told_or_harmless(bench, stored, c
     """Each bit may have flipped: what can no longer be read is named with its remedy, a changed value is refused."""
     text, chosen, again = stored.read_bytes(), random.Random(3), ["run", str(bench / "study.toml")]
     damaged = [b"", b"\xff\xfe\0", text[:20]]
-    for _ in range(60):
+    for _ in range(25):
         bit, flipped = chosen.randrange(8 * len(text)), bytearray(text)
         flipped[bit // 8] ^= 1 << bit % 8
         damaged.append(bytes(flipped))

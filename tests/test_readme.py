@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -39,8 +40,10 @@ def clone(tmp_path):
     """What a fresh clone holds after the installation; results and new files stay here."""
     folder = tmp_path / "clone"
     folder.mkdir()
-    for name in ("studies", "measurements"):
-        (folder / name).symlink_to(ROOT / name)
+    (folder / "studies").symlink_to(ROOT / "studies")
+    shutil.copytree(ROOT / "measurements", folder / "measurements")
+    table = folder / "measurements" / "rig" / "records.csv"  # tests/workflow/test_fit.py fits all of them
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:4]))
     (folder / "optimisations").mkdir()
     for path in (ROOT / "optimisations").glob("*.toml"):  # tests/workflow/test_optimise.py searches for long
         fewer = re.sub(r"evaluations = \d+", "evaluations = 40", path.read_text())

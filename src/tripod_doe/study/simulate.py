@@ -190,12 +190,13 @@ def _array(name: str, value: Any) -> Any:
     """A value as a plain one, or as an array with named dimensions.
 
     Raises:
-        InputError: If an array has several dimensions without names, or no values.
+        InputError: If an array has several dimensions without names, no values, or more than memory holds points of.
     """
     import xarray as xr
 
     if np.ndim(value) == 0:
         return value.item() if hasattr(value, "dtype") else value
+    refuse_too_many_points(np.size(value), _LEAST_BYTES)
     if not isinstance(value, xr.DataArray):
         if np.ndim(value) > 1:
             raise InputError(f"{name}: an array with {np.ndim(value)} dimensions; give an xarray.DataArray, with names")
