@@ -1,4 +1,4 @@
-"""Revolutions of the needles: so many after their start, or until they repeat.
+"""Revolutions of the needles: a given number after their start, or until they repeat.
 
 A shaft turns millions of times, and needles turn on for ten to a thousand revolutions until their skews stay. Most of
 them turn slowly, each by itself: a needle's place along its trunnion follows the roller within a revolution or two, and
@@ -52,7 +52,7 @@ class NeedleForces(ByReference):
 
     @classmethod
     def of_last(cls, revolutions: int, samples: int) -> NeedleForces:
-        """Memory for so many revolutions, at least two."""
+        """Memory for `revolutions` revolutions, at least two."""
         shape = (revolutions, 3, samples)
         return cls(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros((revolutions, 3)), np.zeros(2))
 

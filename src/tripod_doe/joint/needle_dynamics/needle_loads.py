@@ -66,7 +66,7 @@ class NeedleSteps(ByReference):
     cosines: FloatArray
     sines: FloatArray
     nearest: IntArray  # number of that needle
-    around: FloatArray  # cosine and sine of the angle from a needle to another so many places on, shape (places, 2)
+    around: FloatArray  # cosine and sine of the angle from a needle to its n-th neighbour, shape (n, 2)
     found: FloatArray  # load, cosine and sine of a needle at eight steps, shape (3, 8)
     # first, last, most: numbers of the outermost needles that carry, and of the one that carries the most
     first: IntArray
@@ -112,7 +112,7 @@ class NeedleLoads(ByReference):
 
     @classmethod
     def for_blocks(cls, blocks: int, steps: int) -> NeedleLoads:
-        """Memory for so many blocks of eight needles that carry."""
+        """Memory for `blocks` blocks of eight needles that carry."""
         return cls(blocks, *(np.zeros((3, blocks, steps, WIDTH)) for _ in range(3)))
 
 
@@ -151,7 +151,7 @@ def _needles_towards(c, direction):
 
 @inlined_kernel
 def _turned(around, number, direction, cosine, sine):
-    """Cosine and sine of the angle from the load to the needle so many places from the nearest one."""
+    """Cosine and sine of the angle from the load to the n-th needle from the nearest one."""
     along, across = around[number, 0], direction * around[number, 1]
     return cosine * along - sine * across, sine * along + cosine * across
 
@@ -283,7 +283,7 @@ def load_needles(c, at, needles):
 
 @inlined_kernel
 def _put(at, needles, place, number, slots):
-    """Write the load of the needle so many places from the nearest one at a step."""
+    """Write the load of the n-th needle from the nearest one at a step."""
     k, i, n = place
     number += at.nearest[k, i, n]
     slot, step = number % slots, WIDTH * i + n

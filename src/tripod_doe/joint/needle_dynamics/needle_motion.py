@@ -174,7 +174,7 @@ class NeedleRing(ByReference):
 
     @classmethod
     def for_blocks(cls, blocks: int) -> NeedleRing:
-        """Memory for so many blocks of eight needles that carry."""
+        """Memory for `blocks` blocks of eight needles that carry."""
         state, past = np.zeros((3, blocks, ROWS, WIDTH)), np.zeros((3, blocks, 2, WIDTH))
         return cls(state, np.zeros((3, 3)), np.zeros((3, 2), np.int64), past)
 
