@@ -42,6 +42,9 @@ def hole(x, load=1.0):
         raise ValueError("too thin")
     return {"weight": 1 - x, "stress": load * (1 + x), "stress_error": 0.01}
 
+def even(x):
+    return {"even": -2.0, "level": 0.0}
+
 def slope(x, s=0.0):
     return {"f": (x - 1) ** 2 + s}
 """
@@ -385,6 +388,17 @@ def test_what_a_step_changes(solve, tmp_path):
     assert "too thin" in light[1][5]
     soft = [row for row in rows if row and row[0] == "best softest"]
     assert [row[1:] for row in soft] == [["x = 0.1 in place of 0", "−0.1", "+0.1", "+0.1", "yes"]]
+
+
+def test_equal_candidates_and_a_single_one_are_called_so(solve):
+    aims = {"even": {"output": "even"}, "level": {"output": "level"}}
+    equal = solve("even", {"x": {"low": 0, "high": 1}}, aims, search={"evaluations": 20})
+    assert equal.lines == ["The variables change no objective: all 20 feasible candidates have even -2 and level 0."]
+    aims = {"lightest": {"output": "weight"}, "softest": {"output": "stress"}}
+    levels = {"x": {"values": [0.5, 0.7, 0.8]}}
+    one = solve("hole", levels, aims, "one", search={"evaluations": 10})
+    assert one.lines[0] == "One candidate is feasible: lightest 0.5 and softest 1.5, at x = 0.5."
+    assert "2 cannot be built, did not finish or lack a value" in one.lines[-1]
 
 
 def test_a_search_that_has_not_come_to_rest_says_so(solve):

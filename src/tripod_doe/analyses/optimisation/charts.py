@@ -102,9 +102,14 @@ def _pair(problem: Problem, solved: Solved, a: int, b: int) -> Chart:
         axes.set_xlabel(_axis(problem, names[a]))
         axes.set_ylabel(_axis(problem, names[b]))
         legend_above(axes, 2)
-    dominated = count_of(dominated_count(problem, solved), "feasible candidate")
-    sample = f", {_MOST_DRAWN:,} of them drawn" if rows.size > _MOST_DRAWN else ""
-    caption = f"The front; it dominates {dominated}{sample}. Those far from the front may lie outside."
+    drawn = f", {_MOST_DRAWN:,} of them drawn" if rows.size > _MOST_DRAWN else ""
+    feasible = count_of(rows.size, "candidate")
+    by = f", by {problem.model}" if problem.confirm != problem.model else ""
+    judged_by = f", by {problem.confirm}," if problem.confirm != problem.model else ""
+    caption = (
+        f"The front{judged_by} and what the search tried{by}: {feasible} feasible{drawn}, of which others dominate "
+        f"{dominated_count(problem, solved):,}. Those far from the front may lie outside."
+    )
     return Chart(f"front-{names[a]}-{names[b]}", f"{names[a]} against {names[b]}", caption, figure, data)
 
 

@@ -50,12 +50,14 @@ class Neighbours:
 
 
 def places_of(aims: FloatArray, names: Sequence[str]) -> dict[str, int]:
-    """The ends of a front and, of several objectives, its knee: what each is called, and its row.
+    """The ends of a front and, of several objectives, its knee: what each is called, and its row; one where it has one.
 
     Args:
         aims: Objectives to minimise, shape (candidate, objective).
         names: Names of the objectives.
     """
+    if len(aims) == 1:
+        return {"best": 0}
     places = {f"best {name}": int(aims[:, at].argmin()) for at, name in enumerate(names)}
     return places | ({"knee": knee(aims)} if aims.shape[1] > 1 else {})
 

@@ -34,7 +34,7 @@ def find_in_optimisation(problem: Problem, solved: Solved) -> list[str]:
         *sentences,
         *_improvable(problem, solved),
         *_confirmation(problem, solved),
-        *_scatter(problem),
+        *_scatter(problem, solved),
         *_left_out(solved),
     ]
 
@@ -74,6 +74,8 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     extreme = "smallest" if table.goal == "minimise" else "largest"
     where = joint_text(problem, solved.front.units[0])
     of = count_of(len(solved.archive.judged.reasons), "candidate")
+    if equal := _all_equal(problem, solved):
+        return equal
     sentences = [f"The {extreme} {name} of {of} is {_aim(problem, 0, value, error)}, at {where}."]
     sentences += _against_start(problem, solved, 0)
     touched = binding(solved.front.units[0], judged.violations[0], problem.variables, list(problem.constraints))
@@ -102,6 +104,16 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     return sentences
 
 
+def _all_equal(problem: Problem, solved: Solved) -> list[str]:
+    """The sentence where several candidates are feasible, and none differs from another in any objective."""
+    judged = solved.archive.judged
+    own = judged.objectives[judged.feasible]
+    if len(own) < 2 or np.ptp(own, axis=0).any():
+        return []
+    values = [f"{name} {_aim(problem, at, float(own[0, at]))}" for at, name in enumerate(problem.objectives)]
+    return [f"The variables change no objective: all {len(own):,} feasible candidates have {listed(values)}."]
+
+
 def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
     """An objective at the start and on the front."""
     name = list(problem.objectives)[at]
@@ -111,7 +123,9 @@ def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
     values = solved.front.judged.objectives[:, at]
     best = float(values[np.argmin(values * problem.signs[at])])
     keeps = "" if solved.start.feasible[0] else f", where the limits are not kept ({solved.start.reasons[0]})"
-    change = f" ({number(100 * (best / start - 1), 3)} %)" if start > 0 and best != start else ""
+    if solved.start.feasible[0] and best == start:
+        return [f"No candidate is better in {name} than the start, with {_aim(problem, at, start)}."]
+    change = f" ({_change(100 * (best / start - 1))} %)" if start > 0 and best != start else ""
     return [
         f"Where the search starts, {name} is {_aim(problem, at, start)}{keeps}; "
         f"the best is {_aim(problem, at, best)}{change}."
@@ -123,9 +137,12 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
     front = solved.front
     aims = front.judged.objectives * problem.signs
     names = list(problem.objectives)
+    if equal := _all_equal(problem, solved):
+        return equal
     if len(aims) == 1:
         values = [f"{name} {_aim(problem, k, float(front.judged.objectives[0, k]))}" for k, name in enumerate(names)]
-        only = f"One candidate is best in every objective: {listed(values)}, at {joint_text(problem, front.units[0])}."
+        which = "feasible" if solved.archive.judged.feasible.sum() == 1 else "best in every objective"
+        only = f"One candidate is {which}: {listed(values)}, at {joint_text(problem, front.units[0])}."
         return [only, *(line for at in range(len(names)) for line in _against_start(problem, solved, at))]
     ends = []
     for at, name in enumerate(names):
@@ -169,12 +186,17 @@ def _confirmation(problem: Problem, solved: Solved) -> list[str]:
     return [f"{count_of(solved.confirmed, 'candidate')} {were} judged once more {how}{moved}."]
 
 
-def _scatter(problem: Problem) -> list[str]:
+def _scatter(problem: Problem, solved: Solved) -> list[str]:
     if not problem.scatter.factors:
         return []
     share = f"{100 * problem.request.file.optimisation.quantile:g} %"
     names = listed([_spoken(problem, name) for name in problem.scatter.factors])
-    return [f"Objectives and limits hold for {share} of the joints with the scatter of {names}."]
+    table = problem.request.file.search
+    count = table.confirm_samples if solved.confirmed else table.samples
+    return [
+        f"Objectives and limits hold for {share} of the joints with the scatter of {names}, by a sample of "
+        f"{count_of(count, 'joint')}."
+    ]
 
 
 def _left_out(solved: Solved) -> list[str]:
@@ -186,7 +208,7 @@ def _left_out(solved: Solved) -> list[str]:
     if beyond:
         parts.append(f"{beyond:,} {'does' if beyond == 1 else 'do'} not keep all limits")
     if broken:
-        parts.append(f"{broken:,} cannot be built or did not finish")
+        parts.append(f"{broken:,} cannot be built, did not finish or lack a value")
     return [f"Of {total:,} candidates {listed(parts)}."] if parts else []
 
 
@@ -207,7 +229,7 @@ def _nothing(problem: Problem, solved: Solved) -> list[str]:
             f"The nearest one is {joint_text(problem, solved.archive.units[nearest])}, where {judged.reasons[nearest]}."
         )
     (reason, count), *_ = _reasons(judged.reasons)
-    sentences.append(f"The most frequent reason, for {count:,}: {reason}.")
+    sentences.append(f"The most frequent reason, for {count:,} of them, in the numbers of the first: {reason}.")
     return sentences
 
 
@@ -279,7 +301,9 @@ def _improvable(problem: Problem, solved: Solved) -> list[str]:
         return []
     sentences = []
     able = np.array([not reason for reason in own.reasons(solved.front.judged, list(problem.constraints))], bool)
-    for at, (name, row) in enumerate(zip(problem.objectives, _places(problem, solved).values(), strict=False)):
+    places = _places(problem, solved)
+    for at, name in enumerate(problem.objectives):
+        row = places.get(f"best {name}", 0)
         centre = int(np.flatnonzero(own.centres == row)[0])
         gains = own.changes("objectives")[:, at] * problem.signs[at]
         better = np.flatnonzero((own.centre == centre) & able & (gains < 0))
@@ -322,7 +346,8 @@ def sensitivity_table(problem: Problem, solved: Solved) -> Table:
     rows = []
     for what, row in _places(problem, solved).items():
         centre = int(np.flatnonzero(own.centres == row)[0])
-        weight = size[:, names.index(what.removeprefix("best "))] if what != "knee" else size.max(axis=1)
+        aim = what.removeprefix("best ")
+        weight = size[:, names.index(aim)] if aim in names else size.max(axis=1)
         mine = np.flatnonzero(own.centre == centre)
         largest = {at: weight[mine][own.variable[mine] == at].max() for at in set(own.variable[mine].tolist())}
         for at in sorted(mine.tolist(), key=lambda k: (-largest[int(own.variable[k])], k)):
