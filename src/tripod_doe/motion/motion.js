@@ -281,9 +281,11 @@
     points.forEach((_, which) => {
       use(which);
       paintScene();
-      paintRing();
       paintPlot();
-      paintOrders();
+      if (!state.playing || (state.frames + which) % 2) {  // needles and orders move less: thirty times a second will do
+        paintRing();
+        paintOrders();
+      }
       if (writes) write();
     });
     if (!writes) return;
