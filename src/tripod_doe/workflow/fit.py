@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
 from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.array_types import ComplexArray, FloatArray
@@ -32,7 +33,8 @@ from tripod_doe.study.results.result_directory import ResultDirectory, make_dire
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 
-_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust_amplitude_error")
+_ORDERS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust_amplitude_error")
+_NEEDLES = ("groove_thrust_amplitude", "groove_thrust_phase_deg", "needle_skew_summary_deg")
 
 
 @dataclass(frozen=True)
@@ -86,8 +88,9 @@ def fit(
     with Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
         points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
 
-        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, FloatArray]:
-            return _orders(points(columns))
+        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, FloatArray, Needles]:
+            batch = points(columns)
+            return *_orders(batch), _needles(batch)
 
         def tell(stage: str) -> None:
             stages.begin(stage)
@@ -119,7 +122,7 @@ def _points_study(rig: RigFit, folder: Path) -> Study:
         "study": {"name": f"{rig.file.fit.name}: points"},
         "base": rig.base,
         "design": {"kind": "table", "table": TABLE},
-        "keep": {"outputs": list(_OUTPUTS)},
+        "keep": {"outputs": [*_ORDERS, *_NEEDLES]},
     }
     return parse_study(tomlkit.dumps(content), rig.request.origin, StudyFolder(folder))
 
@@ -130,6 +133,16 @@ def _orders(batch: Batch) -> tuple[ComplexArray, FloatArray]:
     The orders of a point that failed are NaN.
     """
     blank = np.full((batch.points.count, ORDERS.size), np.nan)
-    amplitude, phase, scatter, error = (batch.outputs[name][1] if name in batch.outputs else blank for name in _OUTPUTS)
+    amplitude, phase, scatter, error = (batch.outputs[name][1] if name in batch.outputs else blank for name in _ORDERS)
     orders = np.where(batch.finished[:, None], amplitude * np.exp(1j * np.radians(phase)), np.nan)
     return orders, np.hypot(np.nan_to_num(scatter), np.nan_to_num(error))
+
+
+def _needles(batch: Batch) -> Needles:
+    """Second orders at the grooves and mean skews in the last revolution; NaN where there are none."""
+    known = [batch.outputs[name][1] for name in _NEEDLES if name in batch.outputs]
+    if len(known) < len(_NEEDLES):
+        blank = np.full((batch.points.count, 3), np.nan)
+        return Needles(blank.astype(complex), blank)
+    amplitude, phase, skew = known
+    return Needles(amplitude[..., 2] * np.exp(1j * np.radians(phase[..., 2])), skew[:, :, -1, 0])

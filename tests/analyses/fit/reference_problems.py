@@ -40,7 +40,7 @@ def real_rows(values, deviation):
         along=np.full(count, float(deviation)),
         across=np.full(count, np.inf),
         own_error=zero,
-        shared_error=zero,
+        shared=np.zeros((count, 0), complex),
         free_phase=np.zeros(1, bool),
         free_sign=np.zeros(1, bool),
     )

@@ -261,8 +261,10 @@ def _computed_error(cube: xr.Dataset, row: RecordRow, comparison: xr.Dataset, po
         known["speed_rpm"] = float(point["speed_rpm"].mean()) if "speed_rpm" in point.coords else 600.0
     values = simulator.effective({name: value for name, value in known.items() if name in JOINT_PARAMETERS})
     parameters = {name: np.array([math.nan if value is None else value]) for name, value in values.items()}
-    error = model_error(simulator, parameters, ORDERS.tolist(), amplitude[None], scatter[None], "recorded")
-    return np.asarray(_NORMAL * np.hypot(error.own, error.shared)[0], float)
+    error = model_error(
+        simulator, parameters, ORDERS.tolist(), amplitude[None].astype(complex), scatter[None], "recorded"
+    )
+    return np.asarray(_NORMAL * error.whole[0], float)
 
 
 def overview_rows(records: Sequence[ComparedRecord]) -> list[OverviewRow]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 
+_LEAST_CHANGE = 1e-3  # of the largest, below which a shared error is none
 _ROUNDS = 3  # of Gauss-Newton on the angles, which start at most some degrees off
 
 
@@ -30,7 +31,8 @@ class Rows:
     along: FloatArray
     across: FloatArray
     own_error: FloatArray  # standard deviation of the model's error in this row alone, N, shape (row,)
-    shared_error: FloatArray  # deviation of the error that all rows of an order share, N, shape (row,)
+    # changes of the prediction by errors of the model that records share, see `ModelError`, N, shape (row, nuisance)
+    shared: ComplexArray
     free_phase: NDArray[np.bool_]  # whether the angle of the marker is not known, shape (record,)
     free_sign: NDArray[np.bool_]  # whether the sign of the force is not known, shape (record,)
     scale_error: float = 0.0  # relative deviation of the force sensor's scale
@@ -69,7 +71,8 @@ class Misfit:
         along = np.where(counts, np.hypot(rows.along, rows.own_error), np.inf)
         across = np.where(counts, np.hypot(rows.across, rows.own_error), np.inf)
         self._weights = 1 / np.concatenate([along, across])
-        self._shared = self._whitened(self._shared_columns(size))
+        self._size = size
+        self._changes = _independent(rows.shared)
         self.data = int((self._weights > 0).sum())
         self._angles = np.flatnonzero(rows.free_phase & used)
         column = np.full(rows.records, -1)
@@ -86,16 +89,16 @@ class Misfit:
         """Degrees of freedom that nuisances without prior take."""
         return int(self._angles.size)
 
-    def _shared_columns(self, size: FloatArray) -> ComplexArray:
-        """Change of the prediction by shared nuisances of deviation 1, shape (row, nuisance)."""
-        rows, columns = self.rows, []
-        for order in np.unique(rows.order):
-            own = np.where(rows.order == order, rows.shared_error, 0.0) * self._unit
-            if own.any():
-                columns += [own, 1j * own]
-        if rows.scale_error:
-            columns.append(rows.scale_error * size * self._unit)
-        return np.array(columns, complex).reshape(len(columns), size.size).T
+    @property
+    def _nuisances(self) -> int:
+        """Shared nuisances: a real and an imaginary factor of each error, and the sensor's scale."""
+        return 2 * int(self._changes.shape[1]) + bool(self.rows.scale_error)
+
+    def _shared_columns(self, turn: ComplexArray) -> FloatArray:
+        """Changes of the whitened prediction by shared nuisances of deviation 1, shape (residual, nuisance)."""
+        aligned = turn[:, None] * self._changes
+        scale = (self.rows.scale_error * self._size * self._unit)[:, None]
+        return self._whitened(np.hstack([aligned, 1j * aligned, scale][: 3 if self.rows.scale_error else 2]))
 
     def _whitened(self, values: ComplexArray) -> FloatArray:
         """Complex differences (row, ...) as whitened numbers, shape (2 rows, ...)."""
@@ -107,20 +110,21 @@ class Misfit:
         """Residuals of a prediction (row,) made at some places (scalar,)."""
         rows = self.rows
         sign, angle = self._begin(prediction)
-        shared = self._shared.shape[1]
-        beta = np.zeros(shared)
+        beta = np.zeros(self._nuisances)
         for _ in range(_ROUNDS if self._angles.size else 1):
             turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
-            difference = self._whitened(rows.measured - turn * prediction) - self._shared @ beta
-            columns = self._columns(turn * prediction)
+            shared = self._shared_columns(turn)
+            difference = self._whitened(rows.measured - turn * prediction) - shared @ beta
+            columns = self._columns(turn * prediction, shared)
             full = np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
             right = np.concatenate([difference, -beta])
             step = np.linalg.lstsq(full, right, rcond=None)[0] if full.shape[1] else np.zeros(0)
             angle[self._angles] += step[: self._angles.size]
             beta = beta + step[self._angles.size :]
         turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
-        data = self._whitened(rows.measured - turn * prediction) - self._shared @ beta
-        columns = self._columns(turn * prediction)
+        shared = self._shared_columns(turn)
+        data = self._whitened(rows.measured - turn * prediction) - shared @ beta
+        columns = self._columns(turn * prediction, shared)
         full = np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
         known = np.isfinite(self._std)
         prior = ((place - self._mean) / self._std)[known]
@@ -141,14 +145,14 @@ class Misfit:
         known = np.flatnonzero(np.isfinite(self._std))
         prior = np.zeros((known.size, slope.shape[1]))
         prior[np.arange(known.size), known] = 1 / self._std[known]
-        full = np.vstack([data, np.zeros((self._shared.shape[1], slope.shape[1])), prior])
+        full = np.vstack([data, np.zeros((self._nuisances, slope.shape[1])), prior])
         return np.asarray(full - compared.nuisances @ (compared.nuisances.T @ full), float)
 
-    def _columns(self, aligned: ComplexArray) -> FloatArray:
+    def _columns(self, aligned: ComplexArray, shared: FloatArray) -> FloatArray:
         """Derivatives of the whitened prediction by free angles and shared nuisances."""
         turned = np.zeros((aligned.size, self._angles.size), complex)
         turned[self._turned] = (1j * self.rows.order * aligned)[self._turned[0]]
-        return np.hstack([self._whitened(turned), self._shared])
+        return np.hstack([self._whitened(turned), shared])
 
     def _begin(self, prediction: ComplexArray) -> tuple[FloatArray, FloatArray]:
         """Signs and angles of the records, from the best of all alignments of one order of each record.
@@ -173,3 +177,10 @@ class Misfit:
                     np.where(better, new, old) for new, old in ((own_sign, sign), (own, angle), (squares, least))
                 )
         return sign, angle
+
+
+def _independent(shared: ComplexArray) -> ComplexArray:
+    """The fewest changes that have the same covariance: no more than rows."""
+    directions, singular, _ = np.linalg.svd(shared, full_matrices=False)
+    kept = singular > _LEAST_CHANGE * singular.max(initial=0.0)
+    return np.asarray(directions[:, kept] * singular[kept], complex)

@@ -1,11 +1,19 @@
-"""Errors of the model at the points of records, as standard deviations of complex amplitudes.
+"""Errors of the model at the points of records, as standard deviations of the real and of the imaginary part.
 
-The error on record is a median, which of a normal error is 0.67 of its deviation. It counts as an error that all
-records of a joint share, since models differ by what they leave out, and twice its square in each record alone: at 64
-points of eight joints, `kinetostatic` differs from `needles` by 0.9 times the former in the mean of a joint and by 1.3
-times between its points in the third order, by 1.1 and 1.9 times in the second (benchmarks/fit.py). A given error
-counts with half of its square in each record.
-Beside them stand the numerical error that a run reports, and the difference between its last two revolutions.
+What a model leaves out is a function of the operating point, and a smooth one: at joints of `needles` with random
+geometry the errors of `kinetostatic` in both orders, and of `equilibrium` in the third, follow the joint angle and
+hardly anything else (benchmarks/RESULTS.md). So an error is alike at records of similar joint angle (a Gaussian process
+over the logarithm of the angle, of which a fit makes nuisances), and the rest is of one record alone.
+
+- A recorded error is a median, which of a normal error is 0.67 of its deviation. Its square counts once in each record
+  alone, and twice alike.
+- The second order of `kinetostatic` is what the skew of the needles gives at each groove; three grooves nearly cancel,
+  and their errors do not. It errs by a part of what each groove gives, and by a part of what the turning of its needles
+  since the start has added: how fast needles turn is the least certain. The likelihood of these errors is e^40 times
+  that of errors in proportion to the order itself.
+
+A given error counts as alike in all records, and with half of its square in each alone. Beside all these stand the
+numerical error that a run reports, and the difference between its last two revolutions.
 """
 
 from __future__ import annotations
@@ -17,14 +25,23 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.array_types import FloatArray
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Accuracy, Quantity, Simulator
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
+_LEAST = 0.003  # relative, of the third order: medians of ten similar points are no surer
 _OTHER = 0.13  # relative error of any order but the third where it is not on record: those points, too
 _FINEST = {3: 0.003, 2: 0.05}  # between two implementations of the finest model
 _FINEST_OTHER = 0.05
+_LENGTH = {"kinetostatic": 0.2}  # of logarithms of the joint angle, over which errors are alike
+_USUAL_LENGTH = 1.0
+_LOW, _HIGH = np.log(0.1), np.log(60.0)  # logarithms of deg: smaller angles are alike
+_TURNING = "kinetostatic"  # the model of which the errors of the following parts are known
+# of the second order at a groove, and of what its needles' turning has added: in a record alone, and alike
+_OWN_PARTS = np.array([0.08, 0.04])
+_ALIKE_PARTS = np.array([0.06, 0.22])
+_AHEAD = np.exp(2j * np.radians(120) * np.arange(3))  # second order of equally skewed needles at the three grooves
 
 
 @dataclass(frozen=True)
@@ -32,36 +49,58 @@ class ModelError:
     """Errors of the model at the points of the records, N."""
 
     own: FloatArray  # deviation in one record alone, shape (record, order)
-    shared: FloatArray  # deviation that all records share, shape (record, order)
+    # changes of the complex orders by errors that records share, each by a factor of deviation 1 and any phase, shape
+    # (record, order, nuisance)
+    shared: ComplexArray
     source: str  # in words, where it comes from
+
+    @property
+    def whole(self) -> FloatArray:
+        """Deviation of both together, shape (record, order)."""
+        return np.asarray(np.sqrt(self.own**2 + (np.abs(self.shared) ** 2).sum(axis=2)), float)
+
+
+@dataclass(frozen=True)
+class Needles:
+    """What a model says of needles at some points."""
+
+    second: ComplexArray  # second order at each groove, N, shape (point, groove)
+    skew: FloatArray  # mean skew in the last revolution, deg, shape (point, groove); NaN of models without needles
 
 
 def model_error(
     simulator: Simulator,
     columns: Mapping[str, NDArray[Any]],
     orders: Sequence[int],
-    amplitude: FloatArray,
+    predicted: ComplexArray,
     reported: FloatArray,
     setting: Literal["recorded"] | float,
+    needles: Needles | None = None,
 ) -> ModelError:
     """Errors at the points of the records.
 
     Args:
-        orders, amplitude: The fitted orders, and their amplitudes, shape (record, order).
+        orders, predicted: The fitted orders, and their complex amplitudes, shape (record, order).
         reported: Numerical error and scatter that the runs report, N, shape (record, order).
         setting: The relative error, or "recorded".
+        needles: Where they are known, the error of the second order follows from them.
     """
+    amplitude = np.abs(predicted)
+    unit = np.divide(predicted, amplitude, out=np.ones_like(predicted), where=amplitude > 0)
     if setting != "recorded":
         whole = float(setting) * amplitude
         words = f"{100 * float(setting):g} % of each order, as given" if setting else "none, as given"
-        return ModelError(np.hypot(whole / np.sqrt(2), reported), whole, words)
+        everywhere = np.ones((len(amplitude), 1))
+        return ModelError(
+            np.hypot(whole / np.sqrt(2), reported), _each_order(np.asarray(whole * unit, complex), everywhere), words
+        )
     relative, known = np.empty(amplitude.shape), np.ones(len(amplitude), bool)
     third = _third(simulator, columns)
     finest = np.array([str(model) == simulator.model_names[-1] for model in columns["model"]])
     for column, order in enumerate(orders):
         if order == 3:
             known = np.isfinite(third) | finest
-            usual = np.where(np.isfinite(third), _DEVIATION * third, _ASSUMED)
+            usual = np.where(np.isfinite(third), np.maximum(_DEVIATION * third, _LEAST), _ASSUMED)
         else:
             usual = np.full(len(amplitude), _OTHER)
         relative[:, column] = np.where(finest, _FINEST.get(order, _FINEST_OTHER), usual)
@@ -71,10 +110,53 @@ def model_error(
         missed = _second(simulator, columns) * amplitude[:, by]
         recorded = np.isfinite(missed) & ~finest
         whole[recorded, at] = np.minimum(whole[recorded, at], _DEVIATION * missed[recorded])
+    models = set(columns["model"].astype(str).tolist())
+    alike = _alike(columns["joint_angle_deg"], max(_LENGTH.get(model, _USUAL_LENGTH) for model in models))
+    own, shared = whole.copy(), _each_order(np.sqrt(2) * whole * unit, alike)
     words = "recorded for similar points"
     if not known.all():
         words += f"; at {int((~known).sum())} of {known.size} records none is, and {100 * _ASSUMED:g} % is assumed"
-    return ModelError(np.hypot(np.sqrt(2) * whole, reported), whole, words)
+    if 2 in orders and needles is not None and models == {_TURNING}:
+        parts = _parts_of_grooves(needles, np.stack([columns[f"initial_skew_{at}_deg"] for at in (1, 2, 3)], axis=1))
+        if np.isfinite(parts).all():
+            at = list(orders).index(2)
+            own[:, at] = np.sqrt(((np.abs(parts) * _OWN_PARTS[:, None]) ** 2).sum(axis=(1, 2)))
+            of_grooves = np.zeros((*amplitude.shape, parts[0].size * alike.shape[1]), complex)
+            by_node = (parts * _ALIKE_PARTS[:, None])[..., None] * alike[:, None, None]
+            of_grooves[:, at] = by_node.reshape(len(parts), -1)
+            shared[:, at] = 0.0
+            shared = np.concatenate([shared, of_grooves], axis=2)
+            words += (
+                "; of the second order, parts of what each groove gives and of what the turning of its needles adds"
+            )
+    return ModelError(np.hypot(own, reported), shared, words)
+
+
+def _alike(angles: FloatArray, length: float) -> FloatArray:
+    """Weights of nodes whose sums of products are exp(-d^2/2), d the distance of logarithms of angles over the length.
+
+    Returns:
+        shape (record, node).
+    """
+    nodes = np.linspace(_LOW, _HIGH, 1 + round(2 * (_HIGH - _LOW) / length))
+    places = np.clip(np.log(np.maximum(np.abs(angles), 1e-9)), _LOW, _HIGH)
+    weights = np.exp(-(((places[:, None] - nodes) / length) ** 2))
+    return np.asarray(weights / np.linalg.norm(weights, axis=1)[:, None], float)
+
+
+def _each_order(changes: ComplexArray, alike: FloatArray) -> ComplexArray:
+    """Changes that records share in each order by itself, shape (record, order, order times node)."""
+    width = changes.shape[1]
+    by_node = changes[:, :, None, None] * np.eye(width)[:, :, None] * alike[:, None, None]
+    return np.asarray(by_node.reshape(len(changes), width, -1), complex)
+
+
+def _parts_of_grooves(needles: Needles, initial: FloatArray) -> ComplexArray:
+    """Second order at each groove, and what the turning of its needles has added to it, shape (point, 2, groove)."""
+    skew, ahead = needles.skew, _AHEAD
+    size = (skew**2).sum(axis=1)
+    each = np.divide((needles.second * np.conj(ahead) * skew).sum(axis=1), size, out=0j * size, where=size != 0)
+    return np.stack([needles.second, each[:, None] * ahead * (skew - initial)], axis=1)
 
 
 def _third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:

@@ -27,7 +27,7 @@ class CandidateRows:
     prediction: ComplexArray  # at the fitted values, shape (order,)
     slope: ComplexArray  # its derivatives by the scalars, and by those of a new record alone, shape (order, scalar)
     own_error: FloatArray  # of the model, N, shape (order,)
-    shared_error: FloatArray  # of the model, in all records alike, N, shape (order,)
+    shared: ComplexArray  # of the model, in all records alike, see `ModelError`, shape (order, nuisance)
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def _variance(
         along=np.append(rows.along, along / np.sqrt(count)),
         across=np.append(rows.across, across / np.sqrt(count)),
         own_error=np.append(rows.own_error, own),
-        shared_error=np.append(rows.shared_error, candidate.shared_error),
+        shared=np.vstack([rows.shared, candidate.shared]),
         free_phase=np.append(rows.free_phase, free),
         free_sign=np.append(rows.free_sign, False),
     )
@@ -137,5 +137,5 @@ def _band(solution: Solution, candidate: CandidateRows) -> FloatArray:
     unit = candidate.prediction / np.where(size > 0, size, 1)
     slope = (np.conj(unit)[:, None] * candidate.slope).real[:, : solution.problem.layout.count]
     variance = np.einsum("ij,jk,ik->i", slope, solution.covariance, slope)
-    error = candidate.own_error**2 + candidate.shared_error**2
+    error = candidate.own_error**2 + (np.abs(candidate.shared) ** 2).sum(axis=1)
     return np.asarray(np.sqrt(solution.allowed / solution.scatter) * np.sqrt(variance + error), float)

@@ -261,14 +261,13 @@ def deviations(parts: Sequence[MeasuredOrders]) -> FloatArray:
 
 
 def make_rows(
-    records: Sequence[RigRecord], orders: Sequence[int], own: FloatArray, shared: FloatArray, scale_error: float
+    records: Sequence[RigRecord], orders: Sequence[int], own: FloatArray, shared: ComplexArray, scale_error: float
 ) -> Rows:
     """All fitted orders of all records as rows, record by record.
 
     Args:
         records, orders: The records, and the orders of each that are fitted.
-        own, shared: Standard deviation of the model's error, in one record alone and in all of them, in N, shape
-            (record, order).
+        own, shared: The model's error, in one record alone and in all of them, see `ModelError`.
         scale_error: Relative deviation of the force sensor's scale.
     """
     parts = [measured_orders(record, orders) for record in records]
@@ -280,7 +279,7 @@ def make_rows(
         along=deviation[:, 0].ravel(),
         across=deviation[:, 1].ravel(),
         own_error=own.ravel(),
-        shared_error=shared.ravel(),
+        shared=shared.reshape(count * len(orders), -1),
         free_phase=np.array([record.reference_angle_deg is None for record in records]),
         free_sign=np.array([record.sign is None for record in records]),
         scale_error=scale_error,

@@ -168,7 +168,6 @@ def _records(solution: Solution, error: ModelError, width: int) -> dict[str, Any
     fitted, fitted_phase = amplitude_and_phase(compared.aligned)
     shape, dims = (rows.records, width), ("record", "order")
     half = f"half of the {100 * CONFIDENCE:g} % interval of"
-    whole = np.hypot(error.own, error.shared)
 
     def table(values: FloatArray, unit: str, meaning: str) -> Any:
         return dims, np.asarray(values).reshape(shape), _meaning(unit, meaning)
@@ -177,7 +176,7 @@ def _records(solution: Solution, error: ModelError, width: int) -> dict[str, Any
         "measured": table(measured, "N", "measured amplitude, mean over revolutions"),
         "measured_error": table(_NORMAL * rows.along, "N", f"{half} it, from the scatter between revolutions"),
         "fitted": table(fitted, "N", "amplitude of the fitted model"),
-        "model_error": table(_NORMAL * whole, "N", f"{half} the model's amplitude"),
+        "model_error": table(_NORMAL * error.whole, "N", f"{half} the model's amplitude"),
         "residual": table(measured - fitted, "N", "measured minus fitted amplitude"),
         "measured_phase_deg": table(measured_phase, "degree", "measured phase"),
         "fitted_phase_deg": table(fitted_phase, "degree", "phase of the fitted model, aligned with the record"),

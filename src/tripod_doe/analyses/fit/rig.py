@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.fit.fit import Solution, solve
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
-from tripod_doe.analyses.fit.model_error import ModelError, model_error
+from tripod_doe.analyses.fit.model_error import ModelError, Needles, model_error
 from tripod_doe.analyses.fit.next_record import CandidateRows, Gain, Next, gains
 from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
 from tripod_doe.analyses.fit.search import Descent, Predict
@@ -28,8 +28,8 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.definition.scenes import load_simulator
 
-Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, FloatArray]]
-"""Complex orders 0 to 12 of points and what their runs report of their error, from columns; NaN where one failed."""
+Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, FloatArray, Needles]]
+"""Complex orders 0 to 12 of points, what their runs report of their error, and of needles; NaN where one failed."""
 
 _CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
 """The model on which the search runs, by the model asked for."""
@@ -166,7 +166,7 @@ class RigFit:
             values = self.layout.values(places)  # (trial, record, unknown)
             trials = values.shape[0]
             flat = values.reshape(-1, values.shape[-1])
-            orders, _ = points(self.columns(operating * trials, flat, model))
+            orders, _, _ = points(self.columns(operating * trials, flat, model))
             return np.asarray(orders[:, self.orders].reshape(trials, -1), complex)
 
         return predict
@@ -175,23 +175,31 @@ class RigFit:
         """Every parameter at some points."""
         return self.simulator.columns(self.base, columns, len(columns["model"]))
 
+    def first_error(self) -> ModelError:
+        """Errors of the model asked for at the records, from the measured orders."""
+        own = measured_sizes(self.records, self.orders)
+        columns = self.columns_at_middle(self.model)
+        return self._error(columns, own.astype(complex), np.zeros_like(own))
+
     def error_at(self, points: Answers, place: FloatArray) -> ModelError:
         """Errors of the model asked for at the records, for unknowns at some places."""
         values = self.layout.values(place[None])[0]
         operating = [record.parameters for record in self.records]
         columns = self.columns(operating, values, self.cheap)
-        orders, reported = points(columns)
-        own = measured_sizes(self.records, self.orders)
-        amplitude = np.where(np.isfinite(orders[:, self.orders]), np.abs(orders[:, self.orders]), own)
+        orders, reported, needles = points(columns)
+        own, chosen = measured_sizes(self.records, self.orders), orders[:, self.orders]
         columns["model"] = np.array([self.model] * len(operating), object)
-        return model_error(
-            self.simulator,
-            self.all_columns(columns),
-            self.orders,
-            amplitude,
-            reported[:, self.orders],
-            self.file.fit.model_error,
-        )
+        return self._error(columns, np.where(np.isfinite(chosen), chosen, own), reported[:, self.orders], needles)
+
+    def _error(
+        self,
+        columns: Mapping[str, NDArray[Any]],
+        predicted: ComplexArray,
+        reported: FloatArray,
+        needles: Needles | None = None,
+    ) -> ModelError:
+        every, setting = self.all_columns(columns), self.file.fit.model_error
+        return model_error(self.simulator, every, self.orders, predicted, reported, setting, needles)
 
     def rows(self, error: ModelError) -> Rows:
         """Measured orders with the errors of the model."""
@@ -199,7 +207,7 @@ class RigFit:
 
     def fit(self, points: Answers, tell: Callable[[str], None]) -> tuple[Solution, ModelError]:
         """Search, refine, and profile; `tell` takes the name of each stage as it begins."""
-        errors = [self.error_at(points, np.full(self.layout.count, 0.5))]
+        errors = [self.first_error()]
 
         def weigh(best: Descent) -> Rows:
             errors.append(self.error_at(points, best.place))
@@ -258,18 +266,15 @@ class RigFit:
         values = np.stack([u.physical(trials[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
         flat = np.repeat(values, count, axis=0)
         columns = self.columns(self.candidates * (width + 1), flat, self.cheap)
-        orders, reported = points(columns)
+        orders, reported, needles = points(columns)
         chosen = orders[:, self.orders].reshape(width + 1, count, -1)
         columns = {name: column[:count] for name, column in columns.items()}
         columns["model"] = np.array([self.model] * count, object)
-        amplitude = np.nan_to_num(np.abs(chosen[0]))
-        error = model_error(
-            self.simulator,
-            self.all_columns(columns),
-            self.orders,
-            amplitude,
+        error = self._error(
+            columns,
+            np.nan_to_num(chosen[0]),
             reported[:count, self.orders],
-            self.file.fit.model_error,
+            Needles(needles.second[:count], needles.skew[:count]),
         )
         steps = np.diag(trials[1:] - own_value)
         rows: list[CandidateRows | None] = []
