@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 
 from tripod_doe.motion.page import motion_page, viewed_point
 
@@ -47,6 +48,7 @@ def test_forces_that_are_shown_are_those_of_the_point(moving, point):
         shown = [float(n) for n in re.search(words + r" ([\d., ]+) ", text)[1].split(", ")]
         assert shown == pytest.approx(outputs[name].data[:, 10], abs=0.51), name
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    assert Axe().run(page).violations_count == 0
     place = page.locator("#cursor-0").bounding_box()["x"] - page.locator("#plot-0").bounding_box()["x"]
     wide = page.evaluate("document.getElementById('plot-0').clientWidth")
     assert place == pytest.approx(46 + (wide - 56) * 10 / 72, abs=1.5)
@@ -78,3 +80,36 @@ def test_every_view_paints_another_picture_and_keys_move_it(moving):
     )
     assert 0.1 < ratio < 0.95
     assert np.isfinite(ratio)
+
+
+def test_outlines_are_those_of_the_bodies(moving):
+    """Exact geometry: outlines of rollers and cylinders hold all points of the bodies, and nothing beyond."""
+    page, _ = moving
+    wrong = page.evaluate(
+        """() => {
+      const g = document.createElement("canvas").getContext("2d"), wrong = [], scale = 7, r = 60, half = 25, long = 80;
+      for (let n = 0; n < 40; n++) {
+        const { cast } = cameraOf(0.3 * n, 0.07 * n - 1.4, scale, 0.2 * n, [0, 0, 0], [0, 0]), axis = unit([1, 0.1 * n - 2, 0.5]);
+        const first = unit(cross(axis, [0, 0, 1])), second = cross(axis, first), own = cast(axis), bodies = { roller: [], cylinder: [] };
+        for (let i = 0; i <= 80; i++) {
+          for (let j = 0; j < 90; j++) {
+            const x = half * (i / 40 - 1), rim = Math.sqrt(r * r - x * x), round = add(scaled(first, Math.cos(j * Math.PI / 45)), second, Math.sin(j * Math.PI / 45));
+            bodies.roller.push(cast(add(scaled(axis, x / scale), round, rim / scale)));
+            bodies.cylinder.push(cast(add(scaled(axis, (long * (i / 40 - 1)) / scale), round, r / scale)));
+          }
+        }
+        for (const [name, points] of Object.entries(bodies)) {
+          g.beginPath();
+          if (name === "roller") roller(g, [0, 0], r, half, own, scale);
+          else cylinder(g, scaled(own, -long / scale), scaled(own, long / scale), r, own, scale);
+          for (let d = 0; d < 24; d++) {
+            const [x, y] = [Math.cos(d * Math.PI / 12), Math.sin(d * Math.PI / 12)];
+            const most = points.reduce((best, p) => (x * p[0] + y * p[1] > x * best[0] + y * best[1] ? p : best));
+            if (!g.isPointInPath(0.99 * most[0], 0.99 * most[1]) || g.isPointInPath(1.01 * most[0], 1.01 * most[1])) wrong.push([name, n, d]);
+          }
+        }
+      }
+      return wrong;
+    }"""
+    )
+    assert wrong == []

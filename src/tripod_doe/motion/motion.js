@@ -19,7 +19,7 @@
   const mostThrust = Math.max(most((arrays) => arrays.thrust.map(Math.abs)), most((arrays) => arrays.part.map(Math.abs)));
   const mostOrder = most((_, point) => point.orders.slice(1));
   const SHADES = 16, TURN = (2 * Math.PI) / 3;
-  let colour = {}, shades = [];  // shades from cold to hot
+  let colour = {}, shades = [], tones = [];  // shades from cold to hot, tones of the parts
 
   // the point that is painted: its data, its canvases, and its sample at this time
   let data, size, needles, arrays, side, at, canvases;
@@ -37,6 +37,7 @@
     const style = getComputedStyle(document.documentElement);
     for (const name of ["ink", "paper", "faint", "line", "steel", "hot", "cold", "force", "slide", "slip"])
       colour[name] = style.getPropertyValue("--" + name).trim();
+    tones = style.getPropertyValue("--tones").trim().split(" ");
     const [hot, cold] = [colour.hot, colour.cold].map((hex) => [1, 3, 5].map((from) => parseInt(hex.slice(from, from + 2), 16)));
     for (let n = 0; n < SHADES; n++) shades[n] = `rgb(${hot.map((c, i) => Math.round(cold[i] + (n / (SHADES - 1)) * (c - cold[i]))).join()})`;
   }
@@ -217,7 +218,6 @@
     g.fillText("180 deg", x(Math.PI) - 44, h - 5);
   }
 
-  const tones = ["#0b6bcb", "#7c3aed", "#0f8a5f", "#b45309", "#be185d", "#64748b"];
   const LEFT = 46, RIGHT = 10;  // of the curves
   function paintPlot() {
     const { plot, cursor } = canvases, [g, w, h] = sized(plot, devicePixelRatio || 1, state.changed), right = w - RIGHT;
