@@ -10,7 +10,8 @@
 
 Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
 that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
-and so are the rollers at points of the needles. A value is empty where one of the two did not finish, where the joint
+and so are the rollers at points of the needles. Beside rollers, whose needles keep their skew, those of `kinetostatic`
+do so, too: what needles do moves the third order by 2 % and more at two in five of such points. A value is empty where one of the two did not finish, where the joint
 vibrates (vibrating_joints.py records what that makes of the third order), or where the run of the finer model has a
 numerical error of more than 2 %, as far as it reports.
 Columns with _2 hold the second order of a model over the third of the needles; they are empty where the second order of
@@ -28,7 +29,9 @@ import pandas as pd
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, FINEST, RECORDED
+from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
 from tripod_doe.joint.vibration.onset import growing_vibration
 from tripod_doe.mechanics.compilation.sources import source_hashes
@@ -40,6 +43,7 @@ FLOOR = 0.01
 """Share of the third order that a smaller second one counts as."""
 BUDGET = 60_000
 """Evaluations of a run of `rollers`, eight times a usual one: a joint that vibrates by itself would take hundreds."""
+_NOTHING = np.full(2, np.nan)
 POINT = [
     name
     for name, parameter in JOINT_PARAMETERS.items()
@@ -71,11 +75,15 @@ def runs(cube: xr.Dataset) -> pd.DataFrame:
     return table.reset_index(drop=True)
 
 
-def orders(model: str, point: dict[str, float]) -> np.ndarray:
-    """Second and third order of a model, NaN where it does not finish."""
+def orders(model: str, point: dict[str, float], needles: bool) -> np.ndarray:
+    """Second and third order of a model, NaN where it does not finish; beside `needles`, or beside rollers."""
+    if model == "kinetostatic" and not needles:
+        values = point_values({"relative_tolerance": 1e-6, **point})
+        found = solve_kinetostatic(values, int(JOINT_PARAMETERS["samples_per_revolution"].default), needles_move=False)
+        return np.abs(complex_amplitudes(found.groove_thrust.sum(axis=1)))[0, 2:4] if found.settled[0] else _NOTHING
     given = {"accuracy": 0.01, "evaluation_budget": BUDGET} if model == "rollers" else {}
     result = td.simulate(**point, model=model, **given)
-    return result["thrust_amplitude"].sel(order=[2, 3]).values if result.attrs["finished"] else np.full(2, np.nan)
+    return result["thrust_amplitude"].sel(order=[2, 3]).values if result.attrs["finished"] else _NOTHING
 
 
 def vibrates(point: dict[str, float]) -> bool:
@@ -96,7 +104,7 @@ def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
     for model in COMPARED:
         asked = np.isfinite(table["reference"]) & ((table["needles"] == 1) | (model != "rollers"))
         found = [
-            orders(model, row[given].to_dict()) / row["reference"] if asked[at] else np.full(2, np.nan)
+            orders(model, row[given].to_dict(), row["needles"] == 1) / row["reference"] if asked[at] else _NOTHING
             for at, row in table.iterrows()
         ]
         second, third = np.array(found).T

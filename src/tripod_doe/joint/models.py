@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
@@ -19,6 +20,7 @@ from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
     PART_OUTPUTS,
+    VIBRATES,
     VIBRATION_OUTPUTS,
     VIBRATION_VERDICT,
     cycle_outputs,
@@ -26,6 +28,7 @@ from tripod_doe.joint.outputs import (
     skew_outputs,
     thrust_outputs,
 )
+from tripod_doe.joint.parameters import internal_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
@@ -167,8 +170,10 @@ def _balance_chunk(
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
     for failed, kind, text in reasons:
         block.end(np.flatnonzero(failed), kind, text)
-    if not set(VIBRATION_VERDICT).isdisjoint(keep):
-        outputs |= _verdicts(points, block)
+    asked = not set(VIBRATION_VERDICT).isdisjoint(keep)
+    # one of a massless balance costs hundreds of times its price
+    if asked or (VIBRATES in keep and solution.needle_skew is not None):
+        outputs |= _verdicts(points, block, asked)
     needle_pressure = contacts.get("largest_needle_pressure_mpa", np.zeros(block.count))
     extremes = Extremes(solution.largest_normal_force, outputs["largest_penetration_um"], needle_pressure)
     add_contact_notes(block, points, extremes)
@@ -182,14 +187,23 @@ def _balance_chunk(
     return block
 
 
-def _verdicts(points: JointValues[FloatArray], block: BlockResult) -> dict[str, FloatArray]:
-    """Outputs of whether the joints of a block vibrate by themselves."""
-    from tripod_doe.joint.vibration.balance_verdict import judge_vibrations, rows_to_judge
+def _verdicts(points: JointValues[FloatArray], block: BlockResult, all_of_them: bool) -> dict[str, FloatArray]:
+    """Outputs of whether the joints of a block vibrate by themselves: all of them, or those that may."""
+    from tripod_doe.joint.vibration.balance_verdict import judge_vibrations, rows_to_judge, undecided_rows
 
     rows = rows_to_judge(points, block)
+    if not all_of_them:
+        rows = undecided_rows(points, rows)
     if rows.size:
         _prepare_multibody(points.take(rows[:1]), _DAMPS)
     return judge_vibrations(points, rows, block)
+
+
+def some_vibrate(columns: Mapping[str, NDArray[Any]]) -> FloatArray:
+    """Whether joints vibrate, as `balance_verdict.some_vibrate`, of parameters by name, shape (point,) each."""
+    from tripod_doe.joint.vibration.balance_verdict import some_vibrate as found
+
+    return found(internal_values(columns))
 
 
 def _balance(name: str, solve: _Solve, tolerance: float, energy_limit: float, moves_needles: bool) -> Model:
@@ -372,6 +386,7 @@ def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:
         others |= dict(zip(_RATES, astuple(result.rates), strict=True))
     if result.vibration is not None:
         others |= dict(zip(VIBRATION_OUTPUTS, astuple(result.vibration), strict=True))
+        others[VIBRATES] = float(result.vibration.growth > 1)
     kept = {name: np.asarray(data) for name, data in others.items() if name in keep and data is not None}
     return {name: data[0] for name, data in outputs.items()} | kept
 

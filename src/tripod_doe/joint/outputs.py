@@ -17,6 +17,9 @@ from tripod_doe.model_interface import Dimension, Output, by_name
 PARTS = (*MECHANISMS, "remainder")
 """Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
 
+VIBRATES = "vibrates"
+"""Output that says whether a joint vibrates, where it was looked for."""
+
 VIBRATION_VERDICT = ("vibration_growth", "vibration_growth_rate_per_s", "vibration_frequency_hz")
 """Outputs that say whether a joint vibrates, in any model."""
 
@@ -190,6 +193,14 @@ _OUTPUTS = [
         "",
         "input less output less friction power, over the friction power (or over a "
         "thousandth of the transmitted power, where that is larger)",
+    ),
+    Output(
+        VIBRATES,
+        "1",
+        "",
+        "whether the joint vibrates by itself, 1 or 0; not looked for by a balance where no recorded joint of such an "
+        "angle and groove friction vibrates",
+        optional=True,
     ),
     Output(
         VIBRATION_OUTPUTS[0],

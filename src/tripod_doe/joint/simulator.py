@@ -14,11 +14,11 @@ from tripod_doe.errors import InputError
 from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.geometry.feasibility import infeasible
-from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, errors_at, similar_errors
+from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, WITHOUT_VIBRATION, errors_at, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.joint.order_accuracy import OrderAccuracy
-from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATION_VERDICT
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes
@@ -94,14 +94,21 @@ class JointSimulator(Simulator):
             if all(name in model.ignores & kept for model in in_play)
         ]
 
-    def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors:
-        """Errors of the third order against `needles`, from measured points like these."""
+    def model_errors(
+        self, points: Mapping[str, NDArray[Any]], outputs: Mapping[str, NDArray[Any]] | None = None
+    ) -> ModelErrors:
+        """Errors of the third order against `needles`, from measured points like these.
+
+        Where the outputs say whether a joint vibrates, other joints no longer count for that.
+        """
         count = len(points["model"])
         expected, limit, unknown = np.empty(count), np.empty(count), np.empty(count, object)
+        vibrates = (outputs or {}).get(VIBRATES, np.full(count, np.nan))
         departures = []
         for model, rows, own in _by_model(points):
             ratios, vibration = operating_ratios(own), vibration_errors(own)
-            expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration)
+            vibration[vibrates[rows] == 0] = 0.0
+            expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration, vibrates[rows] == 1)
             quantities = own | ratios | {SHARE: vibration_share(vibration)}
             for left in model.valid:
                 inside = (quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high)
@@ -123,7 +130,8 @@ class JointSimulator(Simulator):
         """Errors of the second and third order against `needles` at measured points like these."""
         similar: FloatArray | None = None
         for model, rows, own in _by_model(points):
-            errors = similar_errors(model.name, own, accuracy)
+            vibrates = models.some_vibrate(own) if model.name in WITHOUT_VIBRATION else None
+            errors = similar_errors(model.name, own, accuracy, vibrates)
             if errors is None:
                 return None
             if similar is None:

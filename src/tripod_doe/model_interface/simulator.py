@@ -134,11 +134,14 @@ class Simulator(ABC):
         self.check_lengths(factors, keep)
         return []
 
-    def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors | None:
+    def model_errors(
+        self, points: Mapping[str, NDArray[Any]], outputs: Mapping[str, NDArray[Any]] | None = None
+    ) -> ModelErrors | None:
         """Known errors of the models at some points, and where the models hold; None with a single model.
 
         Args:
             points: Every parameter by name, as for `simulate`.
+            outputs: What is known of their outputs, which may narrow the errors; each of shape (point, ...).
         """
         return None
 
@@ -285,7 +288,7 @@ def model_notes(
         points: Every parameter by name, as for `Simulator.simulate`.
         outputs: Their outputs, each of shape (point, ...).
     """
-    errors = simulator.model_errors(points)
+    errors = simulator.model_errors(points, outputs)
     if errors is None:
         return []
     summary = ModelSummary()

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from operating_points import points
 
-from tripod_doe.joint.outputs import VIBRATION_VERDICT
+from tripod_doe.joint.known_errors.vibration_record import SHARE
+from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.vibration.onset import growing_vibration
-from tripod_doe.model_interface import Outcome
+from tripod_doe.model_interface import Accuracy, Outcome, Quantity
 
 JOINTS = {"torque_n_m": [50.0, 5.0, 50.0], "speed_rpm": [600.0, 300.0, 600.0], "joint_angle_deg": [10.0, 10.0, 0.0]}
 """The reference joint, one of so little torque that it vibrates, and a straight one."""
@@ -35,3 +36,36 @@ def test_damping_has_no_effect_on_a_balance_unless_vibrations_are_asked_for():
     factors = {"contact_damping_time_s": [2.5e-6, 8e-6]}
     assert any("not represented" in told for told in simulator.check({}, factors, ("thrust_amplitude",)))
     assert not simulator.check({}, factors, ("thrust_amplitude", "vibration_growth"))
+
+
+MAY = {"joint_angle_deg": [10.0, 12.0, 17.0], "groove_sliding_friction": [0.05, 0.1, 0.15]}
+"""Joints like the first do not vibrate; of those like the others some do."""
+
+
+def test_a_joint_is_looked_at_where_those_on_record_do_not_say_that_it_is_calm():
+    block = points(**MAY, torque_n_m=[50.0, 100.0, -300.0], speed_rpm=[600.0, 600.0, 1500.0])
+    done = simulator.simulate(block, ("thrust_amplitude", VIBRATES))
+    np.testing.assert_array_equal(done.outputs[VIBRATES].data, [np.nan, 0, 1])
+    assert [detail.startswith("self-excited vibration") for detail in done.detail] == [False, False, True]
+    by_record = simulator.model_errors(block)
+    errors = simulator.model_errors(block, {VIBRATES: done.outputs[VIBRATES].data})
+    assert errors.limit[0] == by_record.limit[0]
+    assert errors.limit[1] < 0.05 < by_record.limit[1]  # without the vibrations of others
+    assert np.isnan(errors.limit[2])
+    assert "without the vibration" in errors.unknown[2]
+    share = next(each for each in errors.departures if each.left.quantity == SHARE and each.model == "kinetostatic")
+    assert share.outside.tolist() == [False, False, True]
+
+
+def test_a_choice_by_record_looks_at_joints_that_may_vibrate():
+    asked = Accuracy((Quantity("thrust_amplitude_3", "thrust_amplitude", 3, 0.05),), 0.01)
+    block = points(**MAY, torque_n_m=[50.0, 100.0, -300.0], speed_rpm=[600.0, 600.0, 1500.0])
+    errors = simulator.recorded_errors(block, asked)
+    assert np.isfinite(errors[1]).mean() > 0.5
+    assert np.isnan(errors[2]).all()
+
+
+def test_less_damping_than_joints_on_record_have_is_looked_at():
+    block = points(joint_angle_deg=[10.0, 10.0], contact_damping_time_s=[8e-6, 1e-6])
+    done = simulator.simulate(block, ("thrust_amplitude", VIBRATES))
+    assert np.isfinite(done.outputs[VIBRATES].data).tolist() == [False, True]

@@ -54,7 +54,7 @@ from tripod_doe.joint.force_balance.contact_results import ContactReader
 from tripod_doe.joint.force_balance.coupled_newton import loads_at_rest, settle_together
 from tripod_doe.joint.force_balance.equilibrium_relaxation import settle_still
 from tripod_doe.joint.force_balance.free_rollers import settle_free
-from tripod_doe.joint.force_balance.kinetostatic_relaxation import settle_moving
+from tripod_doe.joint.force_balance.kinetostatic_relaxation import FRESH, NEAR, settle_moving
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import TILT, YAW, PointConstants
 from tripod_doe.joint.force_balance.revolutions import Revolutions
@@ -230,7 +230,7 @@ def _settle(
     """
     p = PointConstants(*row)
     start(row, skews, cosines, sines, memory)
-    settled, work = settle_still(row, memory) if p.pace == 0.0 else settle_moving(row, memory, tolerance, True)
+    settled, work = settle_still(row, memory) if p.pace == 0.0 else settle_moving(row, memory, tolerance, FRESH)
     if settled:
         return settled, work, (0.0, 0.0)
     _compile_other_ways()
@@ -249,22 +249,23 @@ def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, 
 
     Where that does not settle, the balance stays as it was, with needles that keep their skew.
     """
-    before, turns, tilt = memory.state.copy(), memory.turns.copy(), row[TILT]
+    memory.kept[:] = memory.state
+    turns, tilt = memory.turns.copy(), row[TILT]
     followers.follow(row, memory, i)
     tolerance = PointConstants(*row).tolerance
     if PointConstants(*row).groove_friction == 0.0:  # nothing passes the grooves
-        memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
+        memory.state[:], memory.turns[:], row[TILT] = memory.kept, turns, tilt
         return 0
-    settled, work = settle_moving(row, memory, tolerance, False)
+    settled, work = settle_moving(row, memory, tolerance, NEAR)
     if not settled:
         _compile_other_ways()
         settled, iterations = settle_together(row, memory)
         work += iterations
     if not settled:
-        memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
+        memory.state[:], memory.turns[:], row[TILT] = memory.kept, turns, tilt
         followers.keep(i)
-        if not settle_moving(row, memory, tolerance, False)[0]:
-            memory.state[:] = before
+        if not settle_moving(row, memory, tolerance, NEAR)[0]:
+            memory.state[:] = memory.kept
     return int(work)
 
 

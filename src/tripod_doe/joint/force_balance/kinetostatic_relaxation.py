@@ -26,6 +26,9 @@ _SWEEPS, _NEAR = 40, 0.03
 """Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken at samples that
 last changed by no more than `_NEAR`. A point that has not settled after this number of sweeps is solved at once
 (`coupled_newton`)."""
+FRESH, NEAR = -2, 2
+"""First sweep of a balance without any motion yet, which finds tilts, and then the spins that go with them; and of one
+that was settled and then changed, for which all slopes are tangents."""
 
 
 @kernel_part
@@ -116,20 +119,20 @@ def _change_all(p, eights, samples, tolerance):
 
 
 @kernel
-def settle_moving(row, memory, tolerance, fresh):
+def settle_moving(row, memory, tolerance, first):
     """Relax a point in which every sample follows those before it; whether it settled, and sweeps.
 
-    Parameters as for `equilibrium_relaxation.settle_still`; `tolerance` in place of the row's, and whether the balance
-    is `fresh`, without any motion yet.
+    Parameters as for `equilibrium_relaxation.settle_still`; `tolerance` in place of the row's, and the number of the
+    `first` sweep, `FRESH` or `NEAR`.
     """
     p, eights, turns, samples = point_constants_of(row), memory.eights, memory.turns, memory.samples
     for k in range(3):
         for b in range(eights.shape[1]):
             store(eights[k, b].far, 0, spread(0.0))
-    for sweep in range(-2 if fresh else 0, _SWEEPS):  # before the first: tilts, then the spins that go with them
-        _seek(p, eights, turns, 1.0 if sweep > 1 or sweep < 0 else 0.0)
+    for sweep in range(first, _SWEEPS):
+        _seek(p, eights, turns, 1.0 if sweep >= NEAR or sweep < 0 else 0.0)
         moved = _change_all(p, eights, samples, tolerance) if sweep >= 0 else 1.0
         remember(memory, 1.0 if sweep >= 0 else 0.0)
         if sweep > 0 and moved == 0.0:
-            return True, sweep + 1
+            return True, sweep + 1 - max(first, 0)
     return False, _SWEEPS

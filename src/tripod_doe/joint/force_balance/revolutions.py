@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.force_balance.kinetostatic_relaxation import settle_moving
+from tripod_doe.joint.force_balance.kinetostatic_relaxation import NEAR, settle_moving
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import PointConstants
 from tripod_doe.joint.force_balance.samples import Memory
-from tripod_doe.joint.force_balance.thrust_and_power import Solution, account
+from tripod_doe.joint.force_balance.thrust_and_power import thrust_alone
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
 
-_DIFFERS = 1e2
-"""Tolerance of a balance that is solved for a small difference, over its own."""
+_DIFFERS, _SETTLES = 1e2, 1e1
+"""Tolerances of a balance that is solved for a small difference, and for needles that have settled, over its own."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +61,18 @@ class Revolutions:
         count = self.each.shape[1]
         for revolution in (*range(count - 2), count - 1):
             followers.add(row, memory, revolution)
-            self.each[i, revolution] = _thrust(row, memory, mean)
+            self.each[i, revolution] = _thrust(row, memory, mean, _DIFFERS)
         self.each[i, -2] = 2 * mean - self.each[i, -1]
         if self.asked and not followers.settles(i):
             followers.follow_on(row, memory, i)
-            self.repeating[i] = _thrust(row, memory, mean)
+            self.repeating[i] = _thrust(row, memory, mean, _SETTLES)
         self.repeat[i] = followers.repeat
 
 
-def _thrust(row: FloatArray, memory: Memory, otherwise: FloatArray) -> FloatArray:
+def _thrust(row: FloatArray, memory: Memory, otherwise: FloatArray, loose: float) -> FloatArray:
     """Thrust at each groove once the balance has settled, shape (groove, sample); `otherwise` where it does not."""
-    if not settle_moving(row, memory, _DIFFERS * PointConstants._make(row).tolerance, False)[0]:
+    if not settle_moving(row, memory, loose * PointConstants._make(row).tolerance, NEAR)[0]:
         return otherwise
-    found = Solution.of_nothing(1, memory.samples)
-    account(row, memory, found, 0)
-    return found.thrust.reshape(3, -1)[:, : memory.samples]
+    thrust = np.empty((*memory.eights.shape, WIDTH))
+    thrust_alone(row, memory, thrust)
+    return thrust.reshape(3, -1)[:, : memory.samples]

@@ -68,7 +68,9 @@ class Memory(ByReference):
     eights: NDArray[np.void]  # records of `EIGHT_SAMPLES`, shape (3, eights)
     turns: FloatArray  # cosine and sine of the skew of each trunnion's needles, shape (3, 2)
     powers: FloatArray  # of the five mechanisms and the input shaft, shape (6, eights, 8)
-    state: FloatArray  # all numbers in `eights`
+    # state, kept: all numbers in `eights`, and room to keep them
+    state: FloatArray
+    kept: FloatArray
     # lap, noted, wide: of `coupled_newton`: its linear system, four notes of the unknowns, shape (4, 3, sample, 5),
     # and the row with enlarged transition velocities
     lap: LinearLap
@@ -87,6 +89,7 @@ class Memory(ByReference):
             np.zeros((3, 2)),
             np.zeros((6, eights, WIDTH)),
             state,
+            np.zeros_like(state),
             LinearLap.for_samples(samples),
             np.zeros((4, 3, samples, 5)),
             np.zeros(len(PointConstants._fields)),
@@ -120,6 +123,15 @@ def _steer(p, eights, samples, most):
     for j in range(samples, WIDTH * eights.size):
         first, e = eights[(j - samples) // WIDTH], eights[j // WIDTH]
         e.steering[0, j % WIDTH], e.spin[0, j % WIDTH] = first.steering[0, (j - samples) % WIDTH], 0.0
+
+
+@kernel_part
+def _steer_as_first(eights, k, samples):
+    """Steer the roller of groove k as that of the first, which was at every angle a third of a revolution later."""
+    for j in range(WIDTH * eights.shape[1]):
+        first, e = (j + k * samples // 3) % samples, eights[k, j // WIDTH]
+        e.steering[0, j % WIDTH] = eights[0, first // WIDTH].steering[0, first % WIDTH]
+        e.spin[0, j % WIDTH] = 0.0
 
 
 @kernel
@@ -164,8 +176,10 @@ def start(row, psi, cosines, sines, memory):
             store(e.needle_force, 0, nothing)
             store(e.needle_moment, 0, nothing)
             store(e.needle_swing, 0, nothing)
-        if p.yaw > 0.0:
+        if p.yaw > 0.0 and (k == 0 or memory.samples % 3 > 0):
             _steer(p, eights[k], memory.samples, p.yaw * p.spinning_friction * p.axis_factor * even_load ** (1.0 / 3.0))
+        elif p.yaw > 0.0:
+            _steer_as_first(eights, k, memory.samples)
 
 
 @kernel_part

@@ -129,6 +129,18 @@ def _account_point(row, memory, thrust, parts, power, residual, unexplained, ext
     _summarise(row, memory, power, residual, unexplained, extremes)
 
 
+@kernel
+def thrust_alone(row, memory, thrust):
+    """Write the thrust at each groove, shape (3, eights, 8), and nothing else of a balance."""
+    p = point_constants_of(row)
+    for k in range(3):
+        for b in range(memory.eights.shape[1]):
+            e = memory.eights[k, b]
+            m = motion_at(p, load(e.cosine, 0), load(e.sine, 0))
+            g = moving_forces(p, m, e, skew_of(memory.turns, k), 1.0)
+            store(thrust[k], b, -load(e.normal, 0) * g.friction_z)
+
+
 def account(row: FloatArray, memory: Memory, solution: Solution, i: int) -> None:
     """Write the answer of point i, whose balance stands in `memory`; `row` holds its constants."""
     _account_point(

@@ -1,13 +1,14 @@
 """The error of each model of the joint at any operating point, from errors that were measured at others.
 
 `model_errors.csv` holds the third order of each model relative to `needles`, at operating points that cover the
-field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run, it
-is relative to `rollers`, whose own typical error there is added. A point is compared with the measured ones that are
-most like it, by the ratios on which the errors depend: their median is the typical error, their 90th percentile its
-limit. Joints that vibrate by themselves are mostly not among them: what leaving out vibration adds to the error of a
-balance is on record elsewhere (`vibration_record`), and every error of a similar point counts with each that joints of
-such an angle and friction have by that. Nothing is known outside of what was measured, and where one of the two models
-has no answer at most of such points.
+field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run,
+`equilibrium` is compared with `rollers`, whose own typical error there is added; `kinetostatic` with needles that keep
+their skew, as those of `rollers` do, and its typical error against `needles` is added. A point is compared with the
+measured ones that are most like it, by the ratios on which the errors depend: their median is the typical error, their
+90th percentile its limit. Joints that vibrate by themselves are mostly not among them: what leaving out vibration adds
+to the error of a balance is on record elsewhere (`vibration_record`), and every error of a similar point counts with
+each that joints of such an angle and friction have by that, unless it is known whether the point's own joint vibrates.
+Nothing is known outside of what was measured, and where one of the two models has no answer at most of such points.
 
 Of the second order, errors are recorded where needles were run and their own numerical error is small. `similar_errors`
 gives the errors of both orders at the similar points, one by one, for a choice of the model.
@@ -49,6 +50,7 @@ _FAR = 1e6
 """Place of a ratio that has no logarithm: far from all that was measured."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
+_VIBRATES = "the joint vibrates by itself, and this is the answer without the vibration"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 
@@ -57,9 +59,7 @@ class _Measured:
     """Points at which the models were compared."""
 
     names: tuple[str, ...]  # names of the ratios
-    # low, high: least and largest value of each ratio, shape (ratio,)
-    low: FloatArray
-    high: FloatArray
+    values: FloatArray  # of the ratios, shape (measured, ratio)
     places: FloatArray  # logarithms of the ratios, over the spread of each, shape (measured, ratio)
     spread: FloatArray  # standard deviations of the logarithms, shape (ratio,)
     # by model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
@@ -72,12 +72,16 @@ class _Measured:
     # the parameters that were varied, or set, shape (measured,) each; all others had their defaults
     given: dict[str, FloatArray]
 
-    def outside(self, ratio: int) -> str:
+    def ranges(self, model: str) -> tuple[FloatArray, FloatArray]:
+        """Least and largest value of each ratio where a model was compared, shape (ratio,)."""
+        values = self.values[~np.isinf(self.errors[model])]
+        return values.min(axis=0), values.max(axis=0)
+
+    def outside(self, ratio: int, low: float, high: float) -> str:
         """Reason for an unknown error where a ratio leaves its range."""
         name = self.names[ratio]
         meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
-        low, high = number(self.low[ratio]), number(self.high[ratio])
-        return f"{name}{meaning} is outside of the compared range {low} to {high}"
+        return f"{name}{meaning} is outside of the compared range {number(low)} to {number(high)}"
 
     def near(self, model: str, places: FloatArray) -> FloatArray:
         """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""
@@ -144,19 +148,14 @@ def _measured() -> _Measured:
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
     measured = _Measured(
-        tuple(ratios),
-        values.min(axis=0),
-        values.max(axis=0),
-        np.log(values) / spread,
-        spread,
-        errors,
-        table["needles_2"],
-        second_missed,
-        parameters,
+        tuple(ratios), values, np.log(values) / spread, spread, errors, table["needles_2"], second_missed, parameters
     )
-    by_rollers = _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
-    for model in WITHOUT_VIBRATION:
-        errors[model][~direct] += by_rollers
+    errors["equilibrium"][~direct] += _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
+    beside = errors["kinetostatic"][~direct]
+    errors["kinetostatic"][~direct] = np.inf  # only while its error against needles is looked up
+    errors["kinetostatic"][~direct] = (
+        beside + _median_and_limit(measured.near("kinetostatic", measured.places[~direct]))[0]
+    )
     return measured
 
 
@@ -170,20 +169,25 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     Returns:
         expected, limit, unknown: See `simulator.ModelErrors`; each of shape (point,).
     """
-    return errors_at(model, operating_ratios(points), vibration_errors(points))
+    vibration = vibration_errors(points)
+    return errors_at(model, operating_ratios(points), vibration, np.zeros(len(vibration), bool))
 
 
 def errors_at(
-    model: str, ratios: Mapping[str, FloatArray], vibration: FloatArray
+    model: str, ratios: Mapping[str, FloatArray], vibration: FloatArray, vibrates: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
-    """As `known_errors`, of points with these ratios and errors by leaving out vibration (`vibration_errors`)."""
+    """As `known_errors`, of points with these ratios and errors by leaving out vibration (`vibration_errors`).
+
+    Of those that are known to vibrate, a model without vibration has no known error.
+    """
     count = len(vibration)
     expected, limit = np.full((2, count), np.nan)
     if model not in COMPARED:
         return expected, limit, np.full(count, _NO_REFERENCE if model == FINEST else _NOT_COMPARED, object)
     measured = _measured()
     values = np.stack([ratios[name] for name in measured.names], axis=1)
-    inside = (values >= measured.low) & (values <= measured.high)
+    low, high = measured.ranges(model)
+    inside = (values >= low) & (values <= high)
     within = inside.all(axis=1)
     errors = measured.near(model, np.log(values[within]) / measured.spread)
     expected[within], limit[within] = _median_and_limit(errors)
@@ -198,15 +202,20 @@ def errors_at(
     expected[nothing], limit[nothing] = 0.0, 0.0
     unknown[np.isnan(expected)] = _NO_ANSWER
     for ratio in range(len(measured.names))[::-1]:  # of several reasons, the first counts
-        unknown[~inside[:, ratio] & ~nothing] = measured.outside(ratio)
+        unknown[~inside[:, ratio] & ~nothing] = measured.outside(ratio, low[ratio], high[ratio])
+    if model in WITHOUT_VIBRATION:
+        unknown[vibrates], expected[vibrates], limit[vibrates] = _VIBRATES, np.nan, np.nan
     return expected, limit, unknown
 
 
-def similar_errors(model: str, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:
+def similar_errors(
+    model: str, points: Mapping[str, NDArray[Any]], accuracy: Accuracy, vibrates: FloatArray | None = None
+) -> FloatArray | None:
     """Errors that a model makes in what a study asks for, at the measured points most like some points.
 
     Args:
         model, points: As for `known_errors`.
+        vibrates: Whether joints vibrate, 1 or 0, NaN where recorded joints like them must tell; shape (point,).
 
     Returns:
         Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or
@@ -233,7 +242,10 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], accuracy: Acc
     near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
     similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
     if model in WITHOUT_VIBRATION:
-        similar += _by_vibration(points, accuracy)
+        by_vibration = _by_vibration(points, accuracy)
+        if vibrates is not None:
+            by_vibration[vibrates == 0], by_vibration[vibrates == 1] = 0.0, np.nan
+        similar += by_vibration
     return similar
 
 

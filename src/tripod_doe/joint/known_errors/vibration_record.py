@@ -45,9 +45,18 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
         shape (point, recorded joint): Relative to the third order with vibration; 0 where the recorded joint does not
             vibrate.
     """
-    recorded, errors, spread = _recorded()
     angle, friction, switch = (points[name] for name in VIBRATES_BY)
-    near: FloatArray = errors[nearest_rows(recorded, _places(angle, friction * switch) / spread, ALIKE)]
+    return _errors_like(angle, friction * switch)
+
+
+def may_vibrate(angle: NDArray[Any], friction: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether any of the recorded joints most like some vibrates, of angles in deg and groove frictions."""
+    return np.asarray(_errors_like(angle, friction).any(axis=1))
+
+
+def _errors_like(angle: NDArray[Any], friction: NDArray[Any]) -> FloatArray:
+    recorded, errors, spread = _recorded()
+    near: FloatArray = errors[nearest_rows(recorded, _places(angle, friction) / spread, ALIKE)]
     return near
 
 

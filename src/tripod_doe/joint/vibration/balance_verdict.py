@@ -2,39 +2,63 @@
 
 A balance knows no departures from its motion. So the joint with lumped bearings is followed through a smooth motion,
 and departures from that are tested for growth (`onset`), as before each run of `rollers`: both say the same. This costs
-as much as several balances, so it is done on request.
+as much as several balances: it is done on request, and where joints on record do not say that such a joint is calm.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.outputs import VIBRATION_VERDICT
+from tripod_doe.joint.known_errors.vibration_record import may_vibrate
+from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.onset import growing_vibration
+from tripod_doe.mechanics.contact_damping_parameters import GREASED
 from tripod_doe.model_interface import BlockResult, Outcome
+
+_MOST = 300
+"""Joints of a study that are looked at before it runs, some ten seconds."""
 
 
 def rows_to_judge(points: JointValues[FloatArray], block: BlockResult) -> IntArray:
     """Rows of the joints that are answered, bend, turn, and carry a torque: of others nothing is known."""
-    bends = (points.joint_angle > 0) & (points.torque != 0) & (points.speed > 0)
-    return np.flatnonzero((block.outcome == Outcome.FINISHED) & bends)
+    return np.flatnonzero((block.outcome == Outcome.FINISHED) & _in_motion(points))
+
+
+def _in_motion(points: JointValues[FloatArray]) -> NDArray[np.bool_]:
+    return np.asarray((points.joint_angle > 0) & (points.torque != 0) & (points.speed > 0))
+
+
+def undecided_rows(points: JointValues[FloatArray], rows: IntArray) -> IntArray:
+    """Some of these rows whose joints may vibrate: recorded joints like them do, or have more damping."""
+    joints = points.take(rows)
+    less = joints.contact_damping_time < GREASED  # as joints on record have it
+    return rows[less | may_vibrate(np.degrees(joints.joint_angle), joints.groove_sliding_friction)]
+
+
+def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
+    """Whether joints vibrate, 1 or 0, of the first of those that may; NaN at others, shape (point,)."""
+    found = np.full(points.torque.size, np.nan)
+    for row in undecided_rows(points, np.flatnonzero(_in_motion(points)))[:_MOST].tolist():
+        found[row] = growing_vibration(points.point(row)) is not None
+    return found
 
 
 def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: BlockResult) -> dict[str, FloatArray]:
     """Whether some joints of a block vibrate by themselves; a note at each that does.
 
     Returns:
-        The outputs `VIBRATION_VERDICT`, shape (point,), NaN at other rows.
+        The outputs `VIBRATES` and `VIBRATION_VERDICT`, shape (point,), NaN at other rows.
     """
-    verdicts = np.full((len(VIBRATION_VERDICT), block.count), np.nan)
+    verdicts = np.full((1 + len(VIBRATION_VERDICT), block.count), np.nan)
     for row in map(int, rows):
         vibration = growing_vibration(points.point(row))
         if vibration is None:
-            verdicts[:, row] = 1.0, 0.0, 0.0
+            verdicts[:, row] = 0.0, 1.0, 0.0, 0.0
             continue
-        verdicts[:, row] = vibration.growth.factor, vibration.growth.rate, vibration.hertz
+        verdicts[:, row] = 1.0, vibration.growth.factor, vibration.growth.rate, vibration.hertz
         notes = [block.detail[row], f"{vibration.described}, which this model leaves out; rollers follow it"]
         block.end(np.array([row]), Outcome.FINISHED, "; ".join(note for note in notes if note))
-    return dict(zip(VIBRATION_VERDICT, verdicts, strict=True))
+    return dict(zip((VIBRATES, *VIBRATION_VERDICT), verdicts, strict=True))

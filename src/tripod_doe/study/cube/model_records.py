@@ -62,10 +62,11 @@ class ModelRecords:
         for start in range(0, rows.size, _CHUNK):
             chosen = rows[start : start + _CHUNK]
             columns = self._parameters(points, used, chosen)
-            errors = self._study.simulator.model_errors(columns)
+            known = {name: data[chosen] for name, data in outputs.items()}
+            errors = self._study.simulator.model_errors(columns, known)
             if errors is None:
                 return {}
-            numerical = self._study.simulator.numerical_errors({name: data[chosen] for name, data in outputs.items()})
+            numerical = self._study.simulator.numerical_errors(known)
             trust[chosen] = self._every.add(errors, numerical)
             if required := self._required():
                 own = np.all([columns[name] == value for name, value in required.items()], axis=0)
