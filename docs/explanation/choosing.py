@@ -40,7 +40,7 @@ _START = """\
 Written by `docs/explanation/choosing.py` from result cubes (its docstring gives the commands); do not edit. Prices
 are CPU seconds per simulated second on one core, including all checks of a run. A run of four revolutions at 600 rpm is
 0.4 s. Ratios apply to other machines, too; seconds do not. All numbers but the stability limits were measured with
-commit {commit}, so default settings are those of that version.
+commit {commit}, so default settings are from that version.
 
 ![Difference to the finest model over price, of all models and methods](../pictures/speed_accuracy.svg)
 
@@ -82,7 +82,7 @@ def choosing_page(accuracy: xr.Dataset, limits: str, commit: str) -> str:
     parts = [
         _START.format(commit=commit, advice=advice, caption=caption),
         "## Which model\n\nThe cheapest run within the allowed error, relative to the finest model; the last column "
-        "is the price of `needles` with default settings over that of this run:\n",
+        "is the price of `needles` with default settings divided by the price of this run:\n",
         _table(
             ["Quantity", "Allowed error", "Model", "Method and setting", "Error", "Price", "Price ratio"],
             _choices(accuracy.sel(run=accuracy["scene"] == _JOINT)),

@@ -117,7 +117,7 @@ def parameters_and_outputs() -> str:
     """Every parameter and output of every scene."""
     parts = ["# Parameters and outputs\n", _NOTE]
     parts.append(
-        "The names are those of study files, the command line, Python, cubes and tables.\n"
+        "Names are the same in study files, the command line, Python, cubes and tables.\n"
         "`tripod-doe schema study --brief` prints the same in the terminal.\n"
     )
     for scene in SCENES:

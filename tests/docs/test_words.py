@@ -57,3 +57,22 @@ def test_files_that_the_code_names_exist():
         if not (ROOT / named).exists()
     ]
     assert missing == []
+
+
+STALE = re.compile(r"\b(?:told|so many|nobody|those of|that of|dear(?:er|est)?)\b", re.IGNORECASE)
+"""Words that a reader stumbles over; each has a plainer one."""
+PLAIN = [
+    *(path for path in PAGES if path.name != "CHANGELOG.md"),
+    *(
+        path
+        for folder in ("cli", "motion", "page_parts", "reports")
+        for path in sorted((ROOT / "src" / "tripod_doe" / folder).rglob("*.*"))
+        if path.suffix in (".py", ".html", ".toml", ".js")
+    ),
+]
+
+
+@pytest.mark.parametrize("path", PLAIN, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_words_are_plain(path):
+    lines = enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+    assert [(at, line) for at, line in lines if STALE.search(line) and "match = [" not in line] == []

@@ -18,7 +18,7 @@ from tripod_doe.model_interface import BlockResult, Outcome
 
 _CUT_OFF = (
     "the contact ellipse of a groove is longer than its roller is wide, where Hertz's theory ends: pressure and "
-    "stiffness of the groove are those of a wider roller"
+    "stiffness of the groove are taken from a wider roller"
 )
 
 

@@ -75,7 +75,7 @@ def read_measurement(
             omitted, and the remarks say so.
         columns: Headings of the file by our names of the columns, where they are not known.
         pattern: Name of the file with fields for parameters, see `operating_point.from_name`.
-        speed_rpm: Speed, where it is known from elsewhere; it tells the pulses per revolution.
+        speed_rpm: Speed, where it is known from elsewhere; it gives the pulses per revolution.
         sign: -1 where the force of the record is positive away from the intermediate shaft.
 
     Returns:

@@ -2,7 +2,7 @@
 
 Axes stand still in space: z is the input axis towards the intermediate shaft, whose axis is (sin theta, 0, cos theta).
 Groove k is at the angle phi + (k - 1) 120 deg about z. The spider moves as in `kinematics`, and the centres of the
-rollers on the axes of their grooves; needles, and the places along trunnions and grooves, are those of the model.
+rollers on the axes of their grooves; needles, and the places along trunnions and grooves, come from the model.
 """
 
 from __future__ import annotations

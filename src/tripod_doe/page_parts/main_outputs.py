@@ -35,7 +35,7 @@ def main_outputs(
 
     Args:
         key: Its answer; parts in which it has no number are left out.
-        over: Dimensions of the answer that are not those of the output.
+        over: Dimensions of the answer that the output does not have.
         orders: Of the thrust.
     """
     several = [str(name) for name in result["output"].values] if "output" in result.dims else []

@@ -231,7 +231,7 @@ def responses(cube: xr.Dataset) -> list[Response]:
     """The responses that sentences and figures show: orders of the thrust with results of their own, or own numbers.
 
     Orders that are small against the largest one are left out, as are checks of the numerics, and orders for which no
-    accuracy was asked where a pilot chose the models: from point to point they are those of different models.
+    accuracy was asked where a pilot chose the models: from point to point they come from different models.
     """
     names = [str(name) for name in cube.data_vars]
     if "thrust_amplitude" in cube:

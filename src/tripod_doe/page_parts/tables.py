@@ -223,7 +223,7 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
     for name, value in values.items():
         if name in known:
             p = known[name]
-            follows = f"that of {p.follows}" if p.follows in given else p.source
+            follows = f"as {p.follows}" if p.follows in given else p.source
             unit, source = unit_text(p.unit), THIS_STUDY if name in given else follows
             row = ParameterRow(
                 name, symbol(p.symbol), _text(value), unit, p.meaning, source, source == "assumed", p.group

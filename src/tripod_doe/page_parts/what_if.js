@@ -184,7 +184,7 @@
       return {
         bar: element(bars, "rect", { x: left + 0.2 * step, width: 0.6 * step, "class": "bar" }),
         band: element(bars, "rect", { x: left + 0.32 * step, width: 0.36 * step, "class": "error" }),
-        told: element(bars, "text", { x: left + step / 2, "text-anchor": "middle", "class": "told" })
+        number: element(bars, "text", { x: left + step / 2, "text-anchor": "middle", "class": "number" })
       };
     });
     function height(each, value) { return 184 * Math.max(-1, Math.min(value / (1.1 * each.largest), 1)); }
@@ -195,8 +195,8 @@
         drawn[at].bar.setAttribute("height", Math.max(204 - top, 0.5));
         drawn[at].band.setAttribute("y", 204 - height(each, Math.abs(found.value) + found.half));
         drawn[at].band.setAttribute("height", Math.max(2 * height(each, found.half), 1));
-        drawn[at].told.setAttribute("y", Math.max(204 - height(each, Math.abs(found.value) + found.half) - 5, 12));
-        drawn[at].told.textContent = text(found.value);
+        drawn[at].number.setAttribute("y", Math.max(204 - height(each, Math.abs(found.value) + found.half) - 5, 12));
+        drawn[at].number.textContent = text(found.value);
       });
     }
     function fill(selector, rows) {

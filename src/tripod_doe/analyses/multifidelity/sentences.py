@@ -71,7 +71,7 @@ def _holes(result: xr.Dataset) -> list[str]:
         rest = result.attrs.get("answered_for") == "the rest"
         text.append(
             f"Points fail {region}. "
-            + ("The answers are those of a range outside of it." if rest else "The answers leave these points out.")
+            + ("The answers are for a range outside of it." if rest else "The answers leave these points out.")
         )
     return text
 

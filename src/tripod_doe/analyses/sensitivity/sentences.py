@@ -167,9 +167,7 @@ def _holes(result: xr.Dataset) -> list[str]:
     used = int(result.attrs["points_used"])
     text = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
     if region := str(result.attrs.get("failing_region", "")):
-        rest = (
-            " The indices are those of a range outside of it." if result.attrs.get("answered_for") == "the rest" else ""
-        )
+        rest = " The indices are for a range outside of it." if result.attrs.get("answered_for") == "the rest" else ""
         text.append(f"Points fail {region}.{rest}")
     return text
 

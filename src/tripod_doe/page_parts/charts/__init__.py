@@ -1,1 +1,1 @@
-"""Charts: the common style of all drawings, and those of the cube of any study (orders, waveforms, outcomes)."""
+"""Charts: the common style of all drawings, and drawings for any study (orders, waveforms, outcomes)."""

@@ -149,7 +149,7 @@ def laid_out(figure: Figure) -> Figure:
 
     FigureCanvasSVG(figure)
     write_powers_plainly(figure)
-    figure.set_dpi(72)  # that of SVG
+    figure.set_dpi(72)  # as in SVG
     if engine := figure.get_layout_engine():
         engine.execute(figure)
         figure.set_layout_engine(None)
