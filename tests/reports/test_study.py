@@ -151,7 +151,7 @@ def test_the_source_of_a_value_is_the_study_only_where_it_sets_it(joint_cube):
     sources = {row.name: row.source for _, rows in fixed_rows(cube) for row in rows}
     assert sources == {
         "roller_radius_mm": "this study",
-        "groove_rolling_lever_mm": "that of roller_radius_mm",
+        "groove_rolling_lever_mm": "as roller_radius_mm",
         "pitch_radius_mm": "assumed",
     }
 
