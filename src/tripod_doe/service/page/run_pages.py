@@ -49,6 +49,7 @@ def runs(
     service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
 ) -> HTMLResponse:
     """The list of runs, or of those in the bin."""
+    newest = service.runs.events.newest()  # before the list: what changes meanwhile comes as an event
     everything = service.runs.in_bin() if bin else service.runs.all()
     choices: dict[str, Any] = {
         "tags": tags_of(everything),
@@ -57,7 +58,7 @@ def runs(
         "sorts": SORTS,
     }
     return show(
-        "runs.html", service.settings, here="/", **choices, **_listed(service, request, asked, order, page or 1, bin)
+        "runs.html", service.settings, here="/", newest=newest, **choices, **_listed(service, request, asked, order, page or 1, bin)
     )
 
 
@@ -94,9 +95,10 @@ def _listed(
 
 
 @router.get("/parts/extremes")
-def extremes(service: AnyService, order: Order = 3) -> dict[str, bool]:
-    """Look for the best and worst points of runs that have changed; whether the list has anything new to show."""
-    return {"new": service.extremes.update(service.runs.all(), order)}
+def extremes(service: AnyService, asked: AskedRuns, order: Order = 3, page: PageNumber = 1) -> dict[str, bool]:
+    """Look for the best and worst points of runs on a page of the list; whether it has anything new to show."""
+    everything = service.runs.all()
+    return {"new": service.extremes.update(page_of(asked.select(everything), page or 1), order, everything)}
 
 
 @router.get("/parts/runs/{run_id}")

@@ -84,9 +84,13 @@ async def _is_run(run_id: str, service: AnyService) -> None:
 
 
 @router.get("/events", response_class=EventSourceResponse, dependencies=[Depends(_stream_slot)])
-async def watch_all(service: AnyService, last_event_id: LastEventId = None) -> AsyncIterator[ServerSentEvent]:
+async def watch_all(
+    service: AnyService,
+    last_event_id: LastEventId = None,
+    after: Annotated[str | None, Query(max_length=100, description="in place of Last-Event-ID")] = None,
+) -> AsyncIterator[ServerSentEvent]:
     """The object of every run whenever it changes, in one stream; ``deleted`` events name runs that are gone."""
-    async for event in _stream(service, None, last_event_id):
+    async for event in _stream(service, None, last_event_id or after):
         yield event
 
 

@@ -85,6 +85,10 @@ class Events:
         for waiting in self._waiting:
             waiting.set()
 
+    def newest(self) -> str:
+        """The id of the newest event: a stream after it tells only what comes."""
+        return f"{self._boot}-{self._count}"
+
     def name_of(self, event: Event) -> str:
         """The event's id, as Last-Event-ID gives it back."""
         return f"{self._boot}-{event.number}"

@@ -29,15 +29,21 @@ class Extremes:
         found = {run.id: self._known.get((run.id, order)) for run in runs}
         return {run_id: entry[2] for run_id, entry in found.items() if entry and entry[2]}
 
-    def update(self, runs: list[Run], order: int) -> bool:
-        """Look into the cubes of runs that have more points than at the last look; gives whether anything is new."""
+    def update(self, runs: list[Run], order: int, there: list[Run]) -> bool:
+        """Look into the cubes of runs that have more points than at the last look; gives whether anything is new.
+
+        Args:
+            runs: Those to look at.
+            order: Of the thrust.
+            there: All runs; what is known of others is forgotten.
+        """
         if not self._lock.acquire(blocking=False):  # another page has asked, and its answer is this one's
             return False
         try:
             stale = [run for run in runs if self._is_stale(run, order)]
             for run in stale:
                 self._known[run.id, order] = (run.counts.finished, time.monotonic(), self._find(run, order))
-            gone = self._known.keys() - {(run.id, known) for run in runs for _, known in self._known}
+            gone = self._known.keys() - {(run.id, known) for run in there for _, known in self._known}
             for key in gone:
                 del self._known[key]
             return bool(stale)

@@ -16,6 +16,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from urllib.parse import parse_qsl, urlencode
 
+from anyio import BrokenResourceError
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
@@ -125,6 +126,9 @@ class Guard:
         try:
             async with self._turn(scope):
                 await self._app(scope, receive, noted)
+        except BaseExceptionGroup as group:
+            if not begun or group.split(BrokenResourceError)[1] is not None:
+                raise  # else the client has left while an event was sent to it
         except asyncio.CancelledError:
             if begun:
                 raise

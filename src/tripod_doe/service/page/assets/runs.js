@@ -8,7 +8,7 @@ import { watch } from "./live.js";
 
 const list = document.getElementById("list");
 const LOOK = 2500;  // ms from a change to the next look for the extremes of runs
-const TYPING = 200;  // ms from a letter to the search
+const TYPING = 50;  // ms from a letter to the search
 let due = null;
 
 const form = document.getElementById("find");
@@ -20,12 +20,8 @@ function asked() {
   return query;
 }
 
-function order() {
-  return form.elements.order.value;
-}
-
 async function lookForExtremes() {
-  const found = await askJson(`${root}/parts/extremes?order=${order()}`);
+  const found = await askJson(`${root}/parts/extremes?${asked()}`);
   if (found.new) await refresh(list, `${root}/parts/runs?${asked()}`);
 }
 
@@ -69,5 +65,5 @@ form.addEventListener("input", (event) => {
 });
 form.addEventListener("submit", (event) => { event.preventDefault(); find(); });
 takeActions(update);
-watch(`${root}/api/v1/events`, update);
+watch(`${root}/api/v1/events?after=${list.dataset.newest}`, update);
 lookForExtremes().catch(complain);
