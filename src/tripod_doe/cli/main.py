@@ -133,13 +133,15 @@ def _ran(options: argparse.Namespace) -> int:
     if options.command is serve.COMMAND.run or getattr(options, "notify", None) is None:
         return int(options.command(options))
     from tripod_doe.notification import Notifier
+    from tripod_doe.study.results.found import found_in
 
     notifier, code = Notifier.of(options.notify), INTERNAL
     state, message = "failed", ""
     try:
         code = int(options.command(options))
         state = "finished" if code in (DONE, SOME_FAILED) else "failed"
-        message = "points or steps failed that were not expected" if code == SOME_FAILED else ""
+        failed = "points or steps failed that were not expected" if code == SOME_FAILED else ""
+        message = "; ".join(filter(None, (failed, found_in(options.out))))
         return code
     except KeyboardInterrupt:
         state = "stopped"

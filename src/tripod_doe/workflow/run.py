@@ -37,6 +37,7 @@ from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure, failures_in
 from tripod_doe.study.journal import PILOT
+from tripod_doe.study.results.found import found_by
 from tripod_doe.study.results.result_directory import ResultDirectory
 from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.results.stored_study import with_derived
@@ -183,10 +184,13 @@ def run_on(
         del missing  # eight bytes a point, which the cube needs
         check_interrupt()
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
+        found = found_by(study, written)
+        directory.note_found(found)
     return summary_of(
         asked,
         directory.path,
         written,
+        found,
         computed=piloted + computed,
         reused=int(asked.to_compute.sum()) - left - piloted,
         seconds=execution.seconds if piloted + computed else 0.0,
@@ -215,12 +219,13 @@ def _with_derived(study: Study, directory: ResultDirectory, progress: bool) -> S
     return with_derived(study, derived)
 
 
-def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, **counts: Any) -> RunSummary:
+def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, found: str = "", **counts: Any) -> RunSummary:
     """Write analyses and report of a result directory, and say what it holds.
 
     Args:
         asked, path: The study with its points, and where its results are.
         written: Its cube, which is closed.
+        found: Sentence on what the study looks for.
         **counts: ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
     """
     study = asked.study
@@ -228,7 +233,8 @@ def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, **counts: An
         analyses = run_analyses(study, cube, path)
         findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
-    answers = [sentence for name, result in read_analyses(path).items() for sentence in findings_of(name, result)]
+    answers = [found] if found else []
+    answers += [sentence for name, result in read_analyses(path).items() for sentence in findings_of(name, result)]
     del cube, written  # the report reads its own; a cube need not be in memory twice
     write_report(path, findings)
     return RunSummary(

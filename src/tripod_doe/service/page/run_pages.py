@@ -58,7 +58,12 @@ def runs(
         "sorts": SORTS,
     }
     return show(
-        "runs.html", service.settings, here="/", newest=newest, **choices, **_listed(service, request, asked, order, page or 1, bin)
+        "runs.html",
+        service.settings,
+        here="/",
+        newest=newest,
+        **choices,
+        **_listed(service, request, asked, order, page or 1, bin),
     )
 
 

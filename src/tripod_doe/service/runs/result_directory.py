@@ -14,6 +14,7 @@ from typing import Any
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.table import PointCounts, Run, State
 from tripod_doe.study.journal import journal_path
+from tripod_doe.study.results.found import found_in
 from tripod_doe.study.results.result_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS
 
@@ -34,7 +35,7 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         whole = not counts.missing and is_shown(directory) and has_report(directory)
         failed = []
     if whole:
-        return State.FINISHED, ""
+        return State.FINISHED, found_in(directory) if run.kind == "study" else ""
     if run.state is State.STOPPING:
         return State.STOPPED, ""
     if run.place:

@@ -29,6 +29,7 @@ from tripod_doe.study.definition.study_file import (
     toml_text,
 )
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.expressions import Expression
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,10 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     responses = _at(origin, "", lambda: check_responses(simulator, file.responses, {**base, **first}))
     stored = stored_outputs(simulator, keep, responses)
     _check_run(origin, file.run)
+    if file.run.look_for is not None and simulator.outputs:  # those of a function are known when it has run
+        along = [dim for name in keep for dim in simulator.outputs[name].dims]
+        names = dict.fromkeys([*tables, *keep, *along, *(response.name for response in responses), "outcome"])
+        _at(origin, "[run]: look_for", lambda: Expression(str(file.run.look_for), names))
     levels = {name: factor.values or () for name, factor in factors.items()}
     levels |= {name: (*levels[name], value) for name, value in center.items()}
     auto_model = _auto_model(origin, simulator, file, {*base, *factors}) if auto else None

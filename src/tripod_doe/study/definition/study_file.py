@@ -177,6 +177,12 @@ class RunTable(Table):
     block: int | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
     exclusive: bool = Field(False, description="run one block at a time, so that no other block disturbs its timing")
     expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
+    look_for: str | None = Field(
+        None,
+        min_length=1,
+        max_length=1_000,
+        description="condition as query --where takes it; the run states the points that meet it, as --notify does",
+    )
     retry: list[str | dict[str, Scalar]] = Field(
         [],
         description='changes tried in this order, each on top of those before, on points that failed: "smaller-step" '

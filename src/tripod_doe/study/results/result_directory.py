@@ -29,6 +29,7 @@ from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.results.directory_lock import DirectoryLock
+from tripod_doe.study.results.found import FOUND
 from tripod_doe.study.results.result_cube import opened_cube
 from tripod_doe.study.results.stored_study import DERIVED, STORED, keep_sources, stored_study
 from tripod_doe.study.study_points import StudyPoints
@@ -169,6 +170,10 @@ class ResultDirectory:
     def note_derived(self, tables: Mapping[str, Any]) -> None:
         """Remember responses that were added to the results, so that later runs keep them."""
         self._journal.remember({DERIVED: json.dumps(self.derived | dict(tables))})
+
+    def note_found(self, sentence: str) -> None:
+        """Remember what this run was to look for, and found."""
+        self._journal.remember({FOUND: sentence})
 
     @property
     def derived(self) -> dict[str, Any]:
