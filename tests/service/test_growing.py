@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from dataclasses import replace
 
 import pytest
 from service_client import COAST
 
+from tripod_doe.cli.main import main
 from tripod_doe.service.limits import Limits
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.results.stored_study import DERIVED
@@ -57,6 +59,30 @@ def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
     assert (done["state"], done["points"]["total"]) == ("finished", 12)
     records = api.get(f"/runs/{grown}/query", params={"variable": "spread", "where": "spread > 0"}).json()
     assert {record["joint_angle_deg"] for record in records} == {2.5, 9, 17}
+
+
+def test_a_variable_by_formula_is_dropped(api, settings):
+    """It goes with its note, so that no later run brings it back; the others stay."""
+    run_id = api.submit(COAST.replace('"coast"', '"coast that shrinks"'))
+    api.wait(run_id, "finished", "failed")
+    tables = {"gap": {"formula": "thrust_amplitude[3] - 1"}, "twice": {"formula": "2 * gap"}}
+    assert api.post(f"/runs/{run_id}/derive", {"responses": tables}).status_code == 200
+    api.wait(run_id, "finished", "failed")
+    refused = api.post(f"/runs/{run_id}/derive", {"drop": ["gap"]})
+    assert refused.status_code == 422  # the other follows from it
+    assert "gap" in refused.text
+    near = api.post(f"/runs/{run_id}/derive", {"drop": ["twise"]})
+    assert "did you mean 'twice'" in near.json()["errors"][0]["message"]
+    assert api.post(f"/runs/{run_id}/derive", {"drop": ["twice"]}).status_code == 200
+    assert api.wait(run_id, "finished", "failed")["state"] == "finished"
+    variables = api.get(f"/runs/{run_id}/cube").json()["variables"]
+    assert ("gap" in variables, "twice" in variables) == (True, False)
+    with Journal(settings.folder / run_id, read_only=True) as journal:
+        assert list(json.loads(journal.recall(DERIVED))) == ["gap"]
+    assert main(["derive", str(settings.folder / run_id), "--drop", "gap"]) == 0
+    assert "gap" not in api.get(f"/runs/{run_id}/cube").json()["variables"]
+    assert main(["derive", str(settings.folder / run_id)]) == 2
+    api.delete(f"/runs/{run_id}")
 
 
 def test_a_refused_formula_leaves_no_trace(api, settings, grown, monkeypatch):

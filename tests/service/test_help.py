@@ -13,6 +13,7 @@ import pytest
 
 from tripod_doe import documentation
 from tripod_doe.cli.main import main
+from tripod_doe.service.page.rendering import HELP
 
 pytest.importorskip("myst_parser")
 ROOT = Path(__file__).parents[2]
@@ -111,5 +112,15 @@ def test_the_command_names_its_first_page(site, monkeypatch, capsys):
     assert Path(capsys.readouterr().out.strip()) == site / "index.html"
 
 
+def test_every_part_of_a_page_leads_to_its_own(pages, site):
+    """A page of the site, and an anchor on it where the address names one."""
+    for part, address in HELP.items():
+        path, _, anchor = address.partition("#")
+        assert site / path in pages, part
+        assert not anchor or anchor in pages[site / path].anchors, part
+
+
 def test_pages_of_the_service_lead_to_it(api):
+    for address, part in (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"), ("/diff", "Differences")):
+        assert f'href="/help/{HELP[part]}"' in api.client.get(address, headers={"accept": "text/html"}).text
     assert 'href="/help/"' in api.client.get("/", headers={"accept": "text/html"}).text

@@ -1,4 +1,4 @@
-"""Add responses to the results in a directory."""
+"""Add responses to the results in a directory, or drop some."""
 
 from __future__ import annotations
 
@@ -12,13 +12,20 @@ from tripod_doe.cli.parser import DONE, Command, Parser
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
-    parser.add_argument("file", metavar="FILE.toml", type=Path, help="file with tables [responses.NAME]")
+    parser.add_argument("file", metavar="FILE.toml", type=Path, nargs="?", help="file with tables [responses.NAME]")
+    parser.add_argument(
+        "--drop",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="remove this response from the study; may be repeated",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.derive import derive
 
-    summary = derive(options.directory, options.file)
+    summary = derive(options.directory, options.file, options.drop)
     for name, reason in summary.analyses.items():
         if reason:
             print(f"analysis {name} failed: {reason}", file=sys.stderr)
@@ -27,4 +34,6 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("add variables by formula to the results in a directory; no point runs", _add_arguments, _run)
+COMMAND = Command(
+    "add variables by formula to the results in a directory, or drop some; no point runs", _add_arguments, _run
+)

@@ -146,4 +146,9 @@ outputs = ["thrust_amplitude"]
     assert "6 of 6" in page.inner_text("#run-head")
     records = served.ask("GET", f"/api/v1/runs/{run_id}/query?variable=ratio")
     assert len(records) == 6
+    page.goto(f"{served.home}/runs/{run_id}?variable=ratio")
+    page.click("text=New variable by formula")
+    page.click("#made [data-drop=ratio]")
+    page.wait_for_url(f"{served.home}/runs/{run_id}", timeout=120_000)
+    assert "ratio" not in served.ask("GET", f"/api/v1/runs/{run_id}/cube")["variables"]
     served.ask("DELETE", f"/api/v1/runs/{run_id}")

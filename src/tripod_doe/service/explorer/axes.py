@@ -46,6 +46,7 @@ class Choice:
     label: str
     group: str
     meaning: str
+    formula: str = ""  # of one that follows from others
 
 
 def design_of(cube: xr.Dataset) -> tuple[str, ...]:
@@ -83,7 +84,8 @@ def choices(cube: xr.Dataset) -> list[Choice]:
             continue
         record = variable.attrs.get("role") == RECORD_ROLE
         group = "Cost" if name in COST_VARIABLES else "Record of the run" if record else "Results"
-        found.append(Choice(str(name), label_of(variable), group, str(variable.attrs.get("long_name", ""))))
+        meaning, formula = (str(variable.attrs.get(text, "")) for text in ("long_name", "formula"))
+        found.append(Choice(str(name), label_of(variable), group, meaning, formula))
     return sorted(found, key=lambda choice: ("Results", "Record of the run", "Cost").index(choice.group))
 
 

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from tripod_doe.page_parts.template_cache import compiled_templates
@@ -27,6 +28,26 @@ POLICY = (
 Two exceptions: the hash of an empty style element, which Plotly makes and fills by rules, not by text; and pictures
 from data: and blob: addresses, as which Plotly draws heat maps and saves figures.
 """
+
+HELP = {
+    "Runs": "reference/service_page.html",
+    "New study": "reference/studies.html",
+    "Extend": "guides/add_levels.html",
+    "Measurement": "guides/is_it_like_my_record.html",
+    "Differences": "guides/is_this_difference_real.html",
+    "Explore": "reference/service_page.html#exploring-a-cube",
+    "Analyses": "guides/which_parameter.html",
+    "Report": "guides/read_a_report.html",
+    "Failed points": "guides/some_points_failed.html",
+    "Study": "reference/file_keys.html",
+    "File": "reference/file_keys.html",
+    "Steps": "reference/workflows.html",
+    "Progress": "guides/how_long_will_it_take.html",
+    "Result": "guides/read_a_report.html#every-sentence",
+    "Share": "guides/show_it_to_a_colleague.html",
+    "Variables by formula": "guides/an_output_that_is_not_there.html",
+}
+"""Pages of the documentation on the parts of our pages."""
 
 _PAGES = (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"), ("/diff", "Differences"))
 
@@ -52,7 +73,7 @@ def _templates() -> Environment:
         "in_file": _in_file,
     }
     environment.filters |= words
-    environment.globals |= {"version": stamp(), "plotly": version("plotly")}
+    environment.globals |= {"version": stamp(), "plotly": version("plotly"), "help_on": _help_on}
     return environment
 
 
@@ -68,6 +89,14 @@ def show(template: str, settings: Settings, here: str = "", root: str | None = N
 def part(template: str, **values: Any) -> str:
     """A part of a page, as text."""
     return _templates().get_template(template).render(**values)
+
+
+def _help_on(part: str) -> Markup:
+    """A link from a part of a page to its page of the documentation."""
+    link = (
+        '<a class="help-on" href="/help/{}" target="_blank" title="Help: {}">?<span class="unseen"> Help: {}</span></a>'
+    )
+    return Markup(link).format(HELP[part], part, part)
 
 
 def _to_come(run: Run) -> str:

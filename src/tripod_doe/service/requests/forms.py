@@ -47,13 +47,20 @@ class PlanRequest(Submission):
 
 
 class Derivation(_Form):
-    """Variables by formula to add to the results of a study."""
+    """Variables by formula to add to the results of a study, or to drop."""
 
     responses: dict[str, dict[str, Any]] = Field(
-        min_length=1,
+        {},
         description="tables by name, each with formula, unit and meaning, as [responses.NAME] of a study",
         examples=[{"peak": {"formula": "max(abs(thrust))", "unit": "N", "meaning": "largest thrust force"}}],
     )
+    drop: list[str] = Field([], max_length=200, description="names of variables by formula that are removed")
+
+    @model_validator(mode="after")
+    def _one_at_least(self) -> Self:
+        if not self.responses and not self.drop:
+            raise ValueError("responses, drop: nothing to add or drop")
+        return self
 
 
 class ExtensionPlan(_Form):

@@ -326,7 +326,7 @@ class Supervisor:
         """A run that the service may change."""
         run = self.find(run_id)
         if run.place:
-            raise RefusedError(409, f"the command line filled the directory {run.place}: go on there")
+            raise RefusedError(409, f"the command line filled the directory {run.place}: change it there")
         if run_id in self._changing:
             raise RefusedError(409, "this run takes a larger study just now: try again in a moment")
         return run

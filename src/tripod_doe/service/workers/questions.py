@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -86,8 +86,8 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
 
 def derive(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     """Check variables by formula against the results in a directory, and write its upload with them into a folder."""
-    responses = read_form(body, Derivation, limits.nesting).responses
-    texts = _with_responses(Path(path) / UPLOAD, responses)
+    asked = read_form(body, Derivation, limits.nesting)
+    texts = _with_responses(Path(path) / UPLOAD, asked.responses, asked.drop)
     return _extended(body, texts, Path(folder), path, limits, timing=False)
 
 
@@ -95,8 +95,9 @@ def note_derived(body: bytes, path: str, limits: Limits) -> None:
     """Remember variables by formula, which `derive` has checked, with the results in a directory."""
     from tripod_doe.study.results.result_directory import ResultDirectory
 
+    asked = read_form(body, Derivation, limits.nesting)
     with ResultDirectory(path) as directory:
-        directory.note_derived(read_form(body, Derivation, limits.nesting).responses)
+        directory.note_derived(asked.responses, asked.drop)
 
 
 def plan_extension(body: bytes, path: str, limits: Limits) -> Any:
@@ -110,12 +111,12 @@ def plan_extension(body: bytes, path: str, limits: Limits) -> Any:
         return _extended(body, texts, Path(name) / UPLOAD, path, limits, asked.timing)
 
 
-def _with_responses(upload: Path, tables: Mapping[str, Any]) -> dict[str, str]:
-    """The texts of an upload, its study with responses."""
+def _with_responses(upload: Path, tables: Mapping[str, Any], drop: Collection[str] = ()) -> dict[str, str]:
+    """The texts of an upload, its study with responses, or without some."""
     from tripod_doe.study.results.stored_study import text_with_responses
 
     texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(upload.iterdir())}
-    return {STUDY: text_with_responses(texts.pop(STUDY), tables), **texts}
+    return {STUDY: text_with_responses(texts.pop(STUDY), tables, drop), **texts}
 
 
 def _extended(

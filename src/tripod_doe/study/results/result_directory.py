@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -167,9 +167,10 @@ class ResultDirectory:
         self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
 
-    def note_derived(self, tables: Mapping[str, Any]) -> None:
-        """Remember responses that were added to the results, so that later runs keep them."""
-        self._journal.remember({DERIVED: json.dumps(self.derived | dict(tables))})
+    def note_derived(self, tables: Mapping[str, Any], drop: Collection[str] = ()) -> None:
+        """Remember responses that were added to the results, so that later runs keep them; forget some."""
+        kept = {name: table for name, table in (self.derived | dict(tables)).items() if name not in drop}
+        self._journal.remember({DERIVED: json.dumps(kept)})
 
     def note_found(self, sentence: str) -> None:
         """Remember what this run was to look for, and found."""

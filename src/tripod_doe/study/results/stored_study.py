@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import CubeError, InputError, option
+from tripod_doe.errors import CubeError, InputError, near_match, option
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study, parse_study
@@ -64,33 +64,49 @@ def _copy_name(name: str) -> str:
     return f"{hashlib.blake2b(name.encode(errors='replace'), digest_size=8).hexdigest()}.csv"
 
 
-def with_responses(directory: Path, file: Path) -> tuple[Study, dict[str, Any]]:
+def with_responses(directory: Path, file: Path | None, drop: Collection[str] = ()) -> tuple[Study, dict[str, Any]]:
     """Read the study of a result directory, with the responses of a file added to its own, or in place of them.
+
+    Args:
+        file: TOML file of responses; None where none is added.
+        drop: Names of responses that are left out.
 
     Returns:
         The study, and the tables of the responses that were added.
 
     Raises:
-        InputError: If the file holds anything else, or a response that the study cannot have.
+        InputError: If the file holds anything else, or a response that the study cannot have, or one to drop is not
+            there.
     """
+    if not (directory / STORED).is_file():
+        raise InputError(f"{directory}: no {STORED} here; name a result directory")
+    stored, origin = read_text(directory / STORED, "study"), str(file or directory / STORED)
+    added = {} if file is None else _added(file)
+    text = text_with_responses(stored, added, drop)
+    folder = ResultFolder(directory, False, None, _record(directory, parse_file(text, origin)))
+    return parse_study(text, origin, folder), added
+
+
+def _added(file: Path) -> dict[str, Any]:
+    """The tables of a file that holds responses alone."""
     added = parse_toml(read_text(file, "file of responses"), str(file))
     if wrong := [key for key in added if key != "responses"] or ([] if added.get("responses") else ["responses"]):
         reason = "is missing" if wrong == ["responses"] else "only [responses.NAME] is allowed here"
         raise InputError(f"{file}: [{wrong[0]}]: {reason}; to change anything else, run the study again")
     if not isinstance(added["responses"], dict):
         raise InputError(f"{file}: responses = {added['responses']!r}: expected tables, as [responses.NAME]")
-    if not (directory / STORED).is_file():
-        raise InputError(f"{directory}: no {STORED} here; name a result directory")
-    text = text_with_responses(read_text(directory / STORED, "study"), added["responses"])
-    folder = ResultFolder(directory, False, None, _record(directory, parse_file(text, str(file))))
-    return parse_study(text, str(file), folder), added["responses"]
+    tables: dict[str, Any] = added["responses"]
+    return tables
 
 
-def text_with_responses(text: str, tables: Mapping[str, Any]) -> str:
-    """The text of a study with responses added, or in place of those of the same names."""
+def text_with_responses(text: str, tables: Mapping[str, Any], drop: Collection[str] = ()) -> str:
+    """The text of a study with responses added, or in place of those of the same names, and without those to drop."""
     document: Any = tomlkit.parse(text)
+    there = {**document.get("responses", {}), **tables}
+    if unknown := [name for name in drop if name not in there]:
+        raise InputError(f"drop: {unknown[0]!r} is not a response here{near_match(unknown[0], there)}")
     try:
-        document["responses"] = {**document.get("responses", {}), **tables}
+        document["responses"] = {name: table for name, table in there.items() if name not in drop}
         return tomlkit.dumps(document)
     except TOMLKitError as error:  # null in JSON
         raise InputError(f"responses: {error}: expected texts and numbers") from error

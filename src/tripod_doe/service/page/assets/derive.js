@@ -56,14 +56,25 @@ form.addEventListener("submit", async (event) => {
   asked?.abort();
   const button = form.querySelector("[type=submit]");
   button.disabled = true;
+  await change(button, body(), `?variable=${encodeURIComponent(form.elements.name.value.trim())}`);
+});
+
+document.getElementById("made")?.addEventListener("click", (event) => {
+  const button = event.target.closest("[data-drop]");
+  if (!button) return;
+  button.disabled = true;
+  change(button, { drop: [button.dataset.drop] }, "");
+});
+
+async function change(button, asked, view) {
   try {
-    await post(`${root}/api/v1/runs/${form.dataset.run}/derive`, body());
+    await post(`${root}/api/v1/runs/${form.dataset.run}/derive`, asked);
     price.textContent = "The results are being written …";
     const run = await ended();
-    if (run.message) throw new Error(run.message);
-    location.assign(`${root}/runs/${form.dataset.run}?variable=${encodeURIComponent(form.elements.name.value.trim())}`);
+    if (run.state !== "finished" && run.message) throw new Error(run.message);
+    location.assign(`${root}/runs/${form.dataset.run}${view}`);
   } catch (error) {
     show(error);
     button.disabled = false;
   }
-});
+}
