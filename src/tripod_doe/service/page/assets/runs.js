@@ -8,7 +8,7 @@ import { watch } from "./live.js";
 
 const list = document.getElementById("list");
 const LOOK = 2500;  // ms from a change to the next look for the extremes of runs
-const TYPING = 50;  // ms from a letter to the search
+const TYPING = 25;  // ms from a letter to the search
 let due = null;
 
 const form = document.getElementById("find");
