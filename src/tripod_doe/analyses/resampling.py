@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from statistics import NormalDist
 
 import numpy as np
@@ -30,15 +31,16 @@ def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     return weights
 
 
-def random_halves(count: int, resamples: int, seed: int) -> list[IntArray]:
-    """Random halves of `count` points, ascending, each without repetition.
+def random_halves(count: int, resamples: int, seed: int) -> Iterator[IntArray]:
+    """Draw random halves of `count` points, ascending, each without repetition.
 
     The scatter of a statistic over halves is its standard error over all points: of a mean, 1/m - 1/n is 1/n for
     m = n/2 (delete-half jackknife, Shao and Wu 1989). Ranks and neighbours, which repeated points would spoil, stay
     what they are.
     """
     random = np.random.default_rng(seed)
-    return [np.sort(random.permutation(count)[: count // 2]) for _ in range(resamples)]
+    for _ in range(resamples):
+        yield np.sort(random.permutation(count)[: count // 2])
 
 
 def studentised_half_width(values: FloatArray, weights: FloatArray, confidence: float) -> FloatArray:

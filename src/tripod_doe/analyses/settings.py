@@ -39,7 +39,7 @@ class PointSettings(BaseModel):
 class SensitivitySettings(PointSettings):
     """[analysis.NAME] of a sensitivity analysis."""
 
-    resamples: int = Field(100, ge=10, description="resamples of the confidence intervals")
+    resamples: int = Field(100, ge=10, le=10_000, description="resamples of the confidence intervals")
     seed: int = Field(0, ge=0, description="seed of the resampling")
     precision: float = Field(
         0.05, gt=0, description="half width of an interval that is narrow enough, over the largest index"

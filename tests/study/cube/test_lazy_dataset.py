@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tripod_doe.errors import CubeError
 from tripod_doe.study.cube import lazy_dataset as module
 from tripod_doe.study.cube.lazy_dataset import flat_points
 
@@ -54,3 +55,23 @@ def test_the_cells_of_a_grid_are_points_in_their_order(grid, monkeypatch):
 def test_a_list_of_points_stays_as_it_is():
     cube = xr.Dataset({"outcome": ("point", np.zeros(3, np.int8))})
     assert flat_points(cube) is cube
+
+
+@pytest.mark.parametrize(
+    ("attributes", "outcome", "message"),
+    [
+        ({"package_versions": "{"}, 0, "package_versions is no table"),
+        ({"package_versions": "[1]"}, 0, "package_versions is no table"),
+        ({"fixed_parameters": 5}, 0, "fixed_parameters is no table"),
+        ({"model_notes": np.arange(3)}, 0, "model_notes is no text"),
+        ({}, 77, "an outcome that does not exist"),
+    ],
+)
+def test_a_file_of_another_program_that_pages_could_not_show_is_refused(grid, tmp_path, attributes, outcome, message):
+    """Regression: reports and workbooks of such cubes ended in a traceback, those of the service in an internal error."""
+    with xr.open_dataset(grid) as cube:
+        cube.attrs |= attributes
+        cube["outcome"] = cube["outcome"] + np.int8(outcome)
+        cube.to_netcdf(tmp_path / "strange.nc")
+    with pytest.raises(CubeError, match=message):
+        module.read_dataset(tmp_path / "strange.nc")

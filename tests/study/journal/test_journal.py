@@ -249,3 +249,14 @@ def test_a_journal_whose_page_was_half_written_at_a_kill_is_read_as_it_was_befor
     assert (tmp_path / "journal.sqlite-journal").stat().st_size > 0
     with Journal(tmp_path, read_only=True) as journal:
         assert numbers(journal) == [1]
+
+
+@pytest.mark.parametrize(("outcome", "seconds"), [(77, 1.0), (0, np.inf), (0, -1.0)])
+def test_a_block_that_no_run_writes_is_damaged(tmp_path, outcome, seconds):
+    """Regression: a service that met one in a stranger's directory logged a traceback at each look."""
+    written = block(0)
+    written.result.outcome[:] = outcome
+    with Journal(tmp_path) as journal:
+        journal.commit(replace(written, cpu_seconds=seconds))
+    with pytest.raises(CubeError, match="damaged"), Journal(tmp_path, read_only=True) as journal:
+        journal.check()

@@ -292,3 +292,10 @@ def test_a_selection_that_nothing_can_meet_is_refused(select, told):
     with pytest.raises(InputError, match=told):
         query(cube, "f", [select] if isinstance(select, str) else select)
     assert query(cube, "f", ["order=7"])["f"].size == 0
+
+
+def test_headings_are_escaped_as_values_are():
+    """Regression: the name of a stranger's variable was a formula of the spreadsheet, or a command of the terminal."""
+    columns = {"=HYPERLINK(1)": np.array([1.0]), "a\x1b]0;x\x07": np.array([2.0])}
+    assert records_text(columns, "csv").split("\n")[0] == "'=HYPERLINK(1),a\\x1b]0;x\\x07"
+    assert "\x1b" not in records_text(columns, "table")

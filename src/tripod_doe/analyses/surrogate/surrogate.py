@@ -30,7 +30,7 @@ class SurrogateSettings(SensitivitySettings):
     """[analysis.NAME] of kind surrogate."""
 
     outputs: list[str] = Field(["thrust_amplitude"], description="outputs to learn")
-    folds: int = Field(5, ge=2, description="parts of the points, each predicted by a surrogate of the others")
+    folds: int = Field(5, ge=2, le=100, description="parts of the points, each predicted by a surrogate of the others")
 
 
 def _of_output(known: Foreknown, sample: Sample, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:

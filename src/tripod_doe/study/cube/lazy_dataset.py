@@ -6,6 +6,7 @@ become a list of points on request.
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from collections.abc import Mapping
@@ -21,12 +22,20 @@ from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
 from xarray.core import indexing
 from xarray.indexes import PandasIndex
 
+from tripod_doe.errors import CubeError
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.file_checks import refuse_unfit
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, shared_file
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, remedy, shared_file
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box, slabs
 
 _SLAB_BYTES = 32_000_000
+_TABLES = {"fixed_parameters", "package_versions"}
+_TEXTS = {
+    "design_notes", "history", "kernel_source_hash", "model_notes", "question", "source", "study", "study_hash",
+    "title",
+}  # fmt: skip
+"""Attributes of cubes and analyses that pages and tables read."""
 
 
 def read_dataset(path: Path) -> xr.Dataset:
@@ -87,6 +96,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
                 cache=False,
                 create_default_indexes=False,
             )
+        _refuse_strange(path, stored)
         read = _with_texts(stored)
         for dim in stored.dims:
             if dim not in stored.coords or (dim == "point" and not by_number):
@@ -97,6 +107,22 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
                 read = read.set_xindex(str(dim))
         read.set_close(stored.close)
         return read
+
+
+def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
+    """Refuse attributes that readers could not use, and outcomes that do not exist: another program wrote the file."""
+    for name in _TEXTS.intersection(stored.attrs):
+        if not isinstance(stored.attrs[name], str):
+            raise CubeError(f"{path}: its attribute {name} is no text; {remedy(path)}")
+    for name in _TABLES.intersection(stored.attrs):
+        try:
+            table = isinstance(json.loads(stored.attrs[name]), dict)
+        except (ValueError, TypeError, RecursionError):
+            table = False
+        if not table:
+            raise CubeError(f"{path}: its attribute {name} is no table in JSON; {remedy(path)}")
+    if "outcome" in stored and not np.isin(stored["outcome"].values, list(Outcome)).all():
+        raise CubeError(f"{path}: it holds an outcome that does not exist; {remedy(path)}")
 
 
 class _FlatCells(BackendArray):

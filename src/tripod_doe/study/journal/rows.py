@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 import zlib
 from collections.abc import Iterable, Mapping
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tripod_doe.atomic_files import replace_file
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.journal.finished_block import FinishedBlock, decode, encode
 
 PAGE_BYTES = 16384
@@ -38,6 +40,9 @@ CREATE TABLE IF NOT EXISTS note (
     value TEXT NOT NULL
 );
 """
+
+
+_OUTCOMES = {int(outcome) for outcome in Outcome}
 
 
 class DamagedRowError(ValueError):
@@ -75,6 +80,10 @@ class BlockRow:
             raise DamagedRowError(str(error)) from error
         if not whole:
             raise DamagedRowError("its checksum does not fit")
+        if not set(self.outcomes) <= _OUTCOMES:
+            raise DamagedRowError("it holds an outcome that does not exist")
+        if not (0 <= self.cpu_seconds < math.inf and 0 <= self.wall_seconds < math.inf):
+            raise DamagedRowError("its times are no durations")
 
     def check(self) -> None:
         """Raise DamagedRowError if any part is damaged."""

@@ -281,14 +281,14 @@ def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> st
         decimal_comma: Write CSV with commas in numbers and semicolons between them, as spreadsheets of some countries
             read it.
     """
-    names = list(columns)
+    names = [printable(name) for name in columns]
     rows = list(zip(*(column.tolist() for column in columns.values()), strict=True))
     if form == "json":
-        return json.dumps([dict(zip(names, map(_json_value, row), strict=True)) for row in rows])
+        return json.dumps([dict(zip(columns, map(_json_value, row), strict=True)) for row in rows])
     if form == "csv":
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n", delimiter=";" if decimal_comma else ",")
-        writer.writerow(names)
+        writer.writerow(map(csv_cell, columns))
         writer.writerows([[_csv_word(value, decimal_comma) for value in row] for row in rows])
         return buffer.getvalue().rstrip("\n")
     lines = [names, *([_table_word(value) for value in row] for row in rows)]
