@@ -43,7 +43,7 @@ HELP = {
     "File": "reference/file_keys.html",
     "Steps": "reference/workflows.html",
     "Progress": "guides/how_long_will_it_take.html",
-    "Result": "guides/read_a_report.html#every-sentence",
+    "Result": "guides/read_a_report.html",
     "Share": "guides/show_it_to_a_colleague.html",
     "Variables by formula": "guides/an_output_that_is_not_there.html",
 }
