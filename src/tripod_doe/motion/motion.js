@@ -9,7 +9,7 @@
     }
   }
   const samples = points[0].count;  // the first point gives the time
-  const state = { at: 0, playing: false, yaw: -0.6, pitch: 0.35, zoom: 1, view: "oblique", last: 0, fraction: 0, frames: 0, written: 0 };
+  const state = { at: 0, playing: false, yaw: -0.6, pitch: 0.35, zoom: 1, view: "oblique", last: 0, frames: 0, written: 0 };
   const setting = {};  // the controls, read when they change
   // two points have one scale of forces, loads and pressures
   const largest = (values) => values.reduce((most, v) => (v > most ? v : most), 0);
@@ -21,17 +21,31 @@
   const SHADES = 16, TURN = (2 * Math.PI) / 3;
   let colour = {}, shades = [], tones = [];  // shades from cold to hot, tones of the parts
 
-  // the point that is painted: its data, its canvases, and its sample at this time
-  let data, size, needles, arrays, side, at, canvases;
+  // the point that is painted: its data, its canvases, and its poses at this time
+  let data, size, needles, arrays, pose, side, canvases;
   function use(which) {
     data = points[which];
     ({ sizes: size, needles, arrays } = data);
     side = size.torque < 0 ? -1 : 1;
     canvases = data.canvases ||= Object.fromEntries(["scene", "ring", "plot", "orders", "cursor", "numbers"].map((name) => [name, element(`${name}-${which}`)]));
-    at = Math.floor((state.at * data.count) / samples);
+    pose = between(data, (state.at * data.count) / samples);
   }
-  const vector = (name, k = 0, per = 3) => arrays[name].subarray(at * per + 3 * k, at * per + 3 * k + 3);
-  const number = (name, k) => arrays[name][3 * at + k];
+  function between(point, at) {
+    // poses between two samples, so that motion is smooth at any pace and for any number of samples
+    const { arrays, count } = point, mixed = (point.mixed ||= {}), first = Math.floor(at) % count, next = (first + 1) % count, f = at - Math.floor(at);
+    for (const [name, all] of Object.entries(arrays)) {
+      const per = all.length / count, to = (mixed[name] ||= new Float32Array(per)), a = first * per, b = next * per;
+      const turns = name === "phi" || name === "direction" ? 1 : name === "needle" ? 5 : 0;  // every how many is an angle that wraps
+      for (let n = 0; n < per; n++) {
+        let way = f ? all[b + n] - all[a + n] : 0;
+        if (f && turns && n % turns === 0) way -= 2 * Math.PI * Math.round(way / (2 * Math.PI));
+        to[n] = all[a + n] + f * way;
+      }
+    }
+    return mixed;
+  }
+  const vector = (name, k = 0) => pose[name].subarray(3 * k, 3 * k + 3);
+  const number = (name, k) => pose[name][k];
 
   function readColours() {
     const style = getComputedStyle(document.documentElement);
@@ -51,10 +65,10 @@
   const enlarged = () => (closeUp() ? 1 : 3);  // contact patches
 
   function paintScene() {
-    const [g, w, h] = sized(canvases.scene, state.ratio, state.changed), { solid, magnify } = setting, phi = arrays.phi[at], close = closeUp();
+    const [g, w, h] = sized(canvases.scene, state.ratio, state.changed), { solid, magnify } = setting, phi = pose.phi[0], close = closeUp();
     const turn = close ? phi + (close - 1) * TURN : setting.follow ? phi : 0;
     const scale = (Math.min(w, h) / (close ? 2.9 * size.roller_radius : 2.35 * (size.pitch_radius + size.groove_radius))) * state.zoom;
-    const camera = cameraOf(state.yaw, state.pitch, scale, turn, close ? vector("rollers", close - 1, 9) : [0, 0, 0], [w / 2, h / 2]);
+    const camera = cameraOf(state.yaw, state.pitch, scale, turn, close ? vector("rollers", close - 1) : [0, 0, 0], [w / 2, h / 2]);
     const { see, cast } = camera;
     still(canvases.scene, g, w, h, [scale, setting.arrows, magnify, close].join(), colour.paper, (pen) => legend(pen, w, h, scale));
     const outline = (draw, fill, opaque, stroke, wide = 1, lines = 1) => {
@@ -77,7 +91,7 @@
     }
     for (let k = 0; k < 3; k++) {  // its grooves, which touch their rollers
       if (close && k !== close - 1) continue;
-      const middle = add(vector("rollers", k, 9), vector("contacts", k, 9), -play), ends = [-long, long].map((z) => see([middle[0], middle[1], z]));
+      const middle = add(vector("rollers", k), vector("contacts", k), -play), ends = [-long, long].map((z) => see([middle[0], middle[1], z]));
       const r = (size.roller_radius + play) * scale;
       outline(() => cylinder(g, ...ends, r, along, scale), colour.faint, 0.05 + 0.2 * solid, colour.faint, 1, 0.5);
       outline(() => circle(g, ends[along[2] > 0 ? 1 : 0], r, along, scale), "", 0, colour.faint, 1, 0.5);
@@ -85,27 +99,27 @@
     const spider = see(vector("spider")), shaft = cast([Math.sin(size.joint_angle), 0, Math.cos(size.joint_angle)]);
     const paintShaft = () => outline(() => cylinder(g, spider, add(spider, shaft, 2.6 * size.pitch_radius), 0.75 * size.trunnion_radius * scale, shaft, scale), colour.steel, 0.3 + 0.7 * solid);
     if (shaft[2] <= 0) paintShaft();
-    const depth = [0, 1, 2].map((k) => cast(vector("trunnions", k, 9))[2]);
+    const depth = [0, 1, 2].map((k) => cast(vector("trunnions", k))[2]);
     for (const k of [0, 1, 2].sort((a, b) => depth[a] - depth[b])) if (!close || k === close - 1) paintTrunnion(g, k, camera, outline, spider);
     if (shaft[2] > 0) paintShaft();  // it may hide a bearing, so one sees through it
     for (let k = 0; k < 3; k++) if (!close || k === close - 1) paintContact(g, k, camera);
-    const thrust = arrays.thrust[at];
+    const thrust = pose.thrust[0];
     if (!close) arrow(g, see([0, 0, 0]), see([0, 0, Math.sign(thrust) * ofForce(thrust)]), colour.hot);
   }
 
   function paintTrunnion(g, k, { see, cast, scale }, outline, spider) {
-    const { solid, magnify } = setting, trunnion = vector("trunnions", k, 9), contact = vector("contacts", k, 9), phi = arrays.phi[at] + TURN * k;
+    const { solid, magnify } = setting, trunnion = vector("trunnions", k), contact = vector("contacts", k), phi = pose.phi[0] + TURN * k;
     const flank = [side * Math.sin(phi), -side * Math.cos(phi), 0], load = unit(add(flank, trunnion, -dot(flank, trunnion)));
     const [t, l, c] = [trunnion, load, cross(trunnion, load)].map(cast), reach = (size.needle_length + size.needle_axial_clearance) / 2;
     // the roller lies against its loaded needles, which lie on the trunnion
-    const gap = magnify * size.bearing_radial_clearance, middle = see(add(vector("rollers", k, 9), contact, -gap));
-    const own = unit(add(trunnion, add(vector("axes", k, 9), trunnion, -1), magnify)), axis = cast(own);
+    const gap = magnify * size.bearing_radial_clearance, middle = see(add(vector("rollers", k), contact, -gap));
+    const own = unit(add(trunnion, add(vector("axes", k), trunnion, -1), magnify)), axis = cast(own);
     const r = size.roller_radius * scale, half = Math.min(size.roller_width / 2, size.roller_radius) * scale;
     const face = Math.sqrt(Math.max(r * r - half * half, 0)), bore = (size.trunnion_radius + 2 * size.needle_radius + gap) * scale;
     outline(() => roller(g, middle, r, half, axis, scale), colour.line, 0.15 + 0.6 * solid);
     const groups = [[], []];  // needles behind the trunnion and before it, a path for each shade
-    const wide = 0.92 * size.needle_radius * scale, long = size.needle_length / 2, n = arrays.needle;
-    for (let j = 0, o = ((at * 3 + k) * needles) * 5; j < needles; j++, o += 5) {
+    const wide = 0.92 * size.needle_radius * scale, long = size.needle_length / 2, n = pose.needle;
+    for (let j = 0, o = k * needles * 5; j < needles; j++, o += 5) {
       const cosine = Math.cos(n[o]), sine = Math.sin(n[o]), skew = n[o + 2] * magnify, u = Math.cos(skew), v = Math.sin(skew);
       const d = [0, 1, 2].map((i) => u * t[i] + v * (sine * l[i] - cosine * c[i]));
       const away = size.ring_distance + n[o + 1] * magnify, outward = size.bearing_radius;
@@ -126,8 +140,8 @@
   }
 
   function paintContact(g, k, { see, cast, scale }) {
-    const contact = vector("contacts", k, 9), outward = [-side * contact[1], side * contact[0], 0];  // outward from the joint's axis
-    const centre = see(vector("rollers", k, 9)), [n, e, z] = [contact, outward, [0, 0, 1]].map(cast);
+    const contact = vector("contacts", k), outward = [-side * contact[1], side * contact[0], 0];  // outward from the joint's axis
+    const centre = see(vector("rollers", k)), [n, e, z] = [contact, outward, [0, 0, 1]].map(cast);
     const force = number("normal", k), peak = number("pressure", k), R = size.roller_radius, grown = enlarged() * Math.cbrt(Math.max(force, 0));
     for (let level = 0; level < 4; level++) {  // pressure of an ellipse by Hertz: its peak times the root of 1 - rho^2
       const rho = 1 - level / 4, points = [];
@@ -176,10 +190,10 @@
     const height = (h - top - 40) / 3, reach = (size.needle_length + magnify * size.needle_axial_clearance) / 2, high = reach * 1.12;
     const x = (angle) => left + ((angle + Math.PI) / (2 * Math.PI)) * (right - left), y = (k, place) => top + k * (height + 10) + height / 2 - (place / high) * (height / 2);
     still(canvases.ring, g, w, h, magnify, colour.paper, (pen) => paintStops(pen, w, h, x, y, reach));
-    const n = arrays.needle, half = size.needle_length / 2, groups = [];
+    const n = pose.needle, half = size.needle_length / 2, groups = [];
     g.fillStyle = colour.slide;
     g.beginPath();
-    for (let k = 0, o = at * 3 * needles * 5; k < 3; k++) {
+    for (let k = 0, o = 0; k < 3; k++) {
       for (let j = 0; j < needles; j++, o += 5) {
         const angle = n[o] - 2 * Math.PI * Math.round(n[o] / (2 * Math.PI)), skew = n[o + 2] * magnify, place = n[o + 1] * magnify, load = n[o + 3], stop = n[o + 4];
         const aside = (Math.sin(skew) * half) / size.bearing_radius, along = Math.cos(skew) * half;
@@ -224,7 +238,7 @@
     const key = [plot.width, plot.height, colour.ink, colour.paper].join();
     if (data.drawn !== key) still(plot, g, w, h, key, colour.paper, (pen) => paintCurves(pen, right, 22, h - 22, h));
     data.drawn = key;  // the curves stand still, the cursor is an element of its own
-    cursor.style.transform = `translateX(${LEFT + (at / data.count) * (right - LEFT)}px)`;
+    cursor.style.transform = `translateX(${LEFT + (state.at / samples) * (right - LEFT)}px)`;
   }
   function paintCurves(g, right, top, bottom, h) {
     const count = data.parts.length, x = (share) => LEFT + share * (right - LEFT), y = (v) => (top + bottom) / 2 - (v / mostThrust) * 0.5 * (bottom - top);
@@ -266,12 +280,12 @@
       data.orders.forEach((_, k) => { if (k && (w > 260 || k % 3 === 0)) pen.fillText(String(k), x(k) - (k > 9 ? 7 : 3), h - 6); });
     });
     g.fillStyle = colour.hot;
-    for (let k = 1; k <= last; k++) g.fillRect(x(k) - wide / 2 - 1, y(data.orders[k] * Math.cos(k * arrays.phi[at] + data.phases[k])) - 1.5, wide + 2, 3);
+    for (let k = 1; k <= last; k++) g.fillRect(x(k) - wide / 2 - 1, y(data.orders[k] * Math.cos(k * pose.phi[0] + data.phases[k])) - 1.5, wide + 2, 3);
   }
 
   function write() {
     const three = (name) => [0, 1, 2].map((k) => number(name, k).toFixed(0)).join(", ");
-    canvases.numbers.textContent = `rotation ${((180 * arrays.phi[at]) / Math.PI).toFixed(1)} deg; thrust ${arrays.thrust[at].toFixed(2)} N; normal forces ${three("normal")} N; ` +
+    canvases.numbers.textContent = `rotation ${((180 * pose.phi[0]) / Math.PI).toFixed(1)} deg; thrust ${pose.thrust[0].toFixed(2)} N; normal forces ${three("normal")} N; ` +
       `friction ${three("friction")} N; slip ${three("slip")} mm/s; pressures ${three("pressure")} MPa; orders 1 to 6: ${data.orders.slice(1, 7).map((a) => a.toPrecision(3)).join(", ")} N`;
   }
   function paint(now = performance.now()) {
@@ -300,28 +314,22 @@
   }
   function tick(now) {
     asked = false;
-    const before = state.at;
-    if (state.playing) {
-      // a frame may have begun before the key that plays
-      state.fraction += (Math.max(0, now - state.last) / 6000) * Number(setting.pace) * samples;
-      state.at = (state.at + Math.floor(state.fraction)) % samples;
-      state.fraction -= Math.floor(state.fraction);
-    }
+    // a frame may have begun before the key that plays
+    if (state.playing) state.at = (state.at + (Math.max(0, now - state.last) / 6000) * Number(setting.pace) * samples) % samples;
     state.last = now;
-    if (!state.playing || state.at !== before || state.changed) {
-      state.frames += state.playing;
-      paint(now);
-      state.changed = false;
-    }
+    state.frames += state.playing;
+    paint(now);
+    state.changed = false;
     if (state.playing) ask();
   }
   function change() { state.changed = true; ask(); }
   function step(by) {
-    state.at = (((state.at + by) % samples) + samples) % samples;
+    state.at = (((Math.round(state.at) + by) % samples) + samples) % samples;
     change();
   }
   function play() {
     state.playing = !state.playing;
+    state.at = Math.round(state.at) % samples;
     state.last = performance.now();
     element("play").textContent = state.playing ? "Pause" : "Play";
     element("play").setAttribute("aria-pressed", String(state.playing));
@@ -344,7 +352,7 @@
   element("ahead").addEventListener("click", () => step(1));
   element("view").addEventListener("change", (event) => look(event.target.value));
   for (const id of ["follow", "magnify", "arrows", "solid", "pace"]) element(id).addEventListener("input", read);
-  const keys = { " ": play, ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: () => step(-state.at) };
+  const keys = { " ": play, ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: () => step(-Math.round(state.at)) };
   for (const [key, factor] of [["ArrowUp", 1.1], ["+", 1.1], ["ArrowDown", 1 / 1.1], ["-", 1 / 1.1]]) keys[key] = () => { state.zoom *= factor; change(); };
   Object.keys(views).forEach((name, n) => { keys[n + 1] = () => look(name); });
   document.addEventListener("keydown", (event) => {
