@@ -8,13 +8,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
 from tripod_doe.study.cube.file_digest import seal
+from tripod_doe.study.cube.file_links import refuse_outside
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box
 
@@ -109,15 +110,25 @@ def reading(path: Path) -> Iterator[None]:
 @contextmanager
 def opened_file(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a netCDF file to read it without xarray, with the lock held."""
-    import netCDF4
-
     with NETCDF_LOCK:
         if "xarray.backends" in sys.modules:  # else nothing here can have it open
             with shared_file(path).acquire_context() as stored:
                 yield stored
         else:
-            with netCDF4.Dataset(path) as stored:
+            with dataset_of(path) as stored:
                 yield stored
+
+
+def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
+    """Open a netCDF file to read it, as each reader does; the lock is held by the caller.
+
+    Raises:
+        CubeError: If HDF5 would read other files for it.
+    """
+    import netCDF4
+
+    refuse_outside(path)
+    return netCDF4.Dataset(path, mode)
 
 
 def shared_file(path: Path) -> CachingFileManager[Any]:
@@ -126,12 +137,11 @@ def shared_file(path: Path) -> CachingFileManager[Any]:
     A file with texts that is opened twice ends the process when it is closed (netCDF4 1.7.5 with HDF5 2.2, also in one
     thread). When one reader closes it, another one's next look opens it again. Hold the lock while it is in use.
     """
-    import netCDF4
     from xarray.backends import CachingFileManager
 
     state, place = path.stat(), os.path.realpath(path)
     identity = f"{state.st_dev}-{state.st_ino}-{state.st_mtime_ns}"
-    return CachingFileManager(netCDF4.Dataset, place, mode="r", lock=NETCDF_LOCK, manager_id=identity)
+    return CachingFileManager(dataset_of, place, mode="r", lock=NETCDF_LOCK, manager_id=identity)
 
 
 def remedy(path: Path) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.file_checks import refuse_unfit
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, dataset_of, reading
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.results.result_cube import cube_files, cube_so_far, is_shown
 
@@ -115,8 +115,6 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
         with cube_so_far(Path(path)) as cube:
             yield cube_arrays(cube)
         return
-    import netCDF4
-
     sizes: dict[str, int] = {}
     coordinates: dict[str, Variable] = {}
     variables: dict[str, Variable] = {}
@@ -128,7 +126,7 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
             for file in cube_files(Path(path)):
                 refuse_unfit(file)
                 with reading(file):
-                    stored.append(netCDF4.Dataset(file))
+                    stored.append(dataset_of(file))
                     labels = _coordinate_names(stored[-1])
                     _add_sizes(sizes, {name: dimension.size for name, dimension in stored[-1].dimensions.items()})
                     tables = {_text_table(array) for array in stored[-1].variables.values()}

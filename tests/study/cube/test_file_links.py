@@ -1,0 +1,135 @@
+"""Exact: a netCDF file that takes values from other files is refused before netCDF4 opens it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
+from tripod_doe.study.cube.netcdf import opened_file, write_dataset
+from tripod_doe.study.query.arrays import opened_arrays
+
+SECRET = b"the token of the owner"
+ID = ctypes.c_int64
+LIBRARY = ctypes.CDLL(netCDF4._netCDF4.__file__)
+
+
+def hdf5(name, *arguments, result=ID):
+    """Call a function of HDF5; whole numbers are identifiers."""
+    function = getattr(LIBRARY, name)
+    function.restype, function.argtypes = result, None
+    value = function(*(ID(each) if isinstance(each, int) else each for each in arguments))
+    assert ctypes.c_int(value).value >= 0, name  # also of a function that gives a C int
+    return value
+
+
+def constant(name):
+    return ID.in_dll(LIBRARY, name).value
+
+
+def external_storage(file, secret):
+    sizes = (ctypes.c_uint64 * 1)(len(SECRET))
+    space = hdf5("H5Screate_simple", 1, sizes, None)
+    created = hdf5("H5Pcreate", constant("H5P_CLS_DATASET_CREATE_ID_g"))
+    hdf5("H5Pset_external", created, secret, 0, ctypes.c_uint64(len(SECRET)))
+    hdf5("H5Dclose", hdf5("H5Dcreate2", file, b"stolen", constant("H5T_NATIVE_UINT8_g"), space, 0, created, 0))
+
+
+def virtual(file, secret):
+    sizes = (ctypes.c_uint64 * 1)(4)
+    space = hdf5("H5Screate_simple", 1, sizes, None)
+    created = hdf5("H5Pcreate", constant("H5P_CLS_DATASET_CREATE_ID_g"))
+    hdf5("H5Pset_virtual", created, space, secret, b"/data", space)
+    hdf5("H5Dclose", hdf5("H5Dcreate2", file, b"stolen", constant("H5T_NATIVE_UINT8_g"), space, 0, created, 0))
+
+
+def external_link(file, secret):
+    hdf5("H5Lcreate_external", secret, b"/data", file, b"stolen", 0, 0)
+
+
+def in_a_group(file, secret):
+    group = hdf5("H5Gcreate2", file, b"inner", 0, 0, 0)
+    external_storage(group, secret)
+    hdf5("H5Gclose", group)
+
+
+def written(path):
+    dataset = xr.Dataset({"y": ("x", np.arange(40.0)), "word": ("x", np.array(["text"] * 40, object))})
+    write_dataset(dataset.assign_coords(x=np.arange(40.0)), path)
+    return path
+
+
+@pytest.fixture
+def secret(tmp_path):
+    file = tmp_path / "secret"
+    file.write_bytes(SECRET)
+    return file
+
+
+def hostile(tmp_path, make, target):
+    """A netCDF file to which another program added something that leads to another file."""
+    path = tmp_path / "cube.nc"
+    with netCDF4.Dataset(path, "w") as stored:
+        stored.createDimension("x", 3)
+        stored.createVariable("y", "f8", ("x",))[:] = 1.0
+    file = hdf5("H5Fopen", os.fsencode(path), ctypes.c_uint(1), 0)
+    make(file, os.fsencode(target))
+    hdf5("H5Fclose", file)
+    return path
+
+
+def by_query(path):
+    with opened_arrays(path) as cube:
+        return cube.variables
+
+
+def by_file(path):
+    with opened_file(path) as stored:
+        return stored.variables
+
+
+@pytest.mark.parametrize("make", [external_storage, virtual, external_link, in_a_group])
+@pytest.mark.parametrize("read", [td.open_cube, by_query, by_file])
+def test_a_file_that_leads_to_another_is_refused(tmp_path, secret, make, read):
+    path = hostile(tmp_path, make, secret)
+    with pytest.raises(td.CubeError, match=r"(?:stolen|inner).*another file"):
+        read(path)
+
+
+@pytest.mark.parametrize("make", [external_storage, virtual, external_link])
+def test_a_pipe_is_not_waited_for(tmp_path, make):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(td.CubeError, match="another file"):
+        td.open_cube(hostile(tmp_path, make, tmp_path / "pipe"))
+
+
+def test_a_file_of_its_own_is_read_also_while_it_is_open(tmp_path):
+    path = written(tmp_path / "cube.nc")
+    with opened_file(path), netCDF4.Dataset(path) as stored:
+        for _ in range(3):
+            refuse_outside(path)
+        assert stored["y"][:].tolist() == list(range(40))
+    assert set(td.open_cube(path)["word"].values) == {"text"}
+
+
+def test_files_without_hdf5_are_read(tmp_path):
+    path = tmp_path / "classic.nc"
+    with netCDF4.Dataset(path, "w", format="NETCDF3_CLASSIC") as stored:
+        stored.createDimension("x", 3)
+        stored.createVariable("y", "f8", ("x",))[:] = 1.0
+    assert td.open_cube(path)["y"].sum() == 3.0
+
+
+def test_nothing_is_read_where_hdf5_cannot_be_asked(tmp_path, monkeypatch):
+    path = written(tmp_path / "cube.nc")
+    hdf5_library.cache_clear()
+    monkeypatch.setattr("tripod_doe.study.cube.file_links._SIGNATURES", {"H5Lvisit9": (ID,)})
+    with pytest.raises(td.CubeError, match="install netCDF4"):
+        td.open_cube(path)
+    hdf5_library.cache_clear()
