@@ -287,3 +287,65 @@ def test_readers_take_no_thread_that_the_owner_needs(tmp_path):
     in_own_loop(asked())
     assert served == ["/"]
     assert 0 < len(inside) < 10
+
+
+def test_a_reader_fills_neither_connections_nor_streams(tmp_path):
+    """Regression: streams and waiting requests of one link took all connections, and the owner was refused."""
+    settings = Settings(tmp_path, token=TOKEN, read_token=READ_TOKEN)
+    refused, served = [], []
+
+    async def endless(scope, receive, send):
+        served.append(scope["access"].name)
+        await asyncio.Event().wait()
+
+    async def asked(path):
+        guard = Guard(endless, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: None)
+
+        def ask(token):
+            async def send(message):
+                if message["type"] == "http.response.start":
+                    refused.append((message["status"], dict(message["headers"])[b"retry-after"]))
+
+            headers = [(b"host", b"127.0.0.1:8811"), (b"authorization", f"Bearer {token}".encode())]
+            scope = {"type": "http", "method": "GET", "path": path, "query_string": b"", "headers": headers}
+            return asyncio.create_task(guard(scope, None, send))
+
+        waiting = [*(ask(READ_TOKEN) for _ in range(50)), ask(TOKEN)]
+        await asyncio.sleep(0.01)
+        for each in waiting:
+            each.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+
+    for path in ("/", f"{API}/events"):
+        in_own_loop(asked(path))
+        assert [status for status, after in refused if after == b"5"] == [503] * 18
+        assert served.count("owner") == 1
+        refused.clear()
+        served.clear()
+
+
+def test_long_answers_are_sent_in_pieces(tmp_path):
+    """Regression: all of 4.8 MB was kept for each client that did not read; 700 of them silenced the service."""
+    settings, data = Settings(tmp_path, token=TOKEN), bytes(range(256)) * 1000
+    sent = []
+
+    async def answer(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": data})
+
+    async def asked():
+        guard = Guard(answer, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: None)
+
+        async def send(message):
+            sent.append(message)
+
+        headers = [(b"host", b"127.0.0.1:8811")]
+        path = "/assets/1/plotly.js"
+        scope = {"type": "http", "method": "GET", "path": path, "query_string": b"", "headers": headers}
+        await guard(scope, None, send)
+
+    in_own_loop(asked())
+    bodies = sent[1:]
+    assert b"".join(message["body"] for message in bodies) == data
+    assert max(len(message["body"]) for message in bodies) <= 65_536
+    assert [message["more_body"] for message in bodies] == [True] * (len(bodies) - 1) + [False]

@@ -35,6 +35,9 @@ class LimitedProtocol(HttpToolsProtocol):
     waiting: dict[LimitedProtocol, None]
     """Those whose headers are still to come, the oldest first: it makes room for a new connection."""
 
+    unread: dict[LimitedProtocol, None]
+    """Those whose clients do not read their answers, the oldest first: these make room before all others."""
+
     def __init__(self, *words: Any, **options: Any) -> None:
         super().__init__(*words, **options)
         self._headers_due: asyncio.TimerHandle | None = None
@@ -47,7 +50,9 @@ class LimitedProtocol(HttpToolsProtocol):
         full = len(self.connections) > self.most
         oldest = next(iter(self.waiting), self) if full else None
         self._await_headers()
-        if oldest is not None:
+        if full and self.unread:
+            next(iter(self.unread)).transport.abort()
+        elif oldest is not None:
             oldest._refuse(
                 HTTPStatus.SERVICE_UNAVAILABLE, f"{self.most:,} connections are open, which is the limit here"
             )
@@ -92,13 +97,12 @@ class LimitedProtocol(HttpToolsProtocol):
     def pause_writing(self) -> None:
         """Wait for the client to read, for a limited time."""
         super().pause_writing()
+        self.unread[self] = None
         self._answer_due = self.loop.call_later(_READ_SECONDS, self.transport.abort)
 
     def resume_writing(self) -> None:
         """Continue."""
-        if self._answer_due is not None:
-            self._answer_due.cancel()
-            self._answer_due = None
+        self._stop_answer_clock()
         super().resume_writing()
 
     def _is_between_requests(self) -> bool:
@@ -135,11 +139,15 @@ class LimitedProtocol(HttpToolsProtocol):
             self._headers_due.cancel()
             self._headers_due = None
 
-    def _stop_clocks(self) -> None:
-        self._stop_headers_clock()
+    def _stop_answer_clock(self) -> None:
+        self.unread.pop(self, None)
         if self._answer_due is not None:
             self._answer_due.cancel()
             self._answer_due = None
+
+    def _stop_clocks(self) -> None:
+        self._stop_headers_clock()
+        self._stop_answer_clock()
 
 
 def limited_protocol(wanted: int) -> type[LimitedProtocol]:
@@ -150,4 +158,4 @@ def limited_protocol(wanted: int) -> type[LimitedProtocol]:
         files = need if most == resource.RLIM_INFINITY else min(need, most)
         resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
         wanted = min(wanted, max(1, files - max(_LEAST_FILES, files // 4)))
-    return type("Protocol", (LimitedProtocol,), {"most": wanted, "waiting": {}})
+    return type("Protocol", (LimitedProtocol,), {"most": wanted, "waiting": {}, "unread": {}})

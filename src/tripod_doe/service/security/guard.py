@@ -11,7 +11,7 @@ import asyncio
 import ipaddress
 import re
 import socket
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from urllib.parse import parse_qsl, urlencode
@@ -39,6 +39,10 @@ _TOKENS = ("token", "share")
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
 _AT_ONCE, _READERS_AT_ONCE = 8, 24  # answers to one link or reader, and to all of them: of 40 threads, some stay free
+_MOST_WAITING = 32  # requests of one link or reader that wait or are answered, and its streams of events
+_PIECE = (
+    65_536  # bytes of an answer that are written together: only as much of it is kept for a client that does not read
+)
 _HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
 
 _POLICY = "default-src 'none'; frame-ancestors 'none'"
@@ -51,6 +55,26 @@ _HEADERS = (
     (b"cache-control", b"no-store"),
 )
 """Of every answer that does not bring its own."""
+
+
+class _CrowdedError(RefusedError):
+    """A link or a reader asks for more at once than it may."""
+
+    def __init__(self, streams: bool) -> None:
+        what = "event streams are open" if streams else "requests are not answered yet"
+        text = f"{_MOST_WAITING} {what}, the limit for a link or a reader; try again later"
+        super().__init__(503, text, headers={"retry-after": "5"})
+
+
+async def _send_in_pieces(send: Send, message: Message) -> None:
+    """Send an answer as fast as it is read: uvicorn keeps all of a part that it was given."""
+    body = message.get("body", b"")
+    if message["type"] != "http.response.body" or len(body) <= _PIECE:
+        await send(message)
+        return
+    for start in range(0, len(body), _PIECE):
+        more = message.get("more_body", False) or start + _PIECE < len(body)
+        await send({"type": "http.response.body", "body": body[start : start + _PIECE], "more_body": more})
 
 
 def allowed_hosts(host: str) -> frozenset[str]:
@@ -83,6 +107,7 @@ class Guard:
         self._any_address = settings.host in _ANYWHERE
         self._turns: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(_AT_ONCE))
         self._readers = asyncio.Semaphore(_READERS_AT_ONCE)
+        self._open: Counter[tuple[str, bool]] = Counter()  # requests by who asks, streams of events apart
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -121,7 +146,7 @@ class Guard:
         async def noted(message: Message) -> None:
             nonlocal begun
             begun = True
-            await send(message)
+            await _send_in_pieces(send, message)
 
         try:
             async with self._turn(scope):
@@ -129,6 +154,8 @@ class Guard:
         except BaseExceptionGroup as group:
             if not begun or group.split(BrokenResourceError)[1] is not None:
                 raise  # else the client has left while an event was sent to it
+        except _CrowdedError as crowded:
+            await JSONResponse(crowded.answer(), crowded.status, crowded.headers)(scope, receive, send)
         except asyncio.CancelledError:
             if begun:
                 raise
@@ -137,13 +164,27 @@ class Guard:
 
     @asynccontextmanager
     async def _turn(self, scope: Scope) -> AsyncIterator[None]:
-        """Let readers wait for each other: what they ask for at once takes no thread that the owner needs."""
-        access = scope["access"]
-        if access is None or access.name == OWNER or scope["path"].endswith("/events"):  # streams hold no thread
+        """Let readers wait for each other: they take no thread and no connection that the owner needs.
+
+        Raises:
+            _CrowdedError: If too much of what this reader asked for is not answered yet.
+        """
+        access, streams = scope["access"], scope["path"].endswith("/events")
+        if access is None or access.name == OWNER:
             yield
             return
-        async with self._turns[access.name], self._readers:
-            yield
+        mine = access.name, streams
+        if self._open[mine] >= _MOST_WAITING:
+            raise _CrowdedError(streams)
+        self._open[mine] += 1
+        try:
+            if streams:  # they hold no thread
+                yield
+                return
+            async with self._turns[access.name], self._readers:
+                yield
+        finally:
+            self._open[mine] -= 1
 
     def _check_host(self, headers: Headers) -> None:
         given = headers.getlist("host")
