@@ -89,6 +89,16 @@ def test_the_papers_workflow_is_sound(quick):
     assert "claims" in workflow.steps["page"].inputs
 
 
+def test_one_joint_decides_all_claims_of_the_paper():  # regression: each study has the same joint, each claim its points
+    workflow = load_workflow(ROOT / "workflows" / "paper_joint.toml", quick=False)
+    studies = {name: step.study for name, step in workflow.steps.items() if step.study}
+    assert set(workflow.steps["claims"].inputs) == set(studies)
+    of_joint = [study.base for study in studies.values() if study.simulator.name == "joint"]
+    names = [name for name in of_joint[0] if name.startswith(("needle_", "bearing_", "groove_rolling", "pitch_"))]
+    assert len(names) == 8
+    assert all(base[name] == of_joint[0][name] for base in of_joint for name in names)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("charts_not_drawn")
 def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
