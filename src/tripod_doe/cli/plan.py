@@ -42,11 +42,16 @@ def _plan_study(options: argparse.Namespace) -> int:
     if options.quick:
         raise InputError(f"{option('quick')}: {options.file} is a study; only workflows have a [quick]")
     study = load_study(options.file, StudyFolder.of(options.file, options.untrusted))
+    more = 0
     if study.file.analysis:
         from tripod_doe.workflow.analyses import check_analyses
+        from tripod_doe.workflow.tolerance_confirmation import confirming_points
 
         check_analyses(study)
+        more = confirming_points(study)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
+    if more:
+        print(f"confirmation at most {more:,} points beyond these, where a tolerance analysis proposes a change")
     if study.auto_model:
         from tripod_doe.analyses.model_choice.study_choice import describe_choice
 

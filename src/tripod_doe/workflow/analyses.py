@@ -101,7 +101,8 @@ def _is_finite(value: object) -> bool:
     )
 
 
-def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
+def analysis_of(study: Study, name: str) -> tuple[Analysis, BaseModel]:
+    """An analysis of a study by its name, with its settings; InputError as `settings_of`."""
     table = dict(study.file.analysis[name])
     return settings_of(study, table.pop("kind", name), table, f"[analysis.{name}]")
 
@@ -113,7 +114,7 @@ def check_analyses(study: Study) -> None:
         InputError: If a kind or a setting is unknown, or the design does not serve it.
     """
     for name in study.file.analysis:
-        _settings(study, name)
+        analysis_of(study, name)
 
 
 def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, str]:
@@ -126,7 +127,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
     for stale in (directory / "analysis").glob("*.nc"):  # of another version of the study, or of other points
         stale.unlink()
     for name in study.file.analysis:
-        analysis, settings = _settings(study, name)
+        analysis, settings = analysis_of(study, name)
         try:
             result = analysis.function({name: cube}, settings, study.folder)
         except InputError as error:

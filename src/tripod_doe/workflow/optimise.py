@@ -14,13 +14,13 @@ import xarray as xr
 
 from tripod_doe.analyses.optimisation.candidates import FINDINGS
 from tripod_doe.analyses.optimisation.correction import corrected
-from tripod_doe.analyses.optimisation.front import Archive, front_rows, knee, leading, spread
+from tripod_doe.analyses.optimisation.front import Archive, front_rows, knee, spread
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.neighbours import Neighbours, around, places_of
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import Solved, base_values, candidates_dataset, front_dataset
-from tripod_doe.analyses.optimisation.search import Polish, Search, correction_share, polish_share, population_of
+from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.quantities import number
@@ -35,7 +35,6 @@ from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 
 _ROUNDS = 3  # of candidates that a correction brings up, after the first ones
-_OTHER_SEARCH = 10_007  # added to the seed of a search on the corrected model
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
 _MOST_LINES = 12  # candidates that the terminal shows
@@ -77,7 +76,6 @@ class _Run:
         self._best = np.full(len(problem.signs), np.inf)  # feasible objectives, each by itself, to minimise
         self._feasible = 0
         self._shown = time.monotonic()
-        self._kept = 0  # candidates that wait for the correction
         self.ended: list[float] = []  # the best first objective, to minimise, of each search that came to its end
 
     @property
@@ -147,38 +145,14 @@ class _Run:
             print(f"optimise: {text}, {self.points.count:,} points", file=sys.stderr)
 
     def search(self) -> float:
-        """Try candidates until those for a correction are left, or all are known; returns the last step of a polish."""
+        """Try candidates until none is left, or all are known; returns the last step of a polish."""
         self._stages.begin("search")
-        share = polish_share(len(self.problem.signs))
-        self._kept = int(correction_share(self.problem.confirm != self.problem.model) * self.table.evaluations)
-        kept = self._kept + int(share * (self.table.evaluations - self._kept))
+        kept = int(polish_share(len(self.problem.signs)) * self.table.evaluations)
         generation, known = 0, -1
         while self.left > kept and len(self._units) > known:  # until all candidates are known
             known = len(self._units)
             generation = self._search_once(generation, kept)
         return self._polish(generation) if len(self.problem.signs) == 1 else np.nan
-
-    def _search_corrected(self, chosen: IntArray, fine: Judged, kept: int) -> Judged:
-        """Go on with the search on the corrected model until some candidates are left; returns all as corrected."""
-        problem, archive = self.problem, self.archive()
-        better, generation = corrected(archive, chosen, fine), int(archive.generation.max()) + 1
-        population = population_of(self.table.evaluations, self.table.population)
-        first = leading(better.objectives * problem.signs, better.violations, better.feasible, population)
-        if first.size < 4 or self.left <= kept:
-            return better
-        seed = self.table.seed + _OTHER_SEARCH + self.left
-        limits = len(problem.constraints)
-        search = Search(problem.variables, problem.signs, limits, first.size, seed, None, archive.units[first])
-        while self.left > kept and not search.is_over:
-            units = search.ask()
-            before = self.left
-            rows = self.try_out(units, generation) if len(units) else np.array([-1])
-            better = corrected(self.archive(), chosen, fine)
-            if (rows < 0).any():
-                break
-            search.tell(better.take(rows), before - self.left)
-            generation += 1
-        return better
 
     def _search_once(self, generation: int, kept: int) -> int:
         """Search until the candidates but those kept are tried, or nothing new comes; returns the generation."""
@@ -214,7 +188,7 @@ class _Run:
             return np.nan
         polish, value = Polish(self.problem.variables, archive.units[best[0]]), self._value(best[0])
         quiet = np.nan
-        while self.left > self._kept:
+        while self.left > 0:
             generation += 1
             units = polish.ask()
             rows = self.try_out(units, generation) if len(units) else np.empty(0, int)
@@ -260,13 +234,12 @@ class _Run:
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
         chosen = self._leading(archive.judged)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
-        for round_ in range(_ROUNDS if fine else 0):
+        for _ in range(_ROUNDS if fine else 0):
             assert fine is not None
-            better = self._search_corrected(chosen, fine, self._kept * (_ROUNDS - 1 - round_) // _ROUNDS)
-            archive = self.archive()
+            better = corrected(archive, chosen, fine)
             new = np.array([row for row in self._leading(better, True) if row not in chosen], int)
             if not new.size:
-                continue  # with the candidates that are left
+                break
             new = new[: max(self.table.confirmed // 2, 1)]
             chosen = np.concatenate([chosen, new])
             fine = Judged.joined([fine, self.judge(archive.units[new], sample, problem.confirm)])

@@ -45,6 +45,7 @@ from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 from tripod_doe.workflow.notebook import summary_html
 from tripod_doe.workflow.progress import Progress, work_of
+from tripod_doe.workflow.tolerance_confirmation import RunStudy, confirm_tolerances
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,10 +187,15 @@ def run_on(
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
         found = found_by(study, written)
         directory.note_found(found)
+
+    def run_other(other: Study, place: Path) -> None:
+        run_on(execution, other, place, retry_failed=retry_failed, progress=progress, take_over=take_over)
+
     return summary_of(
         asked,
         directory.path,
         written,
+        run_other if computed == left else None,
         found,
         computed=piloted + computed,
         reused=int(asked.to_compute.sum()) - left - piloted,
@@ -219,18 +225,27 @@ def _with_derived(study: Study, directory: ResultDirectory, progress: bool) -> S
     return with_derived(study, derived)
 
 
-def summary_of(asked: StudyPoints, path: Path, written: xr.Dataset, found: str = "", **counts: Any) -> RunSummary:
+def summary_of(
+    asked: StudyPoints,
+    path: Path,
+    written: xr.Dataset,
+    run_other: RunStudy | None = None,
+    found: str = "",
+    **counts: Any,
+) -> RunSummary:
     """Write analyses and report of a result directory, and say what it holds.
 
     Args:
         asked, path: The study with its points, and where its results are.
         written: Its cube, which is closed.
         found: Sentence on what the study looks for.
+        run_other: Runs a study that confirms an analysis; None where none is to run.
         **counts: ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
     """
     study = asked.study
     with written as cube:
         analyses = run_analyses(study, cube, path)
+        confirm_tolerances(study, path, run_other)
         findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [found] if found else []

@@ -73,23 +73,6 @@ def spread(aims: FloatArray, count: int) -> IntArray:
     return np.array(sorted(chosen))
 
 
-def leading(aims: FloatArray, violations: FloatArray, feasible: NDArray[np.bool_], count: int) -> IntArray:
-    """The best candidates: front by front of the feasible ones, then those that are nearest to feasible.
-
-    Args:
-        aims, feasible: As for `front_rows`.
-        violations: Shape (candidate, constraint).
-    """
-    left, chosen = feasible.copy(), np.empty(0, int)
-    while chosen.size < count and (rows := front_rows(aims, left)).size:
-        left[rows] = False
-        rows = rows[spread(aims[rows], count - chosen.size)] if rows.size > count - chosen.size else rows
-        chosen = np.concatenate([chosen, rows])
-    far = np.maximum(violations, 0).sum(axis=1)
-    other = np.flatnonzero(~feasible & np.isfinite(far) & np.isfinite(aims).all(axis=1))
-    return np.concatenate([chosen, other[np.argsort(far[other], kind="stable")]])[:count]
-
-
 def binding(unit: FloatArray, violation: FloatArray, variables: Variables, constraints: list[str]) -> list[str]:
     """Names of the bounds and limits that a candidate touches, in words."""
     texts = []

@@ -21,7 +21,6 @@ _FAILED = 10.0  # violation of a candidate that cannot be computed: more than li
 _IDLE = 10  # generations with hardly a new candidate, or with equal ones, after which a search is over
 _EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
 _POLISHED = 0.15  # share of the candidates with which a single objective is polished
-_CORRECTED = 0.3  # share of the candidates that are tried after a better model has judged the first front
 _WIDEST, _NARROWEST = 0.05, 1e-3  # step of the polish, as part of a range
 
 
@@ -37,7 +36,6 @@ class Search:
         signs: 1 for an objective to minimise, -1 for one to maximise.
         constraints: Number of constraints.
         start: A candidate of the first generation, on the unit cube; None without one.
-        first: The whole first generation, in place of a start among random ones.
     """
 
     def __init__(
@@ -48,7 +46,6 @@ class Search:
         population: int,
         seed: int,
         start: FloatArray | None,
-        first: FloatArray | None = None,
     ) -> None:
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
@@ -56,8 +53,7 @@ class Search:
         self._variables, self._signs = variables, signs
         count = len(variables.chosen)
         self._problem = Problem(n_var=count, n_obj=len(signs), n_ieq_constr=constraints + 1, xl=0.0, xu=1.0)
-        if first is None:
-            first = _first_generation(variables, population, seed, start)
+        first = _first_generation(variables, population, seed, start)
         self._algorithm = _algorithm(len(signs), population, first, variables)
         self._algorithm.setup(self._problem, termination=NoTermination(), seed=seed, verbose=False)
         self._asked: Any = None
@@ -178,11 +174,6 @@ class Polish:
             return True
         self.step /= 2
         return self.step >= _NARROWEST
-
-
-def correction_share(confirm: bool) -> float:
-    """Share of the candidates that are kept for the search on the model as another one corrects it."""
-    return _CORRECTED if confirm else 0.0
 
 
 def polish_share(objectives: int) -> float:

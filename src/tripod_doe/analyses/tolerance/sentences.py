@@ -10,10 +10,11 @@ from statistics import NormalDist
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, label_of
 from tripod_doe.analyses.tolerance.keeping import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.responses import listed, spoken, unit_text
-from tripod_doe.quantities import interval, number, with_unit
+from tripod_doe.quantities import count_of, interval, number, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, shifted_table
 from tripod_doe.study.definition.study_file import FactorTable
 
@@ -148,7 +149,7 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
         *said,
         *([f"{aim}, {ways[0][0]}"] if ways[0][1] else [_unresolved(aim, part)]),
         *(sentence for sentence, each in ways[1:] if each),
-        *(_confirmation(part, max(chances), 1 - keep) if chances else []),
+        *(_confirmed(part, tables, keep) or (_confirmation(part, max(chances), 1 - keep) if chances else [])),
     ]
 
 
@@ -237,13 +238,28 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
 
 
+def _confirmed(part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float) -> list[str]:
+    """What the points of another run say of the first change; nothing where there was none."""
+    if CONFIRMED not in part or not np.isfinite(part[CONFIRMED]):
+        return []
+    run = json.loads(str(part.attrs[RUNS]))[label_of(part)]
+    keys = listed([_changed(name, FactorTable(**table), tables[name]) for name, table in run["factors"].items()])
+    low, high = (float(part[f"{CONFIRMED}_{end}"]) for end in ("low", "high"))
+    verdict = "confirmed" if high <= 1 - keep else "refuted" if low > 1 - keep else "neither confirmed nor refuted"
+    points, more = count_of(int(run["points"]), "other point"), ""
+    if low <= 1 - keep < high:
+        more = f"; confirm = {_enough(float(part[CONFIRMED]), 1 - keep, int(run['points']))} would decide"
+    return [f"By {points} the change of {keys} is {verdict}: {_chance(part, CONFIRMED)} exceed the limit{more}."]
+
+
 def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     """The run that confirms a proposal: other points, and enough of them for the chance that is expected."""
     samples = _enough(chance, allowed, int(part.attrs["samples_of_points"]))
     return [
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
         f"study, with seed = {int(part.attrs['seed_of_points']) + 1} and samples = {samples} in [design], and run it: "
-        f"tripod-doe run COPY.toml --out DIR{_finer(part)}."
+        f"tripod-doe run COPY.toml --out DIR{_finer(part)}. For the change that is named first, confirm = {samples} in "
+        "the analysis does that by itself."
     ]
 
 

@@ -42,6 +42,12 @@ class ToleranceSettings(SensitivitySettings):
         {}, description="largest values allowed: OUTPUT_ORDER = value, as thrust_amplitude_3, or OUTPUT = value"
     )
     keep: float = Field(0.99, gt=0.5, lt=1, description="share of the joints that must keep the limits")
+    confirm: int = Field(
+        0,
+        ge=0,
+        le=10_000_000,
+        description="other points that confirm the change that is proposed first for a limit; 0: none run",
+    )
     costs: dict[str, float] = Field(
         {},
         description="what it costs to halve the scatter of a factor; one of which nothing stands here stays as it is",

@@ -1,0 +1,70 @@
+"""Confirmation of a tolerance analysis by other points: its first change of factors is run as a study of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+import xarray as xr
+
+from tripod_doe.analyses.tolerance.confirmation import Change, changes_to_confirm, with_confirmed
+from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings
+from tripod_doe.names import path_within
+from tripod_doe.study.cube.lazy_dataset import read_dataset
+from tripod_doe.study.cube.netcdf import write_dataset
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.workflow.analyses import analysis_of
+
+CONFIRMATION = "confirmation"
+"""Folder of a result directory with the studies that confirm its tolerance analyses."""
+
+RunStudy = Callable[[Study, Path], None]
+
+
+def confirming_points(study: Study) -> int:
+    """The most points that the tolerance analyses of a study run to confirm what they propose."""
+    return sum(each.confirm * len(each.limits) for each in _confirmed(study).values())
+
+
+def _confirmed(study: Study) -> dict[str, ToleranceSettings]:
+    """The settings of the tolerance analyses that are to be confirmed, by name."""
+    own = {name: analysis_of(study, name)[1] for name in study.file.analysis}
+    return {name: each for name, each in own.items() if isinstance(each, ToleranceSettings) and each.confirm}
+
+
+def confirm_tolerances(study: Study, directory: Path, run_study: RunStudy | None) -> None:
+    """Run the changes that tolerance analyses propose, with other points, and add what they say to the analyses.
+
+    Args:
+        run_study: Runs a study into a directory; what is there already is not computed again. None runs nothing, and
+            adds what such a run has said before.
+    """
+    for name, settings in _confirmed(study).items():
+        path = path_within(directory, "analysis", f"{name}.nc")
+        if not path.exists():  # the analysis failed, and its reason is stated
+            continue
+        result, answers = read_dataset(path), list[tuple[Change, xr.Dataset]]()
+        for change in changes_to_confirm(result):
+            place = path_within(directory, CONFIRMATION, name, change.label)
+            other = _changed(study, name, change, settings)
+            if run_study:
+                run_study(other, place)
+            own = path_within(place, "analysis", f"{name}.nc")
+            if own.exists() and (said := read_dataset(own)).attrs.get("study_hash") == other.hash:
+                answers.append((change, said))
+        if answers:
+            write_dataset(with_confirmed(result, answers), path)
+
+
+def _changed(study: Study, name: str, change: Change, settings: ToleranceSettings) -> Study:
+    """The study with the change, other points, and the same analysis."""
+    document: Any = tomlkit.parse(study.text)
+    document["study"]["name"] = f"{study.file.study.name}: confirmation of {change.label}"
+    for factor, table in change.factors.items():
+        document["factors"][factor] = table.model_dump(exclude_none=True, exclude_defaults=True)
+    document["design"] |= {"seed": study.file.design.seed + 1, "samples": settings.confirm}
+    asked = {key: value for key, value in study.file.analysis[name].items() if key not in ("confirm", "costs")}
+    document["analysis"] = {name: asked}
+    return parse_study(tomlkit.dumps(document), study.origin, study.folder)

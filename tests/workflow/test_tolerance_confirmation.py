@@ -1,0 +1,71 @@
+"""Tolerance analyses that other points confirm."""
+
+from __future__ import annotations
+
+from math import erfc, sqrt
+
+import pytest
+
+import tripod_doe as td
+from tripod_doe.cli.main import main
+
+FUNCTIONS = """
+def sum_of_two(x, y):
+    return {"f": x + y}
+"""
+STUDY = """
+[study]
+name = "two lengths"
+function = "functions_to_confirm:sum_of_two"
+[factors.x]
+distribution = "normal"
+mean = 10
+std = 1
+[factors.y]
+distribution = "normal"
+mean = 5
+std = 0.2
+[design]
+kind = "sobol"
+samples = 2048
+[analysis.tolerance]
+limits = { f = 17.1 }
+confirm = 4096
+"""
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    (tmp_path / "functions_to_confirm.py").write_text(FUNCTIONS)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "two.toml").write_text(STUDY)
+    return tmp_path / "two.toml"
+
+
+def test_the_first_change_is_run_with_other_points(study, tmp_path, capsys):
+    """Exact: of a sum of normal lengths; the change is that of the wider one, and its chance that of a normal tail."""
+    first = td.run(study, tmp_path / "out", workers=0, progress=False)
+    (said,) = (line for line in first.answers if " the change of " in line)
+    assert said.startswith("By 4,096 other points the change of [factors.x] std = 0.")
+    result = td.open_cube(tmp_path / "out" / "analysis" / "tolerance.nc")
+    scale = float(result["scale_to_keep"].sel(factor="x", factor_2="x"))
+    tail = erfc(2.1 / sqrt(scale**2 + 0.2**2) / sqrt(2)) / 2
+    assert float(result["exceedance_confirmed_low"]) < tail < float(result["exceedance_confirmed_high"])
+    verdict = "confirmed" if float(result["exceedance_confirmed_high"]) <= 0.01 else "neither confirmed nor refuted"
+    assert f" is {verdict}: " in said
+    own = td.open_cube(tmp_path / "out" / "confirmation" / "tolerance" / "f")
+    assert own["x"].values.std() == pytest.approx(scale, rel=0.02)
+    assert own["y"].values.std() == pytest.approx(0.2, rel=0.02)
+    result.close(), own.close()
+    again = td.run(study, tmp_path / "out", workers=0, progress=False)
+    assert again.computed == 0
+    assert said in again.answers
+    assert main(["plan", str(study), "--no-timing"]) == 0
+    assert "confirmation at most 4,096 points beyond these" in capsys.readouterr().out
+
+
+def test_a_limit_that_is_kept_needs_no_other_points(study, tmp_path):
+    study.write_text(STUDY.replace("17.1", "25"))
+    summary = td.run(study, tmp_path / "out", workers=0, progress=False)
+    assert not any("other points" in line for line in summary.answers)
+    assert not (tmp_path / "out" / "confirmation").exists()
