@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.study.definition.study_file import parse_toml
 
 _ESTIMATE = "_error_estimate"
 
@@ -38,6 +38,6 @@ def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:
 
 def estimated_errors(cube: xr.Dataset) -> FloatArray:
     """Largest estimated error over the allowed one of all that was asked for, over the dimensions of the design."""
-    allowed = tomllib.loads(str(cube.attrs["study"])).get("accuracy", {})
+    allowed = parse_toml(str(cube.attrs["study"]), "the study of this cube").get("accuracy", {})
     names = [str(name).removesuffix(_ESTIMATE) for name in cube.data_vars if str(name).endswith(_ESTIMATE)]
     return np.asarray(np.max([cube[name + _ESTIMATE].values / float(allowed[name]) for name in names], axis=0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,10 +12,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.errors import InputError
 from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders
 from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
+from tripod_doe.study.definition.study_file import parse_toml
 
 _REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
 
@@ -135,9 +136,10 @@ def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
 def design_kind(cube: xr.Dataset) -> str:
     """Kind of the design as the study file names it; empty where the cube holds no study."""
     try:
-        return str(tomllib.loads(str(cube.attrs.get("study", ""))).get("design", {}).get("kind", "grid"))
-    except tomllib.TOMLDecodeError:
+        study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
+    except InputError:
         return ""
+    return str(study.get("design", {}).get("kind", "grid"))
 
 
 def finished(cube: xr.Dataset) -> xr.DataArray:
@@ -184,7 +186,7 @@ def points_in_words(points: xr.Dataset) -> str:
 
 def truth_of(cube: xr.Dataset) -> tuple[str, object]:
     """The factor that names the models of a multifidelity study, and the model that counts as the truth."""
-    study = tomllib.loads(str(cube.attrs["study"]))
+    study = parse_toml(str(cube.attrs["study"]), "the study of this cube")
     fidelity = str(study["design"].get("fidelity", "model"))
     values = study.get("factors", {}).get(fidelity, {}).get("values")
     return fidelity, values[-1] if values else cube[fidelity].values[0]  # its samples come first

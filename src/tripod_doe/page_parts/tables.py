@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import groupby
@@ -24,6 +23,7 @@ from tripod_doe.quantities import duration, level, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import parse_toml
 from tripod_doe.study.journal import PILOT
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}
@@ -248,6 +248,6 @@ def _known_parameters(cube: xr.Dataset) -> tuple[Mapping[str, Parameter], str]:
 def _study_table(cube: xr.Dataset) -> dict[str, Any]:
     """The study file that a cube holds; empty where it holds none."""
     try:
-        return tomllib.loads(str(cube.attrs.get("study", "")))
-    except tomllib.TOMLDecodeError:
+        return parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
+    except InputError:
         return {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,17 +12,19 @@ import xarray as xr
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Value
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.page_parts.responses import factor_names
 from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import parse_toml
 
 
 def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
     """The drawing of the first point, what it shows, and the command that moves that point; None for another scene."""
     try:
-        study = tomllib.loads(str(cube.attrs.get("study", "")))
-    except tomllib.TOMLDecodeError:
+        study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
+    except InputError:
         return None
     head = study.get("study", {})
     if not head or head.get("function") or head.get("scene", "joint") != "joint":

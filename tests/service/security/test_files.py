@@ -220,3 +220,13 @@ def test_no_address_names_a_file_outside_or_fails(tmp_path, place):
     (inside / "in.html").touch()
     assert file_within(inside, place) is None
     assert file_within(inside, "x/../in.html") == inside / "in.html"
+
+
+@pytest.mark.parametrize("place", [".x.html", ".hidden/page.html", "inner/.x.html"])
+def test_hidden_files_are_not_delivered(tmp_path, place):
+    """Exact: entries whose names begin with a dot are not checked, so a link among them led anywhere."""
+    (tmp_path / "secret.html").write_text(SECRET)
+    path = tmp_path / "report" / place
+    path.parent.mkdir(parents=True)
+    path.symlink_to(tmp_path / "secret.html")
+    assert file_within(tmp_path / "report", place) is None

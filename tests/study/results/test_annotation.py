@@ -76,3 +76,10 @@ def test_the_command_changes_only_what_it_names(tmp_path, capsys):
     assert main(["annotate", str(tmp_path), "--name", "", "--note", "", "--tags", ""]) == 0
     assert not (tmp_path / FILE).exists()
     assert main(["annotate", str(tmp_path / "none"), "--name", "x"]) == 2
+
+
+def test_a_name_of_many_parts_is_refused_at_once(tmp_path):
+    """Exact: a file of 180 kB took 7 GB, since the cost of a dotted name grows with the square of its parts."""
+    (tmp_path / "about.toml").write_text(".".join(["a"] * 3000) + " = 1")
+    with pytest.raises(InputError, match=r"about\.toml.*parts with dots"):
+        read_annotation(tmp_path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import xarray as xr
 
 from tripod_doe.errors import CubeError, InputError
+from tripod_doe.study.definition.study_file import parse_toml
 
 NOT_SET = None
 
@@ -70,8 +70,8 @@ def _values(attributes: Mapping[str, Any], name: str) -> dict[str, Any]:
 def parsed_study(text: str) -> dict[str, Any]:
     """The tables of a study file; InputError if the text is not TOML."""
     try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
+        return parse_toml(text, "its text")
+    except InputError as error:
         raise InputError(f"not a study file: {error}") from error
 
 

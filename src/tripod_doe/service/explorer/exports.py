@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import shlex
-import tomllib
 from typing import Any
 
 import numpy as np
 import tomlkit
 import xarray as xr
 
+from tripod_doe.errors import InputError
 from tripod_doe.page_parts.responses import factor_names
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View
+from tripod_doe.study.definition.study_file import parse_toml
 
 _MOST_ROWS = 500
 
@@ -63,8 +64,8 @@ def _plain(value: object) -> str:
 def study_of(cube: xr.Dataset) -> dict[str, Any]:
     """The study in a cube, as TOML gives it; empty where there is none."""
     try:
-        return tomllib.loads(str(cube.attrs.get("study", "")))
-    except tomllib.TOMLDecodeError:
+        return parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
+    except InputError:
         return {}
 
 

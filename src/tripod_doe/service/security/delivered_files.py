@@ -39,8 +39,10 @@ def check_delivered(directory: Path, found: bool) -> None:
 def file_within(folder: Path, place: str) -> Path | None:
     """The file in a folder that an address names; None where there is none, as where no file can have such a name."""
     path = Path(os.path.normpath(folder / place))
+    if not path.is_relative_to(folder) or any(part.startswith(".") for part in path.relative_to(folder).parts):
+        return None  # hidden files are not checked, so none is delivered
     try:
-        there = path.is_relative_to(folder) and path.is_file()
+        there = path.is_file()
     except OSError:  # a name that is too long
         return None
     return path if there else None

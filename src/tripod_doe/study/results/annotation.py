@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import stat
-import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import tomlkit
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError, printable
+from tripod_doe.study.definition.study_file import parse_toml
 
 FILE = "about.toml"
 """File of a result directory."""
@@ -49,10 +49,10 @@ def read_annotation(directory: Path) -> Annotation:
     """
     path = directory / FILE
     try:
-        content = tomllib.loads(_text(path))
+        content = parse_toml(_text(path), "TOML")
     except FileNotFoundError:
         return Annotation()
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError, InputError) as error:
         raise InputError(f"{path}: cannot read this file: {error}; mend it, or delete it") from error
     return annotated(Annotation(), content, str(path))
 
