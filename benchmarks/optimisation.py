@@ -146,7 +146,7 @@ def ours(options: argparse.Namespace, seed: int) -> Front:
         seconds = time.process_time() - started
     judged = int(summary.front.attrs["confirmed"])
     values = np.stack([summary.front["third"].values, summary.front["size"].values], axis=1)
-    return Front(seconds, values, f"{len(values)} of {judged} judged")
+    return Front(seconds, values, f"{len(values)} of {judged} judged" if judged else f"{len(values)} on the front")
 
 
 def with_pymoo(options: argparse.Namespace, model: str, candidates: int, seed: int) -> Tried:

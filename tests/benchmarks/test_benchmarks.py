@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import random
+import re
 import sys
 import uuid
 from pathlib import Path
@@ -47,10 +48,14 @@ def test_optimisations_and_their_peers_find_fronts(benchmark, capsys):
     module.main([*cheap, "--only", "ours", "direct"])
     rows = [line.split("|") for line in capsys.readouterr().out.splitlines() if "equilibrium" in line and "|" in line]
     assert len(rows) == 2
-    assert all(0 < float(row[4]) < 1 for row in rows)
-    module.main(["--robust", "--grid", "4", "--sample", "64"])
-    found, best = (float(part.split(",")[1].split()[-1]) for part in capsys.readouterr().out.split(";"))
-    assert found == pytest.approx(best, rel=0.05)  # a search over all 16 joints; samples of 256 and 64
+    assert all(0 < float(row[3].split()[0]) < 1 for row in rows)
+
+
+def test_a_robust_front_stands_beside_brute_force(benchmark, capsys):
+    """Samples of brute force and of the search differ; what is stated of a third order holds for both."""
+    benchmark("robust_front").main(["--steps", "4", "--sample", "32", "--share", "1", "--seeds", "1"])
+    found, all_found = re.search(r"(\d+) of (\d+) third orders lie within", capsys.readouterr().out).groups()
+    assert 0 < int(found) == int(all_found)
 
 
 def test_flips_are_refused_or_harmless(benchmark, capsys):
@@ -66,7 +71,7 @@ def test_intervals_of_all_kinds_are_counted(benchmark, capsys, monkeypatch):
     intervals.main(["--seeds", "1"])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) >= 16
-    assert all(" % of " in line for line in lines)
+    assert all(" % of " in line or line.endswith(f"no  of 0; none for {line.split()[-1]}") for line in lines)
 
 
 def test_hostile_files_and_flags_end_in_messages(benchmark, capsys, monkeypatch, tmp_path):

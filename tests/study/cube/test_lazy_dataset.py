@@ -60,10 +60,10 @@ def test_a_list_of_points_stays_as_it_is():
 @pytest.mark.parametrize(
     ("attributes", "outcome", "message"),
     [
-        ({"package_versions": "{"}, 0, "package_versions is no table"),
-        ({"package_versions": "[1]"}, 0, "package_versions is no table"),
-        ({"fixed_parameters": 5}, 0, "fixed_parameters is no table"),
-        ({"model_notes": np.arange(3)}, 0, "model_notes is no text"),
+        ({"package_versions": "{"}, 0, "package_versions holds no table"),
+        ({"package_versions": "[1]"}, 0, "package_versions holds no table"),
+        ({"fixed_parameters": 5}, 0, "fixed_parameters holds no table"),
+        ({"model_notes": np.arange(3)}, 0, "model_notes holds no text"),
         ({}, 77, "an outcome that does not exist"),
     ],
 )

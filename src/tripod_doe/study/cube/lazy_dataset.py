@@ -113,14 +113,14 @@ def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
     """Refuse attributes that readers could not use, and outcomes that do not exist: another program wrote the file."""
     for name in _TEXTS.intersection(stored.attrs):
         if not isinstance(stored.attrs[name], str):
-            raise CubeError(f"{path}: its attribute {name} is no text; {remedy(path)}")
+            raise CubeError(f"{path}: the attribute {name} holds no text; {remedy(path)}")
     for name in _TABLES.intersection(stored.attrs):
         try:
             table = isinstance(json.loads(stored.attrs[name]), dict)
         except (ValueError, TypeError, RecursionError):
             table = False
         if not table:
-            raise CubeError(f"{path}: its attribute {name} is no table in JSON; {remedy(path)}")
+            raise CubeError(f"{path}: the attribute {name} holds no table in JSON; {remedy(path)}")
     if "outcome" in stored and not np.isin(stored["outcome"].values, list(Outcome)).all():
         raise CubeError(f"{path}: it holds an outcome that does not exist; {remedy(path)}")
 
