@@ -433,3 +433,9 @@ def test_the_package_is_the_command_too(monkeypatch, capsys):
         runpy.run_module("tripod_doe", run_name="__main__")
     assert ended.value.code in (0, None)
     assert capsys.readouterr().out.startswith("tripod-doe ")
+
+
+def test_a_second_variable_of_a_query_is_refused(capsys):
+    """Regression: the first one was dropped in silence."""
+    assert main(["query", "cube.nc", "--variable", "thrust_rms", "--variable", "outcome"]) == 2
+    assert "--variable outcome: give one; query each variable by itself" in capsys.readouterr().err

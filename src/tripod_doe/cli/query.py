@@ -12,9 +12,21 @@ from tripod_doe.cli.parser import DONE, Command, Parser, add_cube, add_selection
 from tripod_doe.errors import InputError
 
 
+class _Once(argparse.Action):
+    """A flag whose second value would replace the first one in silence."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, flag: str | None = None
+    ) -> None:
+        """Take the value, or end with a message where there is one."""
+        if getattr(namespace, self.dest) is not None:
+            parser.error(f"{flag} {values}: give one; query each variable by itself")
+        setattr(namespace, self.dest, values)
+
+
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     add_cube(parser)
-    parser.add_argument("--variable", metavar="NAME", required=True, help="variable to print")
+    parser.add_argument("--variable", metavar="NAME", required=True, action=_Once, help="variable to print")
     add_selection(parser, "a value, a list a,b,c or a range a:b of a coordinate")
     parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
     parser.add_argument(

@@ -353,6 +353,14 @@ def test_a_connection_without_tls_is_warned_of(capsys):
     )
 
 
+def test_an_address_without_a_protocol_is_one_of_tcp():
+    """Regression: 127.0.0.1:8786, which Dask's own client takes, was no scheduler."""
+    with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50, host="127.0.0.1") as cluster:
+        plain = cluster.scheduler_address.removeprefix("tcp://")
+        with ExistingScheduler(address=plain).connect() as client:
+            assert client.scheduler.address == cluster.scheduler_address
+
+
 def test_a_command_that_was_told_to_wait_waits_at_the_start(tmp_path):
     with pytest.raises(TripodDoeError, match="there is no such file"):
         ExistingScheduler(file=tmp_path / "none.json").connect_first()

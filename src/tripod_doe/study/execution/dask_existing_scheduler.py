@@ -109,7 +109,8 @@ class ExistingScheduler:
 
     def _read_address(self) -> str:
         if not self.file:
-            return str(self.address)
+            address = str(self.address)
+            return address if "://" in address else f"tcp://{address}"  # as Dask's own client reads it
         try:
             return str(json.loads(self.file.read_text())["address"])
         except FileNotFoundError as error:
