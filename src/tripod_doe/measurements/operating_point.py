@@ -69,9 +69,10 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
         raise InputError(
             f"{option('pattern', pattern)}: {pattern.count('*')} times *; at most {_MOST_STARS} are allowed"
         )
-    parts = [re.escape(part).replace(r"\*", ".*") for part in _FIELD.split(pattern)[::2]]
-    number = r"([+-]?\d++(?:[.,p]\d++)?+)"
-    match = re.fullmatch(number.join(parts), name, re.I)
+    first, *others = (re.escape(part).replace(r"\*", ".*") for part in _FIELD.split(pattern)[::2])
+    # a number is taken whole: possessive quantifiers would say so, but are wrong in Python 3.11.2
+    numbers = (rf"(?=([+-]?\d+(?:[.,p]\d+)?))\{at}" for at in range(1, len(names) + 1))
+    match = re.fullmatch(first + "".join(map("".join, zip(numbers, others, strict=True))), name, re.I)
     if match is None:
         raise InputError(f"{option('pattern', pattern)}: {name} is of another form")
     return {own: float(re.sub("[,pP]", ".", text)) for own, text in zip(names, match.groups(), strict=True)}

@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.study.execution import local_cluster
+from tripod_doe.study.execution import dask_local_cluster
 from tripod_doe.study.execution.dask_local_cluster import LocalWorkers
 
 CLIENT = """
@@ -113,7 +113,7 @@ def test_a_start_that_fails_says_why(monkeypatch, tmp_path, body, reason):
     """Regression: killed while it started, it was said to be explained above, where nothing stood."""
     (tmp_path / "dying.py").write_text(body)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(local_cluster, "__name__", "dying")
+    monkeypatch.setattr(dask_local_cluster, "__name__", "dying")
     with pytest.raises(TripodDoeError, match=f"could not be started: the process that starts them {reason}"):
         LocalWorkers(1)
 

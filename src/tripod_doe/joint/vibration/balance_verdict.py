@@ -14,7 +14,6 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.known_errors.vibration_record import may_vibrate
 from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration.onset import growing_vibration
 from tripod_doe.mechanics.contact_damping_parameters import GREASED
 from tripod_doe.model_interface import BlockResult, Outcome
 
@@ -40,6 +39,8 @@ def undecided_rows(points: JointValues[FloatArray], rows: IntArray) -> IntArray:
 
 def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
     """Whether joints vibrate, 1 or 0, of the first of those that may; NaN at others, shape (point,)."""
+    from tripod_doe.joint.vibration.onset import growing_vibration  # 0.6 s, which most processes do not need
+
     found = np.full(points.torque.size, np.nan)
     for row in undecided_rows(points, np.flatnonzero(_in_motion(points)))[:_MOST].tolist():
         found[row] = growing_vibration(points.point(row)) is not None
@@ -53,6 +54,8 @@ def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: Blo
         The outputs `VIBRATES` and `VIBRATION_VERDICT`, shape (point,), NaN at other rows.
     """
     verdicts = np.full((1 + len(VIBRATION_VERDICT), block.count), np.nan)
+    if rows.size:
+        from tripod_doe.joint.vibration.onset import growing_vibration
     for row in map(int, rows):
         vibration = growing_vibration(points.point(row))
         if vibration is None:
