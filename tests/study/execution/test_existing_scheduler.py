@@ -355,7 +355,7 @@ def test_a_connection_without_tls_is_warned_of(capsys):
 
 def test_an_address_without_a_protocol_is_one_of_tcp():
     """Regression: 127.0.0.1:8786, which Dask's own client takes, was no scheduler."""
-    with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50, host="127.0.0.1") as cluster:
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", silence_logs=50, host="127.0.0.1") as cluster:
         plain = cluster.scheduler_address.removeprefix("tcp://")
         with ExistingScheduler(address=plain).connect() as client:
             assert client.scheduler.address == cluster.scheduler_address
