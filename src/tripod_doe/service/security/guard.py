@@ -57,13 +57,10 @@ _HEADERS = (
 """Of every answer that does not bring its own."""
 
 
-class _CrowdedError(RefusedError):
-    """A link or a reader asks for more at once than it may."""
-
-    def __init__(self, streams: bool) -> None:
-        what = "event streams are open" if streams else "requests are not answered yet"
-        text = f"{_MOST_WAITING} {what}, the limit for a link or a reader; try again later"
-        super().__init__(503, text, headers={"retry-after": "5"})
+def _share_of(scope: Scope) -> tuple[str, bool] | None:
+    """The reader that asks, and whether for a stream of events; None for the owner, and where no access is needed."""
+    access: Access | None = scope["access"]
+    return None if access is None or access.name == OWNER else (access.name, scope["path"].endswith("/events"))
 
 
 async def _send_in_pieces(send: Send, message: Message) -> None:
@@ -130,6 +127,7 @@ class Guard:
             if scope["method"] not in _SAFE:
                 self._check_change(scope, headers)
                 receive = _again(await self._body(scope, headers, receive))
+            self._refuse_crowd(scope)
         except RefusedError as refusal:
             if refusal.status == 401:  # a person may read it
                 answer = self._refusal_answer(HTTPConnection(scope), refusal, self._settings, "")
@@ -154,8 +152,6 @@ class Guard:
         except BaseExceptionGroup as group:
             if not begun or group.split(BrokenResourceError)[1] is not None:
                 raise  # else the client has left while an event was sent to it
-        except _CrowdedError as crowded:
-            await JSONResponse(crowded.answer(), crowded.status, crowded.headers)(scope, receive, send)
         except asyncio.CancelledError:
             if begun:
                 raise
@@ -164,27 +160,28 @@ class Guard:
 
     @asynccontextmanager
     async def _turn(self, scope: Scope) -> AsyncIterator[None]:
-        """Let readers wait for each other: they take no thread and no connection that the owner needs.
-
-        Raises:
-            _CrowdedError: If too much of what this reader asked for is not answered yet.
-        """
-        access, streams = scope["access"], scope["path"].endswith("/events")
-        if access is None or access.name == OWNER:
+        """Let readers wait for each other: they take no thread and no connection that the owner needs."""
+        if (mine := _share_of(scope)) is None:
             yield
             return
-        mine = access.name, streams
-        if self._open[mine] >= _MOST_WAITING:
-            raise _CrowdedError(streams)
+        name, streams = mine
         self._open[mine] += 1
         try:
             if streams:  # they hold no thread
                 yield
                 return
-            async with self._turns[access.name], self._readers:
+            async with self._turns[name], self._readers:
                 yield
         finally:
             self._open[mine] -= 1
+
+    def _refuse_crowd(self, scope: Scope) -> None:
+        """Refuse what a reader asks for while too much of what it asked for before is not answered."""
+        mine = _share_of(scope)
+        if mine is not None and self._open[mine] >= _MOST_WAITING:
+            what = "event streams are open" if mine[1] else "requests are not answered yet"
+            text = f"{_MOST_WAITING} {what}, the limit for a link or a reader; try again later"
+            raise RefusedError(503, text, headers={"retry-after": "5"})
 
     def _check_host(self, headers: Headers) -> None:
         given = headers.getlist("host")
