@@ -41,7 +41,7 @@ def changes_to_confirm(result: xr.Dataset) -> list[Change]:
     of the first factor that one is resolved for.
     """
     keep, changes = float(result.attrs["keep"]), []
-    tables = {name: FactorTable(**table) for name, table in json.loads(str(result.attrs["factor_tables"])).items()}
+    tables = factor_tables(result)
     limit = result["limit"]
     for at in np.argwhere(np.isfinite(np.atleast_1d(limit.values))):
         place = dict(zip(map(str, limit.dims), at.tolist(), strict=False))
@@ -49,6 +49,11 @@ def changes_to_confirm(result: xr.Dataset) -> list[Change]:
         if float(part["exceedance"]) > 1 - keep and (factors := _first(part, tables)):
             changes.append(Change(place, label_of(part), factors))
     return list({change.label: change for change in reversed(changes)}.values())[::-1]
+
+
+def factor_tables(result: xr.Dataset) -> dict[str, FactorTable]:
+    """The tables of the factors of a result, by their names."""
+    return {name: FactorTable(**table) for name, table in json.loads(str(result.attrs["factor_tables"])).items()}
 
 
 def label_of(part: xr.Dataset) -> str:

@@ -10,7 +10,7 @@ from statistics import NormalDist
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, label_of
+from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, label_of
 from tripod_doe.analyses.tolerance.keeping import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.responses import listed, spoken, unit_text
@@ -141,7 +141,7 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     if not value > 1 - keep:
         return said
     names = [str(name) for name in part["factor"].values]
-    tables = {name: FactorTable(**table) for name, table in json.loads(str(part.attrs["factor_tables"])).items()}
+    tables = factor_tables(part)
     aim = f"To keep {what} {within} with {100 * keep:g} %"
     ways = [_smaller_scatter(part, names, tables), _cheapest(part, names, tables), _shifts(part, names, tables)]
     chances = [chance for _, each in ways for chance in each]

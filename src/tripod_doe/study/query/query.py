@@ -281,7 +281,6 @@ def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> st
         decimal_comma: Write CSV with commas in numbers and semicolons between them, as spreadsheets of some countries
             read it.
     """
-    names = [printable(name) for name in columns]
     rows = list(zip(*(column.tolist() for column in columns.values()), strict=True))
     if form == "json":
         return json.dumps([dict(zip(columns, map(_json_value, row), strict=True)) for row in rows])
@@ -291,7 +290,7 @@ def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> st
         writer.writerow(map(csv_cell, columns))
         writer.writerows([[_csv_word(value, decimal_comma) for value in row] for row in rows])
         return buffer.getvalue().rstrip("\n")
-    lines = [names, *([_table_word(value) for value in row] for row in rows)]
+    lines = [[printable(name) for name in columns], *([_table_word(value) for value in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     aligned = [" ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
     return "\n".join(aligned) if rows else "no cell matches"
