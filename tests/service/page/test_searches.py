@@ -134,9 +134,12 @@ outputs = ["thrust_amplitude"]
     page.click("text=Add the variable")
     page.wait_for_url("**variable=ratio*", timeout=120_000)
     page.wait_for_selector("#seen-title:has-text('Ratio')")
-    page.click("text=Extend")
+    held = []
+    page.route("**/new_study.js", lambda route: held.append(route))  # the form is filled in before the page's script runs
+    page.click("text=Extend", no_wait_after=True)
     page.fill("[name='parameter.joint_angle_deg']", "3, 8, 13")
     page.press("[name='parameter.joint_angle_deg']", "Tab")
+    held[0].continue_()
     page.wait_for_selector("#price:has-text('New points')")
     until_new = "[...document.querySelectorAll('#price dd')].map((cell) => cell.innerText).slice(0, 2).join() === '2,6'"
     until(page, until_new)

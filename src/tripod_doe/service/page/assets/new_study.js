@@ -123,6 +123,11 @@ async function change(field) {
   }
 }
 
+function untouched(field) {
+  if (!field.options) return field.value === field.defaultValue;
+  return field.selectedIndex === Math.max(0, [...field.options].findIndex((option) => option.defaultSelected));
+}
+
 function soon() {
   clearTimeout(timer);
   timer = setTimeout(check, PAUSE);
@@ -166,3 +171,6 @@ submit.addEventListener("click", async () => {
 });
 number();
 check({ keepForm: true });
+for (const field of form.elements) {  // typed before this script ran, or kept by the browser over a reload
+  if (field.name && !untouched(field)) changes = changes.then(() => change(field));
+}
