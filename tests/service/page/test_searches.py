@@ -135,7 +135,7 @@ outputs = ["thrust_amplitude"]
     page.wait_for_url("**variable=ratio*", timeout=120_000)
     page.wait_for_selector("#seen-title:has-text('Ratio')")
     held = []
-    page.route("**/new_study.js", lambda route: held.append(route))  # the form is filled in before the page's script runs
+    page.route("**/new_study.js", lambda route: held.append(route))  # the form is filled in first
     page.click("text=Extend", no_wait_after=True)
     page.fill("[name='parameter.joint_angle_deg']", "3, 8, 13")
     page.press("[name='parameter.joint_angle_deg']", "Tab")
