@@ -8,8 +8,6 @@
 Names are imported when they are first used, so that workers and short commands load no plotting.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """Tables that people write as CSV files: a header, and rows with a field for each of its columns."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from pathlib import Path

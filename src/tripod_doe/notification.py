@@ -5,8 +5,6 @@ others, so they never become words of a command or a part of an address: they st
 the body of the request. Nothing that goes wrong here changes how a run ends.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

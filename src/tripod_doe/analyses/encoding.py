@@ -1,7 +1,5 @@
 """Encoding of factors: numbers scaled to a range, words as indicator columns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The kind of an analysis result: the attribute ``analysis_kind`` of its Dataset; a study's cube has none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, ParamSpec

@@ -1,7 +1,5 @@
 """Intervals by resampling: the bootstrap for blocks that stand alone, random halves where repeated points count."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from statistics import NormalDist
 

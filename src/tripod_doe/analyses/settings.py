@@ -1,7 +1,5 @@
 """Settings that analyses of many points share."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field

@@ -1,7 +1,5 @@
 """The command check."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

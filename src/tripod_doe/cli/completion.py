@@ -1,7 +1,5 @@
 """Print a script that completes the command line in a shell: commands, flags, choices and files."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Add responses to the results in a directory, or drop some."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

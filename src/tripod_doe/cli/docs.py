@@ -1,7 +1,5 @@
 """Print where the documentation stands on this machine, or open it."""
 
-from __future__ import annotations
-
 import argparse
 import webbrowser
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Fit unknown parameters to measured records."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

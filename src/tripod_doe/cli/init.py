@@ -1,7 +1,5 @@
 """Write a study file to start from."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

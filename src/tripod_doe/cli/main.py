@@ -4,8 +4,6 @@ Answers go to standard output; progress and messages go to standard error. Exit 
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import errno
 import os

@@ -1,7 +1,5 @@
 """Search for the best joint within limits."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import sys

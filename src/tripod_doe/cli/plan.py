@@ -1,7 +1,5 @@
 """Count points, time and bytes of a study, a workflow, a fit or an optimisation before anything runs."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

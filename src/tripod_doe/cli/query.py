@@ -1,7 +1,5 @@
 """Select values of a cube and print them."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Write the page of a result directory again, or hand on a part of it."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run a study, or go on with one that was interrupted."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import re

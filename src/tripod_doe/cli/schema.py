@@ -1,7 +1,5 @@
 """Print the schema of study, workflow or fit files."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

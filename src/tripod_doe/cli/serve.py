@@ -1,7 +1,5 @@
 """Serve runs, cubes and reports in a browser and over HTTP."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Write a page that moves the joint at one or two points of a study's results."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Run a workflow, or one of its steps with the steps that it needs."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import sys

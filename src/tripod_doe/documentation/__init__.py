@@ -4,8 +4,6 @@ Wheels get it as they are built (``docs/wheel_with_site.py``), so reading it nee
 editable installation has none until the site is built into it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 BUILD = "sphinx-build docs src/tripod_doe/documentation/site"

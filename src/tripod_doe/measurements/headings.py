@@ -4,8 +4,6 @@ A heading is known by our name (``thrust_n``), by a usual name (``Time``, ``Zeit
 within a longer one (``CH3 Axialkraft Gehäuse (N)``).
 """
 
-from __future__ import annotations
-
 import math
 import re
 import unicodedata

@@ -1,7 +1,5 @@
 """Where a joint was when a record was made: its notes, columns or the name of its file say so."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 

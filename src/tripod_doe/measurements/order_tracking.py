@@ -7,8 +7,6 @@ A drift of s per revolution would add a sawtooth, s / (pi k) to order k, in each
 from the change of the mean from one revolution to the next, and what it adds is subtracted.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How many pulses a tachometer gives per revolution, where no one says so: from the speed, or from the force."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tripod_doe.array_types import FloatArray

@@ -1,7 +1,5 @@
 """Amplitude of a force at every number of cycles per revolution, also between whole orders."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tripod_doe.array_types import FloatArray

@@ -1,7 +1,5 @@
 """Rotation angle from a tachometer: its edges are found, cleaned of bounces, and those that are missing are counted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A still drawing of the joint to scale, from its parameters: along the input axis, and a roller on its trunnion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -5,8 +5,6 @@ Groove k is at the angle phi + (k - 1) 120 deg about z. The spider moves as in `
 rollers on the axes of their grooves; needles, and the places along trunnions and grooves, come from the model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Points of a study's results: all values that they were simulated with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

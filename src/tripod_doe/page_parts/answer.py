@@ -1,7 +1,5 @@
 """The top of a page: the answer in at most three sentences, and the one picture that shows it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Choice of the models in a cube: orders that were asked for, the model of each point, its estimated error."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The outputs of an analysis that a reader asks for first, each with its name in words and its unit."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The main results of a cube as labelled responses over the design."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

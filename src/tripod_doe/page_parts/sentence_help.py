@@ -1,7 +1,5 @@
 """Which entry of `sentence_help.toml` explains a sentence of a page: its meaning, and how it is computed."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The points that sentences and figures are made of: all, or of a very large cube a subset that the page states."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

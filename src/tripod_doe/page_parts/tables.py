@@ -1,7 +1,5 @@
 """The tables of a report: points that did not finish, costs, and the parameters with their sources."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Compiled templates of pages, kept on disk."""
 
-from __future__ import annotations
-
 import contextlib
 
 from jinja2 import FileSystemBytecodeCache

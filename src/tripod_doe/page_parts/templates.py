@@ -1,7 +1,5 @@
 """Pages from the templates beside this module, and the signs of print in their sentences."""
 
-from __future__ import annotations
-
 import base64
 import re
 from functools import cache

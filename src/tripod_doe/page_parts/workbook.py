@@ -3,8 +3,6 @@
 XlsxWriter writes it: it has no dependencies and takes texts as texts, so that no cell of a stranger is a formula.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The page of a fit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import xarray as xr

@@ -1,7 +1,5 @@
 """The joint of a study to scale, for its report, and the command that moves one of its points."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """One page for who decides: the question, three sentences and one picture, as HTML or for print."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

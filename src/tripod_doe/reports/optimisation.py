@@ -1,7 +1,5 @@
 """The page of an optimisation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

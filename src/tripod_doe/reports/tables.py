@@ -1,7 +1,5 @@
 """The tables of a result directory as a workbook: points, parameters, analyses, provenance, the study."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pages of a workflow: its steps with links to their results, and the pages of its report steps."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Answers for pages and views of runs: each function asks a worker."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

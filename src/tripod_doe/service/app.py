@@ -1,7 +1,5 @@
 """The web application: the interface under ``/api/v1`` behind its guard."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import AsyncIterator

@@ -1,7 +1,5 @@
 """Limits of a request, a study and the queue; ``GET /api/v1/limits`` lists them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ Clients decide how often an error occurs and what its message holds; neither may
 
 """
 
-from __future__ import annotations
-
 import logging
 import re
 import sys

@@ -1,7 +1,5 @@
 """Complaints as objects: the sentences of the command line with key, value, near match, line and column apart."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re

@@ -1,7 +1,5 @@
 """The server's process: its folder, its socket, and an end in order."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

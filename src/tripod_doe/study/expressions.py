@@ -4,8 +4,6 @@ Texts are parsed, never evaluated as Python. Names stand for arrays with named d
 labels, as in ``thrust_amplitude[3]`` and ``thrust[90:180]``, and reduced by max, min, mean and sum.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

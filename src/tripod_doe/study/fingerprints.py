@@ -1,7 +1,5 @@
 """Fingerprints of points, by which results are recognised: made of all parameters, and looked up in an index."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any

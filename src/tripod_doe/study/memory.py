@@ -1,7 +1,5 @@
 """Memory that a study or an analysis needs, checked from counts before anything is made or read."""
 
-from __future__ import annotations
-
 import os
 import resource
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One simulated point as text for people: outputs with their labels, three significant digits."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

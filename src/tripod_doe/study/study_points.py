@@ -1,7 +1,5 @@
 """A study with all its points and their fingerprints, as it is run in a result directory."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Analyses that a study asks for: checked before anything runs, made from its cube."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Price of a fit before anything runs, from the number of its points and the time of some."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

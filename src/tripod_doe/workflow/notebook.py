@@ -1,7 +1,5 @@
 """A run in a notebook: its progress while it computes, and its summary as HTML."""
 
-from __future__ import annotations
-
 import html
 import sys
 import time

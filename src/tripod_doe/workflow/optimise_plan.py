@@ -1,7 +1,5 @@
 """Price of an optimisation before anything runs: its points, and the time of some."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """Plan of a workflow before anything runs: the plans of its studies, and their sum."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A search asks for the same batches in the same order each time. What the journal
 that was killed goes on where it was, and ends with the same answer. In the end all points stand in a cube of their own.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import time

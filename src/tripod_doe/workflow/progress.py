@@ -1,7 +1,5 @@
 """Progress of a run: a bar on a terminal, a line now and then in a log; the time left follows from recorded prices."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The states of a workflow's steps, or of the stages of a search, in its directory, for programs that watch it run."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Confirmation of a tolerance analysis by other points: its first change of factors is run as a study of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

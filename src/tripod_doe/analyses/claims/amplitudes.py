@@ -1,7 +1,5 @@
 """Amplitudes of orders from the evidence: single points, lines over a factor, and what is made of several."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The paper's analysis cases: which points of the cubes belong to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

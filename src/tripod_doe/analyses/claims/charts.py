@@ -1,7 +1,5 @@
 """The claims of the paper: how far each number lies inside or outside the limit that decides its claim."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

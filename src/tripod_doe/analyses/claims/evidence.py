@@ -1,7 +1,5 @@
 """Evidence for claims: points of any number of cubes, chosen by their parameters."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Measures of claims about orders of the thrust force: each a number from the evidence, with its error."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

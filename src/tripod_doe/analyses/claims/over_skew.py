@@ -1,7 +1,5 @@
 """The paper's claims over the skews that are chosen for its cases, since it does not print them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measures of claims about the parts of the joint: mechanisms, needles, laws of friction, degrees of freedom."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """The claims of the paper as rules: `claims.toml` states them, and a number from the cubes decides each."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass

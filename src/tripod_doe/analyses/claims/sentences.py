@@ -1,7 +1,5 @@
 """The claims of the paper in sentences and as tables, for one skew and over the chosen skews."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

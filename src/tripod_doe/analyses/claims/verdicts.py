@@ -1,7 +1,5 @@
 """The paper's claims: statement, quantity that decides it, its tolerance, and whether it holds, for each."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 The operating point of a record stands in a table of records. A point that the cube lacks is simulated.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

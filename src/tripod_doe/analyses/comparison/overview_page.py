@@ -1,7 +1,5 @@
 """The overview of many records as text, CSV, JSON and as a page with a page for each record."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The page of a comparison with a measurement."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Such a mistake gives a smooth answer: amplitudes and phases of the wrong orders, or a force of another unit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tripod_doe.array_types import ComplexArray

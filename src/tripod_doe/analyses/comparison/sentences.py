@@ -1,7 +1,5 @@
 """A comparison with a measurement, in sentences, as a table and as JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

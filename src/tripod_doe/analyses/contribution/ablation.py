@@ -1,7 +1,5 @@
 """An ablation: its operating points, and what each combination of mechanisms makes of the whole amplitude there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Contribution of the mechanisms in sentences: who makes an amplitude, who opposes it, and what the shares mean."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray

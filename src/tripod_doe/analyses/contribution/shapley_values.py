@@ -5,8 +5,6 @@ References:
     interaction among players in cooperative games.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Contributions of the mechanisms by every definition, as tables and sentences beside the paper's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

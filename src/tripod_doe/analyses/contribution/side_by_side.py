@@ -1,7 +1,5 @@
 """The contributions by several models side by side: where the cheaper ones agree with the finest, and where not."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

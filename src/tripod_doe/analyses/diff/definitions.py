@@ -1,7 +1,5 @@
 """Differences of two study files, key by key, and of the program and the values behind two cubes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

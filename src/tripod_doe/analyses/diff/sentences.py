@@ -1,7 +1,5 @@
 """Differences of two studies as text, as CSV and as JSON."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The points that two cubes share, by the values of every factor of either study."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

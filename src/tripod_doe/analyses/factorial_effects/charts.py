@@ -1,7 +1,5 @@
 """Effects of a factorial or response-surface design as bars."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

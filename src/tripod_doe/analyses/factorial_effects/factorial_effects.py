@@ -5,8 +5,6 @@ apart from the first. Terms are single factors, products of two (``a:b``), and s
 than two levels, each as far as the design separates it from those before.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from itertools import combinations

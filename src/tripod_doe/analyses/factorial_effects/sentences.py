@@ -1,7 +1,5 @@
 """Findings and table of the effects of a factorial or response-surface design."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The points that failed over the two factors that decide it, with the region that fails."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

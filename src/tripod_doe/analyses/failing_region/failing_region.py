@@ -1,7 +1,5 @@
 """Which region of the factors fails: a small classification tree over the points of a study."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

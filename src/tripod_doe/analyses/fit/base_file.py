@@ -1,7 +1,5 @@
 """The fitted joint as TOML: values to paste into [base], and a study of tolerances with what is not known of them."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping

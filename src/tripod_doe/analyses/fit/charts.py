@@ -1,7 +1,5 @@
 """Charts of a fit: intervals, measured beside fitted, what is left over, profiles, and what to measure next."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

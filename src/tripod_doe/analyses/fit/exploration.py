@@ -5,8 +5,6 @@ computed at some places spread over the range and interpolated between them, and
 say where to begin on the real one.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ cheap one at the minimum is added to the cheap model, and the minimum is looked 
 model is computed at a few minima only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The form of a fit file: its tables and keys, with errors that name table, key and value."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 

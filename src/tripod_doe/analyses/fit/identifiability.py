@@ -4,8 +4,6 @@ Everything follows from the whitened Jacobian over the unit cube of the unknowns
 direction is known to a standard deviation of 1/s of the ranges.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

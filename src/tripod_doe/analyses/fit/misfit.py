@@ -6,8 +6,6 @@ records are errors of the model that they share, and the scale of the force sens
 For each prediction the nuisances take their best values (variable projection, Golub and Pereyra 1973).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

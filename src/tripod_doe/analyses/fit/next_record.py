@@ -4,8 +4,6 @@ The whitened Jacobian of the fit is extended by the rows of a record that is not
 those that are, and the error of the model there. That needs the derivatives at the candidates, and no data.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

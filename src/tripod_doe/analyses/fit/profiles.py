@@ -6,8 +6,6 @@ a failing model that comes before that leaves the interval open. Where chi squar
 was not over: it goes on from there, and all profiles begin again.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

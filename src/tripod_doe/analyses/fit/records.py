@@ -1,7 +1,5 @@
 """Records of a rig as a fit takes them: orders of each revolution, and what is known of the joint in each record."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The result of a fit as a cube: values, intervals and verdicts, measured beside fitted, what to measure next."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from importlib.metadata import version

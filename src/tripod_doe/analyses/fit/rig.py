@@ -3,8 +3,6 @@
 Whatever computes points is handed in, so that nothing here knows of journals or workers.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence

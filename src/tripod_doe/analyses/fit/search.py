@@ -6,8 +6,6 @@ a record in place of one a record and unknown. Where such a descent ends, differ
 from there until they change nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Sentences and tables of a fit: each unknown, and the records."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

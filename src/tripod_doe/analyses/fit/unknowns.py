@@ -1,7 +1,5 @@
 """Unknowns and their scalars: one for all records, one a group of records, or one a record; searched on a unit cube."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

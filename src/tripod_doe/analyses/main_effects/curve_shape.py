@@ -1,7 +1,5 @@
 """The course of a response over the levels of one factor: one direction, an optimum inside, none, or none of these."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

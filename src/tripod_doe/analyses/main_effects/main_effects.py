@@ -15,8 +15,6 @@ points that finished, whatever the design was called.
 Where none holds, as for lists of points in which factors change together, the design does not separate the factor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum

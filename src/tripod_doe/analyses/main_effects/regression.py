@@ -4,8 +4,6 @@ The response is described by a sum of one function per factor; what that leaves,
 Its size decides how far an effect is known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Sentences on the effect of each factor: only what its points support, see `analyses.main_effects.main_effects`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wording of the sentence on one factor, or on several alike; `sentences` chooses them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

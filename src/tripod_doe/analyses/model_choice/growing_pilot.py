@@ -9,8 +9,6 @@ In both, a full model of smaller numerical error is added where the error of the
 points than the confidence allows. Each time the pilot is the same study with more points, so no point runs twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ A point with the parameters that were chosen for it is the same point in pilot a
 points that finished are taken over: one that failed is the study's to run, with its own retries.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any

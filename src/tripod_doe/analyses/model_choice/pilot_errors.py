@@ -6,8 +6,6 @@ the numerical errors of different points have nothing to do with each other, d h
 itself is the error: how much smaller the error is, is not known.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Any

@@ -13,8 +13,6 @@ share that the study asks for is out of reach, or the pilot would be as large as
 does not count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -26,8 +26,6 @@ The price of a candidate is its counted force evaluations, averaged over the pil
 evaluation.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -3,8 +3,6 @@
 No point runs twice, neither in the pilot as it grows (`growing_pilot`) nor in the study (`pilot_results`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

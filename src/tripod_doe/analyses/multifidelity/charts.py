@@ -1,7 +1,5 @@
 """Distribution of an output by several models, and their gain over the most expensive one alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

@@ -11,8 +11,6 @@ that by the truth alone would scatter more than the rest. As E (y - c)^2 = var y
 index is a quotient, whose bias goes with one over the samples.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The models of a multifidelity cube with their nested samples and prices."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The multifidelity analysis: all outputs of a cube, with intervals and with the gain over the truth alone."""
 
-from __future__ import annotations
-
 from statistics import NormalDist
 
 import numpy as np

@@ -5,8 +5,6 @@ are straight lines through the truth's samples; as in `estimates`, each fold get
 The interval holds all t at which the distribution function may equal the probability (Woodruff 1952).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Findings and table of a multifidelity analysis: what the truth would answer, and what the cheaper models gain."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -5,8 +5,6 @@ order, model k gets r_k = sqrt(w_1 (rho_k^2 - rho_k+1^2) / (w_k (1 - rho_2^2))) 
 that do not pay are left out; the combination with the smallest variance at equal price is taken.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The split of a study, as its result directory holds it: written into `study.toml`, which is then a static study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

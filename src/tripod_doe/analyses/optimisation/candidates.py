@@ -1,7 +1,5 @@
 """Stored candidates of an optimisation: what was said of them, a table of them, and one of them as a joint."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

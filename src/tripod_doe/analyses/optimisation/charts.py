@@ -1,7 +1,5 @@
 """Figures of an optimisation: the front, its candidates over all axes, the course of a search, waveforms."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Correction of one model by another: a Gaussian process of their difference, from few candidates."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

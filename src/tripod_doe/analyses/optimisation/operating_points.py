@@ -1,7 +1,5 @@
 """The operating points at which each candidate is judged: a grid or a table, with weights."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

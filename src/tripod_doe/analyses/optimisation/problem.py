@@ -1,7 +1,5 @@
 """An optimisation as a problem: candidates become points of a study, and answers objectives and constraints."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

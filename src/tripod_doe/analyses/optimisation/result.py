@@ -1,7 +1,5 @@
 """The results of an optimisation as datasets: the front, and all candidates with the reasons of those left out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """Scatter of dimensions and frictions: one fixed sample of it for all candidates, another one to confirm them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -5,8 +5,6 @@ feasible by how far they are from it, so that no objective has to be made up for
 and it brings SQLAlchemy and Alembic; SciPy's differential evolution has one objective, and calls the function itself.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

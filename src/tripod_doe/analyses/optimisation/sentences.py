@@ -1,7 +1,5 @@
 """Sentences and tables of an optimisation: the answer, its ends, what binds there, and what was left out."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

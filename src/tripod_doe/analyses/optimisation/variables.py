@@ -1,7 +1,5 @@
 """Variables with ranges or values, on the unit interval for a search, and the parameters that follow them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

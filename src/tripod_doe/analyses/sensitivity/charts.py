@@ -1,7 +1,5 @@
 """Sensitivity of the responses to the factors: indices as bars, their convergence, Morris' effects as a map."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

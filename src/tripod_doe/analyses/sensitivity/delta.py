@@ -8,8 +8,6 @@ resampling, said to hold in 95 %, held in 0 % (Ishigami's function, 4,096 points
 counts as resolved as in `pawn`.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

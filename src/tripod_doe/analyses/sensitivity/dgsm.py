@@ -4,8 +4,6 @@ vi equals SALib's, which differentiates over the range of a factor instead of it
 the mean squared derivative, not of the measure itself.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -4,8 +4,6 @@ A method only estimates. What holds for all of them stands here: which points co
 below the numerical error of the model, convergence over nested subsamples, and the labels of the result.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace

@@ -8,8 +8,6 @@ in 95 %, held in 38 to 98 %. So it has none. A factor counts as resolved where i
 without effect, drawn at random, which by chance one in twenty does (a Monte Carlo test, Besag and Diggle 1977).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

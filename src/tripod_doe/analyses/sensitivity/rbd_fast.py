@@ -3,8 +3,6 @@
 Indices are equal to SALib's to rounding, for all outputs at once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Findings of a sensitivity analysis: its strongest factors, what is not resolved, whether the points are enough."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,8 +7,6 @@ Broto, Bachoc and Depecker (2020) have them, a local polynomial since they diffe
 and Gamboa 2009).
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 from math import comb
 

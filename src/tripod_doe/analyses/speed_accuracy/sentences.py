@@ -1,7 +1,5 @@
 """Speed and accuracy as sentences and tables: the cheapest method, ratios of prices, and failures."""
 
-from __future__ import annotations
-
 import math
 import re
 

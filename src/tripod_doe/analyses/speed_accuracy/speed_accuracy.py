@@ -6,8 +6,6 @@ together are selected. The more expensive one is the reference, and their differ
 methods share no discretisation. Errors below it are known only to be below it.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Timed runs of the cubes of method studies: settings, results and costs of each."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Measured and predicted stability limits in sentences and as a table."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -13,8 +13,6 @@ The border is predicted from the rates of the reference run (`mechanics.checks.l
     all others          none: their equations are solved, and they damp what they do not resolve
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """Courses of the main outputs over each factor by a surrogate, with its bands."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

@@ -1,7 +1,5 @@
 """Findings of a surrogate: how well it predicts what it has not seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

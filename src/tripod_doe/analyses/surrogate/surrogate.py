@@ -3,8 +3,6 @@
 It says how far a picture or a what-if may rest on it; it is no result of a model, and no claim is judged by it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 from pydantic import Field

@@ -4,8 +4,6 @@ Outputs are learned as they are, orders as the cosine and sine parts of their wa
 and phase are not. The errors at unseen points go with it, so that a page can draw bands around its answers.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The part of a report that answers "what if": a surrogate with its numbers, which the page evaluates by itself."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -1,7 +1,5 @@
 """Distribution of an output under manufacturing scatter, and what halving the scatter of each factor gains."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

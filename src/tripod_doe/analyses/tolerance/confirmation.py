@@ -1,7 +1,5 @@
 """What a run with other points is to confirm: the change of scatter or of a nominal value that keeps a limit."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

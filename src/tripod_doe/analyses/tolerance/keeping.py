@@ -6,8 +6,6 @@ where the upper end of the interval of the chance to exceed the limit is small e
 all scatters and pairs together: of many ways that are tried, the best looks better than it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Findings and table of a tolerance analysis: quantiles, probabilities to exceed limits, what to tighten first."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ Each point counts by how much more often it would occur if the distribution were
 part of a moved distribution that no point can lie in is not known, and counts as beyond the limit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -8,8 +8,6 @@ half as far about its centre.
 Phases are ordered by their difference from the circular mean, and so is their limit.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Mapping
 

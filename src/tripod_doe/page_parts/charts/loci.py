@@ -1,7 +1,5 @@
 """The locus of a needle between two plates: the paper's Fig. 8(b)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

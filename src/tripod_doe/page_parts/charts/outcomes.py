@@ -1,7 +1,5 @@
 """Outcomes of the points of a study: a map over a factor with names, such as the model, and a numeric one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

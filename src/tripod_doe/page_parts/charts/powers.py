@@ -4,8 +4,6 @@ Names, units and words of a study stand in charts as they are; in one with two d
 and drawing ends with its syntax error.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

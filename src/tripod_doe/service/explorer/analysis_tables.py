@@ -1,7 +1,5 @@
 """Results of analyses for a page: sentences, tables of numbers, and a view of the points behind each number."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

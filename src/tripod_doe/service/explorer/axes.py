@@ -1,7 +1,5 @@
 """Variables of a cube, the coordinates along their dimensions, and a first view."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

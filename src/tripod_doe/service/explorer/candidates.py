@@ -1,7 +1,5 @@
 """Candidates of an optimisation as a list of points, so that a front is explored as any other results are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

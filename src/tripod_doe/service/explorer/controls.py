@@ -1,7 +1,5 @@
 """Controls of a view: one per dimension, and for factors of a list a range."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cubes and analyses in words and numbers for a page: what there is to choose from, and what was found."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

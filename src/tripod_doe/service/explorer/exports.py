@@ -1,7 +1,5 @@
 """A view as somebody would write it elsewhere: the command, the lines of Python, the study file of what is seen."""
 
-from __future__ import annotations
-
 import shlex
 from typing import Any
 

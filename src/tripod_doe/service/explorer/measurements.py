@@ -1,7 +1,5 @@
 """An uploaded measurement beside a point of a cube."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Cubes as questions need them: small ones stay in memory between questions, large ones are read as far as asked."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager

@@ -1,7 +1,5 @@
 """Questions of the cube explorer, answered by a worker: what there is, a figure, one point."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext

@@ -1,7 +1,5 @@
 """The slice of a cube that a view shows, by the same query as on the command line, and its figure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """One point simulated again with other values: its price before, its curves after; and what makes its force."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

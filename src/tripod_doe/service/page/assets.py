@@ -1,7 +1,5 @@
 """Files of the page: its scripts and styles, the report's style sheet, and Plotly as its wheel ships it."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 from functools import cache

@@ -1,7 +1,5 @@
 """Errors as pages for browsers, as JSON for programs."""
 
-from __future__ import annotations
-
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, Response
 

@@ -1,7 +1,5 @@
 """The documentation behind the link "Help": the site that the installation brings along, or how to get it."""
 
-from __future__ import annotations
-
 from fastapi import APIRouter
 from starlette.responses import FileResponse, Response
 

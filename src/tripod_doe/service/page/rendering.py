@@ -1,7 +1,5 @@
 """How pages are written: the templates, what they say in words, and the policy under which browsers show them."""
 
-from __future__ import annotations
-
 import json
 from datetime import datetime
 from functools import cache

@@ -1,7 +1,5 @@
 """Pages of runs: the list, one run, and the parts that scripts fetch again."""
 
-from __future__ import annotations
-
 import json
 from typing import Annotated, Any
 from urllib.parse import urlencode

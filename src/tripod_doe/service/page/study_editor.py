@@ -1,7 +1,5 @@
 """Addresses for writing a study: text and form side by side, the price, and studies to start from."""
 
-from __future__ import annotations
-
 import json
 
 from fastapi import APIRouter

@@ -1,7 +1,5 @@
 """Bodies of requests, read in a worker: JSON that fits its form, within the limits."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

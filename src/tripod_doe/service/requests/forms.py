@@ -1,7 +1,5 @@
 """What the interface takes and gives, as pydantic models: the OpenAPI description is made from them."""
 
-from __future__ import annotations
-
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator

@@ -1,7 +1,5 @@
 """Files to start from: templates, and studies, workflows, optimisations and fits of the project, ready to submit."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """Prices of what was uploaded, before anything of it runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -5,8 +5,6 @@ for values of a factor, ``2 : 14 : 13`` for a range with a count and ``2 : 14`` 
 the end for a logarithmic scale. What a field cannot say, as a distribution, is written in the text.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import groupby
 from typing import Any

@@ -3,8 +3,6 @@
 What they may name is decided where they are read (`tripod_doe.study.definition.study_folder`).
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Routes to reports: pages in a sandbox, and what they link to."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from fastapi import APIRouter, Request

@@ -1,7 +1,5 @@
 """Routes about links that open one run for reading; only the owner of the server makes, sees and revokes them."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Routes about studies that need not have run: schemas, limits, prices, and one simulated point."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from typing import Any
 

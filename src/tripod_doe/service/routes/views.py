@@ -1,7 +1,5 @@
 """Routes about views: figures of cubes for Plotly, and single points with their figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from fastapi import APIRouter, Request

@@ -1,7 +1,5 @@
 """Annotations of runs: changed over HTTP, and read again where the command line has changed it."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Deleted runs: kept for some weeks with their results, so that each can be restored."""
 
-from __future__ import annotations
-
 import logging
 import shutil
 import threading

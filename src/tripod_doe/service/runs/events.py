@@ -1,7 +1,5 @@
 """Changes of runs for open streams: each change is written once and given to all open streams."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import secrets

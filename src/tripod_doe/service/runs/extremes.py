@@ -1,7 +1,5 @@
 """Best and worst point of each run by one order of the thrust, for the list of runs: found once per state of a run."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Mapping

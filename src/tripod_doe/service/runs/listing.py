@@ -1,7 +1,5 @@
 """The list of runs as people look for one: filtered, sorted, a page at a time."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The one run that a link opens, in the place of all runs: others are not there, whatever asks for them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tripod_doe.service.problems import RefusedError

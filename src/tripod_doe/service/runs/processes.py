@@ -7,8 +7,6 @@ Why not the lock of the result directory (`DirectoryLock`): a run takes that one
 in each of its steps and none in its own directory, and it would find it held by the file that it inherits.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import signal

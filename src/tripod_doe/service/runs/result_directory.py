@@ -3,8 +3,6 @@
 So the next server sees the same, whoever started the run.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress

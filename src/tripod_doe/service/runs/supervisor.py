@@ -4,8 +4,6 @@ All that it knows of a run after a restart is in the table and in the run's dire
 missing means that the run is dead, so nothing can stay "running".
 """
 
-from __future__ import annotations
-
 import logging
 import secrets
 import shutil

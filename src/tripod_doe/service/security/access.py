@@ -4,8 +4,6 @@ Each has a first part of its addresses of its own, since who knows that of anoth
 cookie to a server of theirs (`sessions`). Keys to pages of reports depend on it, too, and end with it.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import hmac

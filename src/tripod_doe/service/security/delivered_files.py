@@ -1,7 +1,5 @@
 """Files that may be delivered: regular ones of this user, which no other user can change."""
 
-from __future__ import annotations
-
 import grp
 import os
 import pwd

@@ -5,8 +5,6 @@ which it is called (a name that a stranger rebinds would make his page ours), a 
 changes the page that sends the request.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ipaddress
 import re

@@ -1,7 +1,5 @@
 """Keys to the pages of one run: a page in a sandbox sends no cookie, so what it links to carries a key."""
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import re

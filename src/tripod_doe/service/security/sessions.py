@@ -7,8 +7,6 @@ random and made at each start. The cookie is bound to that part by its path: a b
 without it, whatever the port. Navigation, images, event streams and downloads present both without a script.
 """
 
-from __future__ import annotations
-
 import hashlib
 import secrets
 import threading

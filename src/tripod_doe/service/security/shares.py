@@ -3,8 +3,6 @@
 Only a hash of each link's secret is kept, in a file for the server's user alone: who reads it cannot open anything.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import secrets

@@ -1,7 +1,5 @@
 """Processes forked from one that has imported what they need: workers of the service, and runs that outlive it."""
 
-from __future__ import annotations
-
 import atexit
 import multiprocessing
 import os

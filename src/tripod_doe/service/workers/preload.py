@@ -3,8 +3,6 @@
 It must not start a thread: a process with threads must not fork.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 

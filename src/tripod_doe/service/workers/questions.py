@@ -1,7 +1,5 @@
 """Questions that workers answer: functions that call what the command line calls, so the numbers are the same."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile

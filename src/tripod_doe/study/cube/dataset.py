@@ -1,7 +1,5 @@
 """The result cube of a study, made from finished blocks: labelled, CF-conforming, held against its declared schema."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace

@@ -3,8 +3,6 @@
 All readers of netCDF files call `refuse_unfit`.
 """
 
-from __future__ import annotations
-
 import json
 from functools import lru_cache
 from pathlib import Path

@@ -5,8 +5,6 @@ is noticed, also where HDF5 has no checksum: in names, attributes and texts. A d
 knows where its own part of the file ends, and something else than a digest stands behind it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -5,8 +5,6 @@ somebody else could so give what its reader keeps elsewhere. The links are looke
 netCDF4 opens the file.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from functools import cache

@@ -4,8 +4,6 @@ Texts of points are stored as numbers of rows in a table of all different texts,
 become a list of points on request.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import warnings

@@ -1,7 +1,5 @@
 """Models of the points of a study: known errors, ranges of validity that points leave, and missing effects."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -5,8 +5,6 @@ lock of its own, but holds it for values only, not while it reads the names and 
 it cannot be taken twice by one thread.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 from typing import Any

@@ -1,7 +1,5 @@
 """Attributes of a cube: the study and the software that made it, independent of how it was run."""
 
-from __future__ import annotations
-
 import json
 import platform
 from functools import cache

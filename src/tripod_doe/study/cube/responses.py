@@ -1,7 +1,5 @@
 """Variables of a cube that follow from its outputs by the formulas of [responses.NAME], made while it is written."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass

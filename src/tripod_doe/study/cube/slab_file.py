@@ -7,8 +7,6 @@ Why not `to_netcdf` of Dask arrays: for 1 GB it takes 17 CPU-s in place of 10, t
 331 MB in place of 112), and makes every slab again for the second file.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Iterator, Mapping

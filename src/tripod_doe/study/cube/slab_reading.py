@@ -3,8 +3,6 @@
 Slabs are read one after the other, since netCDF4 has one lock, and never on the cluster that a run may have open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@ A slab is a box of cells that are consecutive in the order of the points: all of
 a single label of those before it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

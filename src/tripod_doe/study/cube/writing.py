@@ -1,7 +1,5 @@
 """Cube and costs of a result directory, written from its finished blocks: small ones whole, others slab by slab."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack

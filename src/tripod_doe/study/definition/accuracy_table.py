@@ -4,8 +4,6 @@ A study that names its model refines its runs to these numerical errors; with mo
 of every point by its total error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 

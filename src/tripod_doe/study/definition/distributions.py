@@ -1,7 +1,5 @@
 """From the unit interval to a factor's values: the quantile function of its distribution."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Factors of a study: each table [factors.PARAMETER] checked against its parameter."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

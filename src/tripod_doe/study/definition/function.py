@@ -1,7 +1,5 @@
 """A plain Python function as a simulator: named arguments in, a dict or Dataset out."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """[responses.NAME]: variables of a cube by formula, checked before anything runs by an evaluation of a point of NaN."""
 
-from __future__ import annotations
-
 import keyword
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ a new method its own step and tolerance, unless the same change sets them: a ste
 about another. `execution.retry` runs them.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

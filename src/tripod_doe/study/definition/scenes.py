@@ -1,7 +1,5 @@
 """Simulators by name: scenes from a table, plain functions by where they are imported from."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The form of a study file: its tables and keys, checked by pydantic, with errors that name table, key and value."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

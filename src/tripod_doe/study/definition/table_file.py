@@ -1,7 +1,5 @@
 """A TOML file of tables with its text and place, for errors that name file, table, key and value."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar

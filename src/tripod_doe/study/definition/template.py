@@ -1,7 +1,5 @@
 """Study files to start from, with comments: the files in `templates`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tripod_doe.errors import InputError

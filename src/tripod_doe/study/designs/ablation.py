@@ -3,8 +3,6 @@
 A switch multiplies the coefficient of its mechanism, so that one at a half halves its friction.
 """
 
-from __future__ import annotations
-
 import itertools
 
 from tripod_doe.errors import InputError

@@ -1,7 +1,5 @@
 """One design: what it is asked for, its points, and the interface that all kinds of designs share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

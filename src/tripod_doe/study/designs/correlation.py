@@ -4,8 +4,6 @@ Latin hypercubes keep their strata: their values are re-ordered by the ranks of 
 do; sequences keep their points when they grow, since each of theirs depends on itself alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

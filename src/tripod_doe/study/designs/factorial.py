@@ -4,8 +4,6 @@ A factor gives its two levels by ``low`` and ``high`` or by two values, which ma
 levels. The full factorial takes as many levels as a factor lists.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Extended FAST: a search curve for each factor (Saltelli and others 1999); RBD-FAST: a latin hypercube. By SALib."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Designs of listed levels: grids, lists of points, and one factor at a time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Latin hypercubes of scipy.stats.qmc."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Designs of single steps by SALib: Morris' trajectories (1991), and finite differences for derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 

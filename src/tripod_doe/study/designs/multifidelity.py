@@ -5,8 +5,6 @@ numbers, so that more samples keep the earlier ones, and they are independent, a
 assume. With `indices` a sample is a block of d + 2 points for Sobol' indices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tripod_doe.array_types import FloatArray

@@ -3,8 +3,6 @@
 To add a kind, write its `Family` in the module of its term, and add the kind to `DesignKind` of study files.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

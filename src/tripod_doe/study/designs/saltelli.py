@@ -1,7 +1,5 @@
 """Saltelli's blocks (2002) for Sobol' indices: a sample A, A with some factors of a sample B, B with some of A, B."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -4,8 +4,6 @@ Each method is a module that makes its points with `sampled`. Sequences and bloc
 the earlier points. A latin hypercube is not: its strata follow from the number of samples.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

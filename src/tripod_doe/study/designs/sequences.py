@@ -1,7 +1,5 @@
 """Sobol' and Halton sequences of scipy.stats.qmc."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Tables: a CSV file with a header gives the points, one column for each factor."""
 
-from __future__ import annotations
-
 import math
 
 from tripod_doe.csv_table import read_csv_table

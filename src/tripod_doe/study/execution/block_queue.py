@@ -3,8 +3,6 @@
 A block has one CPU time, which its points share: those of a cheap model would take a part of the price of another.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dask workers of a command: processes of this machine, or the workers of an existing scheduler."""
 
-from __future__ import annotations
-
 import sys
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress

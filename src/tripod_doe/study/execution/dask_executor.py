@@ -8,8 +8,6 @@ of a worker for its death. as_completed cannot wait for one second at a time, as
 workers need; 3,000 empty blocks cost 7.7 CPU-s with it and 8.1 to 8.9 here.
 """
 
-from __future__ import annotations
-
 import pickle
 import queue
 import sys

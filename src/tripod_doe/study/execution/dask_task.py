@@ -3,8 +3,6 @@
 Why not `Client.get_versions`: it looks once (66 ms), at the present workers; others join at any time.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The interface of executors, which run blocks of points, and their answers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

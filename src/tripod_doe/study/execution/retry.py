@@ -1,7 +1,5 @@
 """Retries: points of a block that failed are simulated again with the changes of the study, inside their own task."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any

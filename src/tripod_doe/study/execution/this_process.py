@@ -1,7 +1,5 @@
 """Blocks of points run in this process, one at a time."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

@@ -1,7 +1,5 @@
 """Timing of some points of a study, in a process that can be stopped in time."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Iterator

@@ -7,8 +7,6 @@ Why not `UploadDirectory`: it sends the whole folder, results included, needs na
 folder that a worker sees. `Client.upload_file` sends single modules, the same for all studies of a cluster.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import sys

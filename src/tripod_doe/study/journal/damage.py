@@ -1,7 +1,5 @@
 """Damage of a journal: noticed by its checksums, repaired by a new journal with all whole blocks."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sqlite3

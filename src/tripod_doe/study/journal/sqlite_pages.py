@@ -6,8 +6,6 @@ cannot be opened, and what stands in a log behind a damaged part counts for noth
 row is whole is for its checksum to say.
 """
 
-from __future__ import annotations
-
 import mmap
 import struct
 from collections.abc import Iterator

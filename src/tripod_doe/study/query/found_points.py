@@ -1,7 +1,5 @@
 """The points of a study that it looks for, in a sentence."""
 
-from __future__ import annotations
-
 import xarray as xr
 
 from tripod_doe.errors import InputError

@@ -1,7 +1,5 @@
 """Selections of labels of a coordinate, and the positions of these labels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

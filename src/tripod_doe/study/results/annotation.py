@@ -4,8 +4,6 @@ It is no part of the study: changing it changes no point and no hash. The comman
 read and write the same file; reports print it.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Sequence

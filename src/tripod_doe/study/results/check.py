@@ -1,7 +1,5 @@
 """Check of the files of a result directory against their checksums, with a remedy for each damaged one."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ all: so the file also names its holder by host, process and a random token, and 
 known to have ended.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

@@ -1,7 +1,5 @@
 """What a run was to look for: the sentence that its process keeps with the results, for whoever reads them."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Made by `tripod_doe.analyses.model_choice`; readers of results need only this module.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ A directory may come from a stranger. To show its points, its study is read agai
 arguments are recorded in the journal, and its tables are copies in the directory.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Collection, Mapping

@@ -1,7 +1,5 @@
 """Export of a cube as a Zarr store, beside the cube; never read here."""
 
-from __future__ import annotations
-
 import importlib.util
 import shutil
 from pathlib import Path

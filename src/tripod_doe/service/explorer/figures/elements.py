@@ -1,7 +1,5 @@
 """Parts that all figures are made of: axes with their units, marks of cells without a number, packed numbers."""
 
-from __future__ import annotations
-
 import base64
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """Heat maps: a variable over two dimensions, with a fixed range of colours; cells without a number are hatched."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lines: a variable over one dimension, one line per value of another, with the numerical errors that are known."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

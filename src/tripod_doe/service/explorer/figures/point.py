@@ -1,7 +1,5 @@
 """Figures of one point: its quantities over the rotation, its spectrum, and what its mechanisms make of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import xarray as xr

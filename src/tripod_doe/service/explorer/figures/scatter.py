@@ -1,7 +1,5 @@
 """Points: one quantity over another, each point by itself where few enough to see, else their density."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
