@@ -1,6 +1,7 @@
 """Arguments of the public functions, held against their annotations: a wrong type ends as a sentence, not in our code.
 
 Only calls from outside are checked, where a name is taken from the package; what calls within is checked by mypy.
+Annotations are read as texts, so the modules of these functions import `annotations` from `__future__`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
 """Findings of a study: sentences with numbers from its cube."""
 
+from __future__ import annotations
+
 import json
 
 import numpy as np

@@ -10,6 +10,8 @@ With ``rotation_deg`` a column ``time_s`` is optional: it gives the speeds. Join
 are taken from its notes, its columns or its name (`operating_point`).
 """
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

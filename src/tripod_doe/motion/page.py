@@ -1,5 +1,7 @@
 """The page that moves a joint: one file with its data, its script and its style; nothing is fetched."""
 
+from __future__ import annotations
+
 import base64
 import html
 import json

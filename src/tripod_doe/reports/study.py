@@ -1,5 +1,7 @@
 """The report of a result directory: one self-contained HTML file, made from its cubes."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Plan of a study before anything runs: points, blocks, CPU-hours with a spread, bytes."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

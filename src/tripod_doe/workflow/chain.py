@@ -5,6 +5,8 @@ steps share, see `tripod_doe.study.execution`. At most `workers` processes are b
 compute, and workers are idle while it analyses or draws.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 import time

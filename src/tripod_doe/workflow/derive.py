@@ -1,5 +1,7 @@
 """Add responses to results that exist: cube, analyses and report are made again, and no point runs."""
 
+from __future__ import annotations
+
 from collections.abc import Collection
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Run a fit: records in, points through the engine of studies, and out come fit.nc, base.toml and a page."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Run an optimisation: generations of candidates through the engine of studies; front and page from them."""
 
+from __future__ import annotations
+
 import sys
 import time
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """Run one study from file to cube, analyses and report; run again, and only what is missing runs."""
 
+from __future__ import annotations
+
 import re
 import sys
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,7 @@
 """The tables of a workflow file, checked key by key, and their schema."""
 
+from __future__ import annotations
+
 from typing import Any, Literal
 
 from pydantic import Field, ValidationError

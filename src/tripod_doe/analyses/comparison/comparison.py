@@ -4,6 +4,8 @@ The model is one point of the cube, or its points over speed: then each revoluti
 model at its own speed.
 """
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Mapping

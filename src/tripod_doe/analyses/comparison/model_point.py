@@ -1,5 +1,7 @@
 """The model's side of a comparison with a measurement: a point of a cube, or its points over speed."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

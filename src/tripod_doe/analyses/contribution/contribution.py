@@ -5,6 +5,8 @@ complex amplitude A exp(i p), projected on that with all mechanisms on. The effe
 but the mean: a factor that cancels, so its shares are those of the amplitude.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Collection, Mapping
 from itertools import combinations

@@ -1,5 +1,7 @@
 """Differences of two studies with their results: what was asked, what computed it, and what came out."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -4,6 +4,8 @@ Equal to SALib's to rounding but for the intervals of mu_star: normal ones, as S
 said (10 and 20 trajectories), and are 0 where two trajectories of twenty have an effect.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import xarray as xr
 

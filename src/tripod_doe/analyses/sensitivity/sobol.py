@@ -5,6 +5,8 @@ blocks is a product of the matrix of drawn counts with the products of the block
 takes the blocks for independent; those of a scrambled sequence are better, so the intervals are on the safe side.
 """
 
+from __future__ import annotations
+
 from itertools import combinations
 
 import numpy as np

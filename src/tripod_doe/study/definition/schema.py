@@ -1,5 +1,7 @@
 """The schema of study files, made from the checked tables and from the parameters' metadata."""
 
+from __future__ import annotations
+
 import re
 from typing import Any
 

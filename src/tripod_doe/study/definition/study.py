@@ -1,5 +1,7 @@
 """Study files: a TOML text becomes a checked, frozen `Study`, or an error that names file, key, value and remedy."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Collection, Mapping
