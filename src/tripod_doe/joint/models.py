@@ -33,7 +33,7 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.model_interface import BlockResult, Methods, Outcome, ValidRange
+from tripod_doe.model_interface import BlockResult, Methods, Outcome, ValidRange, not_counted
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.force_balance.equilibrium import Equilibrium
@@ -363,9 +363,10 @@ def _simulate_multibody(
 
 
 def _prepare_multibody(point: JointValues[FloatArray], method: str) -> None:
-    from tripod_doe.joint.multibody_run import compile_joint
+    with not_counted():  # the modules and the kernels that a first look for vibrations loads within an answer
+        from tripod_doe.joint.multibody_run import compile_joint
 
-    compile_joint(point.point(0), method)
+        compile_joint(point.point(0), method)
 
 
 def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:

@@ -86,12 +86,15 @@ class JointSimulator(Simulator):
         if given and (is_set(base.get("accuracy")) or "accuracy" in factors):
             warnings.append(f"accuracy has no effect where {given[0]} is given")
         # whether a balance vibrates depends on what its thrust does not
-        asks = not set(VIBRATION_VERDICT).isdisjoint(keep)
-        kept = models.MODELS["rollers"].ignores if asks else frozenset(JOINT_PARAMETERS)
+        decides = frozenset(JOINT_PARAMETERS) - models.MODELS["rollers"].ignores
+        asked = decides if not set(VIBRATION_VERDICT).isdisjoint(keep) else frozenset()
+        # equilibrium looks for vibrations only where their growth is asked for
+        looked_at = decides if VIBRATES in keep and any(m.name != "equilibrium" for m in in_play) else frozenset()
         return warnings + [
-            f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same answer"
+            f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same "
+            + ("thrust; whether the joint vibrates may follow from it (vibrates)" if name in looked_at else "answer")
             for name in factors
-            if all(name in model.ignores & kept for model in in_play)
+            if all(name in model.ignores - asked for model in in_play)
         ]
 
     def model_errors(

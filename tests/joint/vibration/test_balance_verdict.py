@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from operating_points import points
 
+from tripod_doe.joint import models, multibody_run
 from tripod_doe.joint.known_errors.vibration_record import SHARE
 from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
+from tripod_doe.joint.parameters import internal_values
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.vibration.onset import growing_vibration
-from tripod_doe.model_interface import Accuracy, Outcome, Quantity
+from tripod_doe.model_interface import Accuracy, Outcome, Quantity, counted_time
 
 JOINTS = {"torque_n_m": [50.0, 5.0, 50.0], "speed_rpm": [600.0, 300.0, 600.0], "joint_angle_deg": [10.0, 10.0, 0.0]}
 """The reference joint, one of so little torque that it vibrates, and a straight one."""
@@ -36,6 +40,28 @@ def test_damping_has_no_effect_on_a_balance_unless_vibrations_are_asked_for():
     factors = {"contact_damping_time_s": [2.5e-6, 8e-6]}
     assert any("not represented" in told for told in simulator.check({}, factors, ("thrust_amplitude",)))
     assert not simulator.check({}, factors, ("thrust_amplitude", "vibration_growth"))
+
+
+def test_a_balance_that_looks_for_vibrations_does_not_call_answers_with_other_damping_the_same():
+    factors, keep = {"contact_damping_time_s": [2.5e-6, 8e-6]}, ("thrust_amplitude", VIBRATES)
+    (told,) = simulator.check({}, factors, keep)
+    assert "same answer" not in told
+    assert "vibrates" in told
+    (of_massless,) = simulator.check({"model": "equilibrium"}, factors, keep)  # which does not look
+    assert "same answer" in of_massless
+
+
+def test_modules_that_the_first_look_loads_are_not_counted(monkeypatch):
+    def loads(point, method):
+        while time.thread_time() - began < 0.1:
+            pass
+
+    monkeypatch.setattr(multibody_run, "compile_joint", loads)
+    block = points(joint_angle_deg=[12.0], groove_sliding_friction=[0.1])
+    began, (counted, _) = time.thread_time(), counted_time()
+    models._prepare_multibody(internal_values(block), "adaptive-euler")
+    assert time.thread_time() - began >= 0.1
+    assert counted_time()[0] - counted < 0.05
 
 
 MAY = {"joint_angle_deg": [10.0, 12.0, 17.0], "groove_sliding_friction": [0.05, 0.1, 0.15]}

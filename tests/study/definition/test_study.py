@@ -135,7 +135,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 def test_a_factor_that_the_model_ignores_is_named():
     study = parse_study(HEAD + "[factors]\nshaft_length_mm = {values = [300, 400]}")
-    assert "does not change" in study.warnings[0] or "same answer" in study.warnings[0]
+    assert "does not change" in study.warnings[0] or "same thrust" in study.warnings[0]
 
 
 def test_functions_get_their_arguments_checked(tmp_path):
