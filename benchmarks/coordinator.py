@@ -93,7 +93,7 @@ def rehearse(folder: Path) -> None:
     asked = StudyPoints(study, make_points(study))
     study.simulator.prepare(asked.columns(np.arange(1)))
     with ResultDirectory(folder / "rehearsal") as directory:
-        for block in answers(study, asked, directory.missing(asked), 1024):
+        for block in answers(study, asked, directory.resume.missing(asked), 1024):
             directory.commit(block)
         directory.write_cube(asked, "rehearsal").close()
 
@@ -147,7 +147,7 @@ def main() -> None:
         with ResultDirectory(out) as directory:
             with stage("checks, missing points", options.points, before):
                 directory.accept(asked)
-                missing = directory.missing(asked)
+                missing = directory.resume.missing(asked)
             with stage("preparation", options.points, before):
                 study.simulator.prepare(asked.columns(asked.of_each_kind(missing)))
             with stage("blocks, journal", options.points, before):
@@ -155,7 +155,7 @@ def main() -> None:
                     directory.commit(block)
             del missing
             with stage("points done", options.points, before):
-                assert directory.missing(asked).size == 0
+                assert directory.resume.missing(asked).size == 0
             began_cube = time.perf_counter()
             with stage("cube", options.points, before):
                 cube = directory.write_cube(asked, "benchmark")
@@ -173,7 +173,7 @@ def main() -> None:
             asked = StudyPoints(load_study(file), make_points(study))
             with ResultDirectory(out) as directory:
                 directory.accept(asked)
-                assert directory.missing(asked).size == 0
+                assert directory.resume.missing(asked).size == 0
         del asked
         with stage("lazy open", options.points, before):
             td.open_cube(out, chunks="auto").close()

@@ -24,7 +24,7 @@ from urllib.request import Request
 from tripod_doe.errors import CubeError, InputError, TripodDoeError
 from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_file import parse_toml, read_text, toml_text
+from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
 
 if TYPE_CHECKING:
     import xarray as xr

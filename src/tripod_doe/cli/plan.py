@@ -25,7 +25,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition.study_file import tables_in
+    from tripod_doe.study.definition.toml_text import tables_in
 
     tables = tables_in(options.file)
     kinds = {"study": _plan_study, "workflow": _plan_workflow, "fit": _plan_fit, "optimisation": _plan_optimisation}

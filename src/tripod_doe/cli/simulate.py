@@ -105,7 +105,7 @@ def _file_values(path: Path, simulator: Simulator, given: Collection[str]) -> di
         InputError: If a value is wrong, or the file varies a parameter that is not among those given.
     """
     from tripod_doe.model_interface import check_parameters
-    from tripod_doe.study.definition.study_file import parse_toml, read_text
+    from tripod_doe.study.definition.toml_text import parse_toml, read_text
 
     tables = parse_toml(read_text(path, "file"), str(path))
     study = tables.get("study")

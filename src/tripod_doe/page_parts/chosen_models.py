@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 _ESTIMATE = "_error_estimate"
 

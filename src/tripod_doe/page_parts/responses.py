@@ -15,7 +15,7 @@ from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders
 from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 _REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
 

@@ -21,7 +21,7 @@ from tripod_doe.quantities import duration, level, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.study.journal import PILOT
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}

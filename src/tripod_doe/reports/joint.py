@@ -15,7 +15,7 @@ from tripod_doe.model_interface import Value
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.page_parts.responses import factor_names
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 
 def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:

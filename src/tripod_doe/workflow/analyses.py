@@ -14,8 +14,8 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_file import said_of
 
 
 def _reads(analysis: Analysis, study: Study) -> bool:

@@ -17,8 +17,8 @@ import tripod_doe
 from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study, parse_study
-from tripod_doe.study.definition.study_file import read_text
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.toml_text import read_text
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of

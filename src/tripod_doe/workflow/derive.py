@@ -35,7 +35,7 @@ def derive(directory: str | Path, file: str | Path | None = None, drop: Collecti
         asked = points_of(study, path)
         held.accept(asked)
         held.note_derived(added, drop)
-        missing = held.missing(asked).size
+        missing = held.resume.missing(asked).size
         written = held.write_cube(asked, f"tripod-doe derive: {', '.join(each.name for each in study.responses)}")
     done = int(asked.to_compute.sum()) - missing
     return summary_of(asked, path, written, computed=0, reused=done, seconds=0.0, complete=not missing)

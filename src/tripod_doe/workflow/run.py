@@ -179,7 +179,7 @@ def run_on(
         directory.accept(asked)
         if study.auto_model:
             _take_over_pilot(asked, directory, retry_failed)
-        missing = directory.missing(asked, retry_failed)
+        missing = directory.resume.missing(asked, retry_failed)
         left = missing.size
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
         del missing  # eight bytes a point, which the cube needs
@@ -269,7 +269,7 @@ def _choose_models(
 ) -> StudyPoints:
     """The points with the model that is chosen for each: the stored choice, or the choice by a pilot."""
     study = asked.study
-    directory.refuse_changes(asked, done=[chosen_keys(study, directory.path)])
+    directory.resume.refuse_changes(asked, done=[chosen_keys(study, directory.path)])
     directory.adopt(study)
 
     def run_pilot(pilot: Study, place: Path) -> None:
@@ -281,7 +281,7 @@ def _choose_models(
 
 def _take_over_pilot(asked: StudyPoints, directory: ResultDirectory, retry_failed: bool) -> None:
     """Commit the missing points that the pilot has run with the chosen model."""
-    for block in pilot_results(asked, directory.missing(asked, retry_failed), directory.path / PILOT):
+    for block in pilot_results(asked, directory.resume.missing(asked, retry_failed), directory.path / PILOT):
         directory.commit(block)
 
 
@@ -292,13 +292,13 @@ def _split_samples(
     computed = 0
     study = stored_split(pilot.study, directory.path)
     if study is None:
-        missing = directory.missing(pilot)
+        missing = directory.resume.missing(pilot)
         if missing.size:
             so_far = with_samples_so_far(pilot.study, directory.path)
             if so_far is pilot.study:
                 directory.accept(pilot)
             else:
-                directory.refuse_changes(StudyPoints(so_far, make_points(so_far)))
+                directory.resume.refuse_changes(StudyPoints(so_far, make_points(so_far)))
             computed = _compute(pilot, missing, directory, execution, fail_fast, progress)
         study, split = split_study(pilot.study, directory.read(pilot), directory.path)
         if progress:

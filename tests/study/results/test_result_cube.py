@@ -55,7 +55,7 @@ def run_first_block(study, out):
     asked = StudyPoints(read, make_points(read))
     with Execution(0) as execution, ResultDirectory(out) as directory:
         directory.accept(asked)
-        directory.commit(next(iter(execution.run(asked, directory.missing(asked), careful=False))))
+        directory.commit(next(iter(execution.run(asked, directory.resume.missing(asked), careful=False))))
 
 
 def own_files(out):

@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from tripod_doe.errors import CubeError, InputError
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 NOT_SET = None
 

@@ -11,7 +11,7 @@ from tripod_doe.analyses.optimisation.problem import pasted
 from tripod_doe.errors import CubeError, InputError
 from tripod_doe.page_parts.responses import unit_text
 from tripod_doe.quantities import number
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 FINDINGS = "findings"
 """Attribute of a front with its sentences, one a line."""

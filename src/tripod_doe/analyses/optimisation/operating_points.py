@@ -14,7 +14,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Value
-from tripod_doe.study.definition.study_file import complaints
+from tripod_doe.study.definition.complaints import complaints
 
 _KEYS = ("table", "weights")
 _MOST = 10_000

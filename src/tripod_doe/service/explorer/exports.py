@@ -12,7 +12,7 @@ from tripod_doe.page_parts.responses import factor_names
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 _MOST_ROWS = 500
 

@@ -398,8 +398,8 @@ def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
         study = with_samples_so_far(study, path)
     asked = StudyPoints(study, make_points(study))
     with ResultDirectory(path) as directory:
-        directory.refuse_changes(asked)
-        missing = directory.missing(asked)
+        directory.resume.refuse_changes(asked)
+        missing = directory.resume.missing(asked)
     if piloted:
         return {"new_points": None}
     if not missing.size:

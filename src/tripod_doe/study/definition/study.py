@@ -24,11 +24,9 @@ from tripod_doe.study.definition.study_file import (
     StudyFile,
     StudyTable,
     parse_file,
-    parse_toml,
-    read_text,
-    toml_text,
 )
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
 from tripod_doe.study.expressions import Expression
 
 

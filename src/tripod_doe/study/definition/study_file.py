@@ -1,24 +1,14 @@
 """The form of a study file: its tables and keys, checked by pydantic, with errors that name table, key and value."""
 
-import re
-import tomllib
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails
 
-from tripod_doe.errors import InputError, closest, first_messages, near_match
+from tripod_doe.errors import InputError
 from tripod_doe.names import check_identifier
-
-_MOST_PARTS = 16
-_LONGEST_SHOWN = 80  # characters of a value
-_MOST_BITS = 128
-_LARGEST_NUMBERS = "write a number beyond 1e38 with a decimal point or an exponent"
-_LONG_NAME = re.compile(
-    rf"""(?<![\w-])((?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}"""  # never looks back
-)
+from tripod_doe.study.definition.complaints import complaints
+from tripod_doe.study.definition.toml_text import parse_toml
 
 Scalar = Annotated[Annotated[float, AllowInfNan(True)] | int | str | bool, Field(union_mode="smart")]
 """A value that its parameter checks."""
@@ -228,90 +218,17 @@ class StudyFile(Table):
     analysis: dict[str, dict[str, Any]] = Field({}, description="analyses of the cube: [analysis.NAME] with a kind")
 
 
-def read_text(path: Path, what: str) -> str:
-    """The text of a TOML file; InputError if it cannot be read or is not UTF-8."""
-    try:
-        return path.read_text(encoding="utf-8-sig")  # some editors mark UTF-8 by three bytes in front
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        beside = [other.name for other in path.parent.glob("*.toml")] if isinstance(error, FileNotFoundError) else []
-        raise InputError(f"{path}: cannot read the {what}: {reason}{closest(path.name, beside)}") from error
-
-
-def parse_toml(text: str, origin: str) -> dict[str, Any]:
-    """The tables of a TOML text.
-
-    Raises:
-        InputError: If it is not valid TOML, or names or values are nested deeply: the time that tomllib takes for a
-            dotted name grows with the square of its parts.
-    """
-    if long := _LONG_NAME.search(text):
-        raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
-    try:
-        tables = tomllib.loads(text)
-        _refuse_large_numbers(tables, origin)
-        return tables
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{origin}: not valid TOML: {error}") from error
-    except ValueError as error:  # Python's, of a number of more than 4,300 digits
-        raise InputError(f"{origin}: a whole number has more digits than can be read; {_LARGEST_NUMBERS}") from error
-    except RecursionError as error:
-        raise InputError(f"{origin}: brackets are nested too deeply") from error
-
-
-def _refuse_large_numbers(value: Any, place: str) -> None:
-    """Refuse whole numbers that no message could repeat: Python writes none of more than 4,300 digits."""
-    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
-        raise InputError(f"{place}: a whole number of {value.bit_length():,} bits; {_LARGEST_NUMBERS}")
-    for key, inner in value.items() if isinstance(value, dict) else ():
-        _refuse_large_numbers(inner, f"{place}: {key[:_LONGEST_SHOWN]}")
-    for inner in value if isinstance(value, list) else ():
-        _refuse_large_numbers(inner, place)
-
-
-def toml_text(tables: Mapping[str, Any]) -> str:
-    """Tables of a program as the text of a file; arrays become lists, and None leaves a key out.
-
-    Raises:
-        InputError: For a key that is no text, or a value that TOML cannot hold.
-    """
-    import tomlkit  # files are read without it
-
-    return tomlkit.dumps(_plain(tables, ""))
-
-
-def _plain(value: Any, key: str) -> Any:
-    """A value with the types of TOML; see `toml_text`."""
-    if isinstance(value, Mapping):
-        for name in value:
-            if not isinstance(name, str):
-                raise InputError(f"{key or 'the study'}: the key {_shown(name)} is no text")
-        inside = {name: item for name, item in value.items() if item is not None}
-        return {name: _plain(item, f"{key}.{name}" if key else name) for name, item in inside.items()}
-    if isinstance(value, Path):
-        return str(value)
-    value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy, xarray or pandas
-    if isinstance(value, list | tuple | range):
-        return [_plain(item, key) for item in value]
-    if not isinstance(value, str | bool | int | float):
-        raise InputError(f"{key} = {_shown(value)}: expected a number, a text or a list, not a {type(value).__name__}")
-    return value
-
-
-def tables_in(path: Path) -> set[str]:
-    """Names of the tables of a TOML file, by which its kind is known; InputError if it cannot be read."""
-    return set(parse_toml(read_text(path, "file"), str(path)))
+_OTHER_FILES = {"workflow": "workflow", "fit": "fit", "optimisation": "optimise"}
+"""Commands by the table that shows the kind of a file."""
 
 
 def parse_file(text: str, origin: str = "study") -> StudyFile:
     """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
     raw = parse_toml(text, origin)
-    if "workflow" in raw and "study" not in raw:
-        raise InputError(f"{origin}: this is a workflow, not a study: `tripod-doe workflow` runs it")
-    if "fit" in raw and "study" not in raw:
-        raise InputError(f"{origin}: this is a fit, not a study: `tripod-doe fit` runs it")
-    if "optimisation" in raw and "study" not in raw:
-        raise InputError(f"{origin}: this is an optimisation, not a study: `tripod-doe optimise` runs it")
+    for head, command in _OTHER_FILES.items():
+        if head in raw and "study" not in raw:
+            kind = f"{'an' if head[0] in 'aeiou' else 'a'} {head}"
+            raise InputError(f"{origin}: this is {kind}, not a study: `tripod-doe {command}` runs it")
     if "designs" in raw:
         raise InputError(f"{origin}: the file: unknown key 'designs'; a sub-design is written [design.NAME]")
     design = raw.get("design")
@@ -336,101 +253,6 @@ def _check_names(raw: Mapping[str, Any]) -> None:
         names = raw.get(table, {})
         for name in names if isinstance(names, Mapping) else ():
             check_identifier(name, f"{of}, written [{written}.NAME]")
-
-
-def complaints(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """Pydantic's complaints about a TOML file, each with table, key, value, reason and a near match.
-
-    Args:
-        model: All tables of the file, whose keys are near matches.
-    """
-    return first_messages(error.errors(include_url=False), lambda item: _complaint(item, model))
-
-
-def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
-    """Keys that the table at a path may hold; none where any may stand."""
-    while path:
-        field = model.model_fields.get(path[0])
-        annotation = field.annotation if field else None
-        parts = [annotation, *get_args(annotation)]
-        tables = [part for part in parts if isinstance(part, type) and issubclass(part, BaseModel)]
-        if not tables:
-            return []
-        model, path = tables[0], path[2 if get_origin(annotation) is dict else 1 :]
-    return [name for name in model.model_fields if (model, name) != (StudyFile, "designs")]
-
-
-_NEEDED_TABLES = ("study", "workflow", "steps")
-"""Tables without which a file is none of ours."""
-
-_TYPE = re.compile(r"(float|int|str|bool|dict)(\[.*)?")
-"""Parts of a pydantic location that name one of several types of a value."""
-
-
-def _complaint(item: ErrorDetails, model: type[BaseModel]) -> str:
-    """One complaint of pydantic; see `complaints`."""
-    names = len(item["loc"]) if item["type"] in ("extra_forbidden", "missing") else 2  # a table and a key come first
-    location = [str(part) for part in item["loc"]]
-    path = location[:names] + [part for part in location[names:] if not _TYPE.fullmatch(part)]
-    where, key = ".".join(path[:-1]), path[-1]
-    place = f"[{where}]" if where else "the file"
-    if item["type"] == "extra_forbidden":
-        return f"{place}: unknown key {key!r}{near_match(key, _keys_at(model, path[:-1]))}"
-    if item["type"] == "missing":
-        return f"{place}: {f'table [{key}]' if key in _NEEDED_TABLES else key} is missing"
-    if item["type"] == "literal_error":
-        words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
-        return f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
-    if item["type"] in ("model_type", "dict_type"):
-        return f"{place}: {key} = {_shown(item['input'])}: {_as_table(where, key, item['input'])}"
-    return f"{place}: {key} = {_shown(item['input'])}: {said_of(item, key)}"
-
-
-_EXPECTED = {
-    "string_type": "expected text in quotes",
-    "string_too_short": "must not be empty",
-    "bool_type": "expected true or false",
-    "bool_parsing": "expected true or false",
-    "float_type": "expected a number",
-    "float_parsing": "expected a number",
-    "finite_number": "must be finite",
-    "int_type": "expected a whole number",
-    "int_parsing": "expected a whole number",
-    "int_from_float": "expected a whole number",
-    "greater_than": "must be above {gt:g}",
-    "greater_than_equal": "must be at least {ge:,g}",
-    "less_than": "must be below {lt:g}",
-    "less_than_equal": "must be at most {le:,.9g}",
-}
-"""Reasons by pydantic's name of the complaint, with its numbers."""
-
-
-def said_of(complaint: ErrorDetails, key: str) -> str:
-    """The reason why pydantic refuses a value.
-
-    Args:
-        key: The key as a file has it.
-    """
-    if complaint["type"] == "list_type":
-        return f"expected a list, as {key} = [{_shown(complaint['input'])}]"
-    if complaint["type"] in _EXPECTED:
-        return _EXPECTED[complaint["type"]].format(**complaint.get("ctx", {}))
-    return complaint["msg"][0].lower() + complaint["msg"][1:]
-
-
-def _as_table(where: str, key: str, value: object) -> str:
-    """The text to write in place of a value where a table belongs."""
-    if where == "factors" and isinstance(value, list):
-        return f"write {key} = {{ values = {_shown(value)} }}"
-    if where == "factors":
-        return "a factor is a table of its values or its range; a parameter with one value belongs in [base]"
-    return f"expected a table, as [{where}.{key}]" if where else f"expected a table, as [{key}]"
-
-
-def _shown(value: object) -> str:
-    """A value as a message repeats it: the beginning of a long one."""
-    text = repr(value).lower() if isinstance(value, bool) else repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 TABLES: Mapping[str, type[Table]] = {

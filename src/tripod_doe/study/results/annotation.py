@@ -15,7 +15,7 @@ import tomlkit
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError, printable
-from tripod_doe.study.definition.study_file import parse_toml
+from tripod_doe.study.definition.toml_text import parse_toml
 
 FILE = "about.toml"
 """File of a result directory."""

@@ -9,29 +9,26 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from tripod_doe.array_types import IntArray
 from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError, option
-from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import size
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.writing import StoredResults, write_cube
-from tripod_doe.study.definition.study import Study, canonical
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.results.directory_lock import DirectoryLock
 from tripod_doe.study.results.found import FOUND
 from tripod_doe.study.results.result_cube import opened_cube
-from tripod_doe.study.results.stored_study import DERIVED, STORED, keep_sources, stored_study
+from tripod_doe.study.results.resume import Resume
+from tripod_doe.study.results.stored_study import DERIVED, STORED, keep_sources
 from tripod_doe.study.study_points import StudyPoints
 
 _SPARE_BYTES = 20_000_000
@@ -76,7 +73,6 @@ class ResultDirectory:
     def __init__(self, path: str | Path, take_over: bool = False) -> None:
         self.path = make_directory(path)
         self._hold = DirectoryLock(self.path, take_over)
-        self._known: tuple[StudyPoints, str, tuple[NDArray[np.bool_], bool]] | None = None  # see `_done`
         try:
             self._journal = Journal(self.path)
             if self._journal.repaired:
@@ -84,6 +80,7 @@ class ResultDirectory:
         except BaseException:
             self._hold.release()
             raise
+        self.resume = Resume(self.path, self._journal)
 
     def __enter__(self) -> ResultDirectory:
         return self
@@ -104,47 +101,9 @@ class ResultDirectory:
         Raises:
             InputError: If the directory holds results of another study, or the disk is too small; nothing is changed.
         """
-        self.refuse_changes(asked)
+        self.resume.refuse_changes(asked)
         self._check_space(asked)
         self.adopt(asked.study)
-
-    def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
-        """Refuse a study that differs from the study of the results, unless it only grew.
-
-        Args:
-            done: Fingerprints of the points with results; by default of the points in the journal.
-
-        Raises:
-            InputError: With every key that changed, its old and its new value.
-        """
-        study, stored = asked.study, self.path / STORED
-        there, grew = self._done(asked) if done is None else asked.done(done)
-        if (not there.any() and grew) or not stored.exists():
-            return
-        self.refuse_other_kernels(study)
-        same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
-        before = study if same else stored_study(self.path)
-        _refuse_unstored(before, study, self.path)
-        old, new = canonical(before), canonical(study)
-        changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
-        if grew and not any(key.startswith(("keep", "run")) for key in changed):
-            return
-        listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
-        raise InputError(
-            f"{study.origin}: the study differs from the study of the results in {self.path}; choose another "
-            f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
-        )
-
-    def refuse_other_kernels(self, study: Study) -> None:
-        """Refuse (InputError) a study whose points another version of the kernels has begun; else note the version."""
-        kernels = self._journal.recall(KERNELS)
-        if kernels is None:
-            self._journal.remember({KERNELS: study.simulator.source_hash})
-        elif kernels != study.simulator.source_hash:
-            raise InputError(
-                f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
-                f"{study.simulator.source_hash}); choose another {option('out')}"
-            )
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All finished blocks, the oldest first."""
@@ -153,13 +112,6 @@ class ResultDirectory:
     def places(self) -> list[Callable[[], FinishedBlock]]:
         """All finished blocks, the oldest first, each as a function that reads it."""
         return list(self._journal.places())
-
-    def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
-        """`StudyPoints.done` of the journal, cached for the checks of a study and for its missing points."""
-        state = self._journal.state()
-        if self._known is None or self._known[0] is not asked or self._known[1] != state:
-            self._known = asked, state, asked.done(self._journal.key_blocks())
-        return self._known[2]
 
     def adopt(self, study: Study) -> None:
         """Make this the study of the directory, without checks."""
@@ -180,21 +132,6 @@ class ResultDirectory:
     def derived(self) -> dict[str, Any]:
         """Tables of the responses that were added to the results, by name."""
         return json.loads(self._journal.recall(DERIVED) or "{}")
-
-    def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
-        """Indices of the points to compute, each different one once.
-
-        Args:
-            retry_failed: Whether failed points count as missing.
-        """
-        there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
-        if there is not None:
-            return asked.undone(there)
-        last = np.full(asked.points.count, Outcome.NOT_RUN, np.int8)
-        for block in self._journal.blocks():
-            rows, at = asked.index.places(block.keys)
-            last[at] = block.result.outcome[rows]
-        return asked.undone(np.isin(last, list(asked.good_outcomes)))
 
     def commit(self, block: FinishedBlock) -> None:
         """Store a finished block; when this returns, no kill can lose it.
@@ -247,16 +184,4 @@ class ResultDirectory:
             raise InputError(
                 f"{option('out', str(self.path))}: {size(free)} free, but journal and cube need {size(needed)}; "
                 f"keep fewer outputs or choose another {option('out')}"
-            )
-
-
-def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
-    """Refuse formulas over outputs that the runs so far did not give."""
-    if not before.keep:  # a function, all of whose outputs are there
-        return
-    for response in study.responses:
-        if missing := sorted(set(response.outputs).difference(before.stored)):
-            raise InputError(
-                f"{study.origin}: [responses.{response.name}]: {', '.join(missing)}: not among the outputs that the "
-                f"results in {path} hold ({', '.join(before.stored)}); run the study with it into another directory"
             )

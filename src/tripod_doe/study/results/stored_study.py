@@ -19,8 +19,9 @@ from tripod_doe.errors import CubeError, InputError, near_match, option
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study, parse_study
-from tripod_doe.study.definition.study_file import StudyFile, parse_file, parse_toml, read_text
+from tripod_doe.study.definition.study_file import StudyFile, parse_file
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.toml_text import parse_toml, read_text
 from tripod_doe.study.journal import Journal, journal_path
 
 STORED = "study.toml"

@@ -1,0 +1,101 @@
+"""A run that goes on: which points of a study have no result yet, and whether a changed study may use the results."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import IntArray
+from tripod_doe.errors import InputError, option
+from tripod_doe.model_interface import Outcome
+from tripod_doe.study.definition.study import Study, canonical
+from tripod_doe.study.journal import KERNELS, STUDY, Journal, text_digest
+from tripod_doe.study.results.stored_study import STORED, stored_study
+from tripod_doe.study.study_points import StudyPoints
+
+
+class Resume:
+    """What is left to compute in a result directory.
+
+    Args:
+        path: The directory.
+        journal: Its finished blocks.
+    """
+
+    def __init__(self, path: Path, journal: Journal) -> None:
+        self._path = path
+        self._journal = journal
+        self._known: tuple[StudyPoints, str, tuple[NDArray[np.bool_], bool]] | None = None  # see `_done`
+
+    def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
+        """Refuse a study that differs from the study of the results, unless it only grew.
+
+        Args:
+            done: Fingerprints of the points with results; by default of the points in the journal.
+
+        Raises:
+            InputError: With every key that changed, its old and its new value.
+        """
+        study, stored = asked.study, self._path / STORED
+        there, grew = self._done(asked) if done is None else asked.done(done)
+        if (not there.any() and grew) or not stored.exists():
+            return
+        self.refuse_other_kernels(study)
+        same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
+        before = study if same else stored_study(self._path)
+        _refuse_unstored(before, study, self._path)
+        old, new = canonical(before), canonical(study)
+        changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
+        if grew and not any(key.startswith(("keep", "run")) for key in changed):
+            return
+        listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
+        raise InputError(
+            f"{study.origin}: the study differs from the study of the results in {self._path}; choose another "
+            f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
+        )
+
+    def refuse_other_kernels(self, study: Study) -> None:
+        """Refuse (InputError) a study whose points another version of the kernels has begun; else note the version."""
+        kernels = self._journal.recall(KERNELS)
+        if kernels is None:
+            self._journal.remember({KERNELS: study.simulator.source_hash})
+        elif kernels != study.simulator.source_hash:
+            raise InputError(
+                f"{self._path}: its points were computed by another version of the kernels ({kernels}, now "
+                f"{study.simulator.source_hash}); choose another {option('out')}"
+            )
+
+    def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
+        """Indices of the points to compute, each different one once.
+
+        Args:
+            retry_failed: Whether failed points count as missing.
+        """
+        there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
+        if there is not None:
+            return asked.undone(there)
+        last = np.full(asked.points.count, Outcome.NOT_RUN, np.int8)
+        for block in self._journal.blocks():
+            rows, at = asked.index.places(block.keys)
+            last[at] = block.result.outcome[rows]
+        return asked.undone(np.isin(last, list(asked.good_outcomes)))
+
+    def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
+        """`StudyPoints.done` of the journal, cached for the checks of a study and for its missing points."""
+        state = self._journal.state()
+        if self._known is None or self._known[0] is not asked or self._known[1] != state:
+            self._known = asked, state, asked.done(self._journal.key_blocks())
+        return self._known[2]
+
+
+def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
+    """Refuse formulas over outputs that the runs so far did not give."""
+    if not before.keep:  # a function, all of whose outputs are there
+        return
+    for response in study.responses:
+        if missing := sorted(set(response.outputs).difference(before.stored)):
+            raise InputError(
+                f"{study.origin}: [responses.{response.name}]: {', '.join(missing)}: not among the outputs that the "
+                f"results in {path} hold ({', '.join(before.stored)}); run the study with it into another directory"
+            )
