@@ -37,7 +37,7 @@ def apply(section, folder):
             touched.append(head.removeprefix("--- "))
             path = folder / touched[-1]
             source = path.read_text()
-            for hunk in body.split("execution\n"):
+            for hunk in body.split("...\n"):
                 lines = hunk.splitlines(keepends=True)
                 before = "".join(line[1:] for line in lines if line[0] in " -")
                 after = "".join(line[1:] for line in lines if line[0] in " +")

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.joint import models
+from tripod_doe.joint.balance_models import some_vibrate
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, WITHOUT_VIBRATION, errors_at, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
+from tripod_doe.joint.model import Model
+from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
@@ -49,7 +51,7 @@ class JointSimulator(Simulator):
     outputs = JOINT_OUTPUTS
     source_hash = source_hashes().results
     candidates = JOINT_CANDIDATES
-    model_names = tuple(models.MODELS)
+    model_names = tuple(MODELS)
     accuracy: OrderAccuracy | None = None
 
     def refined_to(self, accuracy: Accuracy) -> JointSimulator:
@@ -67,13 +69,13 @@ class JointSimulator(Simulator):
         full |= settled(full)
         if any(is_set(values.get(name)) for name in NUMERICS):
             return full | {"accuracy": None}
-        if not models.MODELS[str(full["model"])].settles:
+        if not MODELS[str(full["model"])].settles:
             return full
         return full | dict.fromkeys(NUMERICS)
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the model that these values name."""
-        return models.MODELS[str(values["model"])].methods
+        return MODELS[str(values["model"])].methods
 
     def check(
         self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
@@ -81,12 +83,12 @@ class JointSimulator(Simulator):
         """Check as any simulator, and warn of factors that no model in play represents."""
         warnings = super().check(base, factors, keep)
         names = factors.get("model") or [base.get("model") or JOINT_PARAMETERS["model"].default]
-        in_play = [models.MODELS[str(name)] for name in names]
+        in_play = [MODELS[str(name)] for name in names]
         given = [name for name in NUMERICS if is_set(base.get(name))]
         if given and (is_set(base.get("accuracy")) or "accuracy" in factors):
             warnings.append(f"accuracy has no effect where {given[0]} is given")
         # whether a balance vibrates depends on what its thrust does not
-        decides = frozenset(JOINT_PARAMETERS) - models.MODELS["rollers"].ignores
+        decides = frozenset(JOINT_PARAMETERS) - MODELS["rollers"].ignores
         asked = decides if not set(VIBRATION_VERDICT).isdisjoint(keep) else frozenset()
         # equilibrium looks for vibrations only where their growth is asked for
         looked_at = decides if VIBRATES in keep and any(m.name != "equilibrium" for m in in_play) else frozenset()
@@ -133,7 +135,7 @@ class JointSimulator(Simulator):
         """Errors of the second and third order against `needles` at measured points like these."""
         similar: FloatArray | None = None
         for model, rows, own in _by_model(points):
-            vibrates = models.some_vibrate(own) if model.name in WITHOUT_VIBRATION else None
+            vibrates = some_vibrate(own) if model.name in WITHOUT_VIBRATION else None
             errors = similar_errors(model.name, own, accuracy, vibrates)
             if errors is None:
                 return None
@@ -144,7 +146,7 @@ class JointSimulator(Simulator):
 
     def describe_model(self, model: str) -> dict[str, Any]:
         """Parameters that a model ignores and the ranges in which it holds, as plain data."""
-        described = models.MODELS[model]
+        described = MODELS[model]
         return {
             "ignores": sorted(described.ignores),
             "holds": [
@@ -162,19 +164,19 @@ class JointSimulator(Simulator):
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
         """Parameters that lack an effect in a model, each with what the model leaves out."""
-        return models.MODELS[model].lacks
+        return MODELS[model].lacks
 
     def compile(self, model: str, method: str) -> None:
         """Compile the kernels of a model and a method, or load their machine code, by a short run."""
-        if method in models.MODELS[model].methods:
+        if method in MODELS[model].methods:
             full = self.effective({"model": model, "method": method, "samples_per_revolution": 30})
-            models.MODELS[model].prepare(point_values(full), method)
+            MODELS[model].prepare(point_values(full), method)
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points that are not run: parts that do not fit or slide, a method or numerics that a model does not have."""
         endings: list[tuple[int, Outcome, str]] = []
         for (name, method, _, _), chosen in self._kinds(points):
-            model = models.MODELS[name]
+            model = MODELS[name]
             if method not in model.methods:
                 text = f"method {method} is not one of {model.name}"
                 endings += [(int(position), Outcome.NOT_APPLICABLE, text) for position in chosen]
@@ -192,7 +194,7 @@ class JointSimulator(Simulator):
             block.end(row, outcome, reason)
             usable[row] = False
         for (name, method, samples, _), alike in self._kinds(points):
-            model, chosen = models.MODELS[name], alike[usable[alike]]
+            model, chosen = MODELS[name], alike[usable[alike]]
             if chosen.size:
                 columns = _of_rows(points, chosen)
                 wanted = [output for output in keep if output in model.outputs]
@@ -218,12 +220,12 @@ class JointSimulator(Simulator):
         return [(kind, np.array(rows[kind])) for kind in sorted(rows)]
 
 
-def _by_model(points: Mapping[str, NDArray[Any]]) -> Iterator[tuple[models.Model, IntArray, dict[str, NDArray[Any]]]]:
+def _by_model(points: Mapping[str, NDArray[Any]]) -> Iterator[tuple[Model, IntArray, dict[str, NDArray[Any]]]]:
     """The points of each model: their positions and all their parameters."""
     names = list(dict.fromkeys(points["model"].tolist()))
     for name in names:
         rows = np.flatnonzero(points["model"] == name) if len(names) > 1 else np.arange(len(points["model"]))
-        yield models.MODELS[name], rows, _of_rows(points, rows)
+        yield MODELS[name], rows, _of_rows(points, rows)
 
 
 def _of_rows(points: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, NDArray[Any]]:
@@ -233,7 +235,7 @@ def _of_rows(points: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, ND
     return {name: np.asarray(column)[rows] for name, column in points.items()}
 
 
-def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
+def _values(model: Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
     """Values of points in internal units, with the method's own numerics where they are not given."""
     own = {} if model.settles else {name: value for name, value in model.methods[method].items() if value is not None}
     numerics = {name: np.asarray(columns[name], float) for name in own}
@@ -243,7 +245,7 @@ def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]
 
 
 def _refused(
-    model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], values: JointValues[FloatArray]
+    model: Model, method: str, columns: Mapping[str, NDArray[Any]], values: JointValues[FloatArray]
 ) -> dict[int, tuple[Outcome, str]]:
     """Points of one model and method that are not run, with outcome and reason."""
     refused: dict[int, tuple[Outcome, str]] = {}

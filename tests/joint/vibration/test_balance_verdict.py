@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from operating_points import points
 
-from tripod_doe.joint import models, multibody_run
+from tripod_doe.joint import multibody_models, multibody_run
 from tripod_doe.joint.known_errors.vibration_record import SHARE
 from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import internal_values
@@ -59,7 +59,7 @@ def test_modules_that_the_first_look_loads_are_not_counted(monkeypatch):
     monkeypatch.setattr(multibody_run, "compile_joint", loads)
     block = points(joint_angle_deg=[12.0], groove_sliding_friction=[0.1])
     began, (counted, _) = time.thread_time(), counted_time()
-    models._prepare_multibody(internal_values(block), "adaptive-euler")
+    multibody_models.prepare_multibody(internal_values(block), "adaptive-euler")
     assert time.thread_time() - began >= 0.1
     assert counted_time()[0] - counted < 0.05
 

@@ -1,0 +1,41 @@
+"""What a model of the joint is: its numerics, its outputs, what it cannot represent, and how it simulates a block."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.order_accuracy import OrderAccuracy
+from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.model_interface import BlockResult, Methods, ValidRange
+
+RATES = tuple(output.name for output in RATE_OUTPUTS)
+SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
+
+
+@dataclass(frozen=True)
+class Model:
+    """One model of the ladder."""
+
+    name: str  # the value of the parameter ``model``
+    # how it can be solved, the default first, and the numerics parameters that each method uses, with their default
+    # values
+    methods: Methods
+    outputs: frozenset[str]  # names of the outputs that it computes
+    # (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
+    # the third order's `accuracy`) -> results
+    simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], OrderAccuracy | None], BlockResult]
+    # (block of one point, method): compiles all that `simulate` needs
+    prepare: Callable[[JointValues[FloatArray], str], None]
+    ignores: frozenset[str] = frozenset()  # parameters that it cannot represent
+    # whether a run finds its own tolerance or step where none is given; else the method's own is accurate enough for
+    # any that may be asked for
+    settles: bool = False
+    # parameters that have no effect in it, or not all of it, each with what it leaves out, as a sentence
+    lacks: Mapping[str, str] = field(default_factory=dict)
+    valid: tuple[ValidRange, ...] = ()  # where it holds
+
+    @property
+    def default_method(self) -> str:
+        """The method that is used where none is named."""
+        return next(iter(self.methods))
