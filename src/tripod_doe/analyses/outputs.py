@@ -195,6 +195,11 @@ def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.degrees(np.angle(turns / mean)), np.degrees(np.angle(mean))
 
 
+def is_level(attributes: Mapping[str, object]) -> bool:
+    """Whether an output is a level as in dB: its zero is a reference that somebody chose, so it has no percentages."""
+    return str(attributes.get("units", "")).startswith("dB") or "log10(" in str(attributes.get("formula", ""))
+
+
 def side_by_side(cube: xr.Dataset, names: Sequence[str]) -> list[str]:
     """The outputs whose answers stand in one variable along ``output``; the others have variables of their own.
 

@@ -136,6 +136,31 @@ def test_shapley_values_add_up_to_all_less_none_and_an_opponent_is_negative(abla
     assert result["share_on"].values == pytest.approx([130, -20, 10])
 
 
+@pytest.mark.parametrize(
+    ("attributes", "reason"),
+    [({"units": "dB"}, "level"), ({"formula": "20 * log10(y)"}, "level"), ({"wraps_at": "+-180 degree"}, "phase")],
+)
+def test_a_level_and_a_phase_have_no_shares(ablate, attributes, reason):
+    """Regression: 6 dB of 12 dB is no half, and a level of nothing, -infinite, was a zero within its error."""
+    cube = ablate("offset")
+    cube["y"].attrs.update(attributes)
+    with pytest.raises(InputError, match=f"'y' is a {reason}, of which mechanisms have no shares"):
+        contribution_shares(cube, ContributionSettings(output="y"))
+
+
+def test_a_response_without_a_finite_value_is_missing_and_its_numerical_error_counts(ablate):
+    """Exact: of 5 a + 4 b + c the combination without b is infinite; an error of 20 hides the whole."""
+    cube = ablate("additive")
+    cube["y"] = cube["y"].where(~((cube["a"] == 1) & (cube["b"] == 0) & (cube["c"] == 1)), -np.inf)
+    result = contribution_shares(cube, ContributionSettings(output="y"))
+    assert result["share_off"].values == pytest.approx([50, np.nan, 10], nan_ok=True)
+    assert result["share_off_flag"].values.tolist() == [0, 2, 0]
+    cube["y_error"] = xr.full_like(cube["y"], 20.0)
+    hidden = contribution_shares(cube, ContributionSettings(output="y"))
+    assert float(hidden["amplitude_error"]) == 20
+    assert (hidden["share_off_flag"] == 1).all()
+
+
 def test_shapley_values_add_up_for_any_function(ablate):
     """Invariance: the sum of Shapley values is P(all) - P(none), and interactions are symmetric means of differences."""
     data = ablate("additive")

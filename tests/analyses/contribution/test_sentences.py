@@ -158,7 +158,7 @@ def test_a_function_has_no_paper_column(uneven):
 
 
 @pytest.mark.parametrize(
-    ("lost", "reason"), [(0, "points that they need did not finish"), (None, "its amplitude is zero")]
+    ("lost", "reason"), [(0, "points that they need did not finish or have no value"), (None, "its amplitude is zero")]
 )
 def test_shares_that_cannot_be_computed_are_explained(uneven, lost, reason):
     cube = uneven.copy(deep=True)
@@ -254,7 +254,7 @@ def test_operating_points_without_an_amplitude_do_not_take_the_shapley_values_of
     (part,) = contributions({"s": contribution_shares(cube, ContributionSettings(output="y"))})
     assert contribution_findings(part)[2:4] == [
         "At 2 of 12 operating points y is zero within its numerical error, and has no shares.",
-        "At 1 of 12 operating points y has no shares, since points that they need did not finish.",
+        "At 1 of 12 operating points y has no shares, since points that they need did not finish or have no value.",
     ]
 
 

@@ -38,8 +38,8 @@ def orders(columns):
     return amplitude, (phase + 180) % 360 - 180
 
 
-def learnt(samples, wiggle=0.0):
-    """Cube and result of a surrogate; `wiggle` is what no polynomial learns."""
+def learnt(samples, wiggle=0.0, more=()):
+    """Cube and result of a surrogate; `wiggle` is what no polynomial learns, `more` are outputs beside the orders."""
     text = TEXT + f"samples = {samples}\nseed = 1\n"
     columns = make_points(parse_study(text)).columns
     amplitude, phase = orders(columns)
@@ -54,8 +54,9 @@ def learnt(samples, wiggle=0.0):
         | {name: ("point", column) for name, column in columns.items()},
         attrs={"study": text},
     )
+    cube = cube.assign({name: 20 * np.log10(cube["thrust_amplitude"].sel(order=3)) for name in more})
     sample = read_sample(cube, SurrogateSettings(), SURROGATE_DESIGNS, ["thrust_amplitude"])
-    tables = list(read_outputs(cube, ["thrust_amplitude"], sample.rows))
+    tables = list(read_outputs(cube, ["thrust_amplitude", *more], sample.rows))
     result = what_if(sample, tables, cube, seed=0).assign_attrs(analysis_kind="surrogate")
     return cube, what_if_pages({"surrogate": result})[0]
 
@@ -71,6 +72,20 @@ def test_orders_are_predicted_with_their_phases():
     parts = page.surrogate.predict(page.surrogate.encoded(**values))[0]
     found = np.degrees(np.angle(parts[:4] + 1j * parts[4:]))
     assert np.abs((found - phase[0] + 180) % 360 - 180)[2:].max() < 1.0
+
+
+def test_responses_stand_beside_the_orders():
+    """Regression: with the phases in the cube only the orders were there, and a study's own formulas were left out."""
+    values = {"joint_angle_deg": 11.3, "torque_n_m": 71.0, "model": "kinetostatic"}
+    _, alone = learnt(80)
+    _, page = learnt(80, more=["level"])
+    assert [each.label for each in page.quantities] == ["second order", "third order", "level"]
+    amplitude, _ = orders({name: np.array([value]) for name, value in values.items()})
+    *waves, (level, _) = page.at(**values)
+    assert np.array(waves) == pytest.approx(np.array(alone.at(**values)))
+    assert level == pytest.approx(20 * np.log10(amplitude[0, 3]), abs=0.1)
+    wave, without = (json.loads(each.payload())["wave"] for each in (page, alone))
+    assert {key: wave[key] for key in ("orders", "values")} == {key: without[key] for key in ("orders", "values")}
 
 
 def test_a_single_number_has_its_part_of_a_page():

@@ -21,6 +21,8 @@ kind = "latin-hypercube"
 samples = 24
 [keep]
 outputs = ["thrust_amplitude", "thrust_phase_deg"]
+[responses.ratio]
+formula = "thrust_amplitude[3] / (10 + abs(torque_n_m))"
 [analysis.surrogate]
 """
 PREDICT = """values => {

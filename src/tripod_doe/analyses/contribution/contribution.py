@@ -25,9 +25,11 @@ from tripod_doe.analyses.contribution.ablation import (
 )
 from tripod_doe.analyses.contribution.shapley_values import shapley_bounds, shapley_index
 from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.outputs import is_level
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
+from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.memory import refuse_too_much_memory
 
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}
@@ -103,12 +105,13 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         amplitude_error, interaction (pair,
         ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points stand in front:
         one per factor where they fill a grid, else ``operating_point``. Every variable X has a flag variable X_flag:
-        NaN is either zero_amplitude (\|A_all\| not above its error: the cube's scatter of it, at least 1e-6 of the
-        largest amplitude there) or point_missing (a point that it needs did not finish, or is not in the design).
+        NaN is either zero_amplitude (\|A_all\| not above its error: the cube's scatter of it, else its numerical error,
+        at least 1e-6 of the largest amplitude there) or point_missing (a point that it needs has no number, or is not
+        in the design).
 
     Raises:
-        InputError: If the cube is of another design, lacks the output or its phase, or does not fit into the free
-            memory.
+        InputError: If the cube is of another design, lacks the output or its phase, the output is a level or a phase,
+            or does not fit into the free memory.
 
     References:
         Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
@@ -161,19 +164,24 @@ def _model(cube: xr.Dataset) -> str:
 
 
 def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.DataArray, FloatArray]:
-    """Complex amplitudes of all points, NaN where one did not finish, and the errors known of their magnitudes."""
+    """Complex amplitudes of all points, NaN where one has no number, and the errors known of their magnitudes."""
     numbers = [str(name) for name, variable in cube.data_vars.items() if variable.dtype.kind == "f"]
     for key, name in (("output", settings.output), ("phase", settings.phase_name)):
         if name and name not in numbers:
             raise InputError(f"{key}: {name!r} is not in the cube{near_match(name, numbers)}")
+    attributes = cube[settings.output].attrs
+    if is_level(attributes) or ("wraps_at" in attributes and not settings.phase_name):
+        kind = "a level" if is_level(attributes) else "a phase"
+        raise InputError(f"output: {settings.output!r} is {kind}, of which mechanisms have no shares: its zero is chosen")
     needed = _COPIES * 16 * cube[settings.output].size
     what = f"the contribution to {settings.output} at {cube.sizes['point']:,} points"
     refuse_too_much_memory(needed, what, "choose an output with fewer numbers, or fewer operating points")
     size = cube[settings.output].where(cube["outcome"] == Outcome.FINISHED)
+    size = size.where(np.isfinite(size))
     turn = np.exp(1j * np.radians(cube[settings.phase_name])) if settings.phase_name else 1.0
     values = (size * turn).transpose("point", ...).astype(complex)
-    scatter = f"{settings.output}_scatter"
-    known = cube[scatter].transpose("point", ...).values if scatter in cube else np.zeros(values.shape)
+    recorded = [name for end in ("_scatter", ERROR) if (name := f"{settings.output}{end}") in cube]
+    known = cube[recorded[0]].transpose("point", ...).values if recorded else np.zeros(values.shape)
     return values, known.astype(float)
 
 
@@ -206,7 +214,7 @@ def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) 
         "amplitude_error": (
             own,
             part.error,
-            {"long_name": "scatter of that amplitude, at least rounding", "units": str(output.get("units", "1"))},
+            {"long_name": "scatter or numerical error of that amplitude, at least rounding", "units": str(output.get("units", "1"))},
         ),
     }
 

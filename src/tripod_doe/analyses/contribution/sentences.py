@@ -129,7 +129,7 @@ def _without(part: Contribution) -> list[str]:
     lost = ~part.shared & ~part.zero
     reasons = {
         f"{part.what} is zero within its numerical error, and has no shares": int(part.zero.sum()),
-        f"{part.what} has no shares, since points that they need did not finish": int(lost.sum()),
+        f"{part.what} has no shares, since points that they need did not finish or have no value": int(lost.sum()),
     }
     of = f"{len(part.labels):,} operating points"
     return [f"At {count:,} of {of} {reason}." for reason, count in reasons.items() if count]

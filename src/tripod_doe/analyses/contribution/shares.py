@@ -198,7 +198,7 @@ def _why_missing(points: xr.Dataset) -> str:
     if any(bool(points[key].notnull().any()) for key in DEFINITIONS if key in points):
         return ""
     zero = bool((points["share_off_flag"] == _ZERO).all())
-    return "its amplitude is zero within its error" if zero else "points that they need did not finish"
+    return "its amplitude is zero within its error" if zero else "points that they need did not finish or have no value"
 
 
 def _labels(points: xr.Dataset, factors: list[str]) -> list[str]:

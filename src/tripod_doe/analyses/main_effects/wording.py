@@ -10,6 +10,7 @@ import xarray as xr
 from tripod_doe.analyses.main_effects.curve_shape import Shape, extreme_levels, mirror_level
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
+from tripod_doe.analyses.outputs import is_level
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.responses import Response, factor_label, factor_text, factor_unit, listed
 from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, with_unit
@@ -339,7 +340,7 @@ class EffectWording:
         else:
             bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
             local = max(effect.relative for effect in effects)
-            if local > _OF_VALUE * largest / self.span:
+            if local > _OF_VALUE * largest / self.span and not is_level(self.response.values.attrs):
                 bound += f", and by up to {rounded_up(100 * local, 2)} % of its value there"
             bound += ", not beyond its numerical error" * (largest <= max(effect.error for effect in effects))
             verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"

@@ -24,9 +24,10 @@ ATTRIBUTE = "what_if"
 """Attribute of a result that holds all that is no array."""
 
 _SHOWN_POINTS = 2000  # computed points that a page can show and take bands from
-_MOST_COMPONENTS = 26  # thirteen orders, two parts each
+_MOST_COMPONENTS = 26  # besides the waves of the orders
 _ROUNDING = 1e-12  # of a number that is scaled to its range and back
 _AMPLITUDE, _PHASE = "thrust_amplitude", "thrust_phase_deg"
+_FIRST = (3, 2)  # orders that everybody asks for
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class WhatIf:
     inputs: list[Input]
     # for each factor its unit, range, mean and standard deviation over the computed points, or its words
     factors: dict[str, dict[str, Any]]
-    components: list[Component]  # what it predicts; the cosine parts of orders come before their sine parts
+    components: list[Component]  # what it predicts: the cosine parts of orders, their sine parts, then other outputs
     surrogates: Surrogates
     # places, values: inputs and outputs of the computed points that are shown, shape (computed, input or component)
     places: FloatArray
@@ -71,6 +72,12 @@ class WhatIf:
                 size, soft = self.zeros[each.factor]
                 parts.append((at, (each.low + each.high) / 2 / size, (each.high - each.low) / 2 / size, soft))
         return parts
+
+    @property
+    def waves(self) -> list[int]:
+        """The orders whose waves are predicted, empty where there are none."""
+        orders = [each.order for each in self.components if each.order is not None]
+        return orders[: len(orders) // 2]
 
     def envelope(self, places: FloatArray) -> FloatArray:
         """A function of the inputs that is zero where components vanish, shape (point,)."""
@@ -174,7 +181,10 @@ def _range(name: str, sample: Sample, cube: xr.Dataset) -> dict[str, Any]:
 
 def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> tuple[list[Component], FloatArray]:
     """Learned quantities with their values, shape (point, component)."""
+    components: list[Component] = []
+    columns: list[FloatArray] = []
     if any(table.name == _AMPLITUDE for table in tables) and _PHASE in cube:
+        tables = [table for table in tables if table.name not in (_AMPLITUDE, _PHASE)]
         amplitude, phase = (cube[name].isel(point=rows).values.astype(float) for name in (_AMPLITUDE, _PHASE))
         wave = amplitude * np.exp(1j * np.radians(phase))
         unit, orders = str(cube[_AMPLITUDE].attrs.get("units", "1")), cube["order"].values.tolist()
@@ -188,17 +198,23 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
             for part, _ in parts
             for order in orders
         ]
-        return components, np.concatenate([values for _, values in parts], axis=1)
-    components, columns = [], []
-    for table in tables:
+        columns = [column for _, values in parts for column in values.T]
+    most = len(components) + _MOST_COMPONENTS
+    for table in sorted(tables, key=lambda table: table.values.shape[1]):  # single numbers, as of responses, first
         unit = str(table.variable.attrs.get("units", "1"))
         labels = table.keys[1:] if len(table.keys) - 1 == table.values.shape[1] else _numbered(table)
-        for at in np.flatnonzero(table.varies):
+        for at in sorted(np.flatnonzero(table.varies).tolist(), key=lambda at: _place(table, at)):
             attrs = table.variable.attrs
             known = ZERO_AT in attrs, int(MIRRORED_BY in attrs)  # amplitudes stay as they are in a mirror
             components.append(Component(labels[at], unit, None, table.wraps, *known))
             columns.append(table.values[:, at] + table.centre[at])
-    return components[:_MOST_COMPONENTS], np.stack(columns[:_MOST_COMPONENTS], axis=1)
+    return components[:most], np.stack(columns[:most], axis=1)
+
+
+def _place(table: OutputTable, at: int) -> int:
+    """The place of a component among those of its output: the orders that everybody asks for come first."""
+    order = int(table.variable["order"][at]) if table.variable.dims[1:] == ("order",) else None
+    return _FIRST.index(order) - len(_FIRST) if order in _FIRST else at
 
 
 def _numbered(table: OutputTable) -> list[str]:

@@ -22,7 +22,8 @@ from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import interval
 
 _COVERED = 0.95  # part of the unseen points that a band holds
-_MOST = 6  # orders or outputs that one looks at together
+_MOST = 6  # orders and outputs that one looks at together
+_BESIDE = 3  # of them outputs, where there are orders
 _SEEN = 0.01  # size of an order relative to the largest one below which it is not shown
 _ALWAYS = (2, 3)  # orders that everybody asks for
 _DRAWS = 5000  # from which quantiles are taken
@@ -126,18 +127,9 @@ class WhatIfPage:
         """Computed points behind it."""
         return len(self.surrogate.places)
 
-    @property
-    def waves(self) -> list[int]:
-        """The orders whose waves are predicted, empty where there are none."""
-        return [
-            each.order
-            for each in self.surrogate.components[: len(self.surrogate.components) // 2]
-            if each.order is not None
-        ]
-
     def payload(self) -> Markup:
         """All numbers as JSON: arrays as base64 of their bytes, those that are only shown in single precision."""
-        surrogate, waves = self.surrogate, self.waves
+        surrogate, waves = self.surrogate, self.surrogate.waves
         content: dict[str, Any] = {
             "inputs": [_input(each) for each in surrogate.inputs],
             "factors": dict(self.settings),
@@ -172,8 +164,8 @@ class WhatIfPage:
                 "factor": factor,
                 "largest": largest,
                 "unit": self.quantities[0].unit,
-                "values": _bytes(surrogate.values, np.float32),
-                "errors": _bytes(surrogate.relative_errors(), np.float32),
+                "values": _bytes(surrogate.values[:, : 2 * len(waves)], np.float32),
+                "errors": _bytes(surrogate.relative_errors()[:, : 2 * len(waves)], np.float32),
             }
         return Markup(json.dumps(content).replace("</", "<\\/"))
 
@@ -211,18 +203,19 @@ def _bytes(values: NDArray[Any], kind: type) -> str:
 def _quantities(surrogate: WhatIf) -> list[Quantity]:
     """The orders of the force that count, or the first outputs."""
     values, errors, components = surrogate.values, surrogate.surrogates.errors, surrogate.components
-    count = len(components) // 2  # of orders: their cosine parts, then their sine parts
-    orders = [each.order for each in components[:count]]
-    if components[0].order is None:
-        choice: list[tuple[tuple[int, ...], str, str]]
-        choice = [((at,), each.label, each.unit) for at, each in enumerate(components[:_MOST])]
-    else:
-        sizes = np.hypot(values[:, :count], values[:, count:]).mean(axis=0)
+    orders = surrogate.waves
+    count = len(orders)
+    beside = list(enumerate(components))[2 * count :][: _BESIDE if orders else _MOST]
+    choice: list[tuple[tuple[int, ...], str, str]] = []
+    if orders:
+        sizes = np.hypot(values[:, :count], values[:, count : 2 * count]).mean(axis=0)
         sizes[[order == 0 for order in orders]] = 0
         asked = [order in _ALWAYS for order in orders]
         large = np.flatnonzero((sizes >= _SEEN * sizes.max()) | asked)
-        large = np.sort(large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:_MOST])
+        most = _MOST - len(beside)
+        large = np.sort(large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:most])
         choice = [((int(at), int(at) + count), _order_label(orders[at]), components[at].unit) for at in large]
+    choice += [((at,), each.label, each.unit) for at, each in beside]
     near = _nearest(surrogate.places, surrogate.places, itself=True)
     envelope = np.maximum(surrogate.envelope(surrogate.places), LEAST_SCALE)
     quantities = []
@@ -238,9 +231,7 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
     return quantities
 
 
-def _order_label(order: int | None) -> str:
-    if order is None:
-        return ""
+def _order_label(order: int) -> str:
     return ORDINALS[order] if order < len(ORDINALS) else f"order {order}"
 
 
@@ -263,7 +254,7 @@ def _wave_band(surrogate: WhatIf, waves: list[int]) -> tuple[float, float]:
     """Factor of the band of the waveform, and the largest force of the computed points."""
     angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES * np.array(waves)[:, None]
     shapes = np.concatenate([np.cos(angles), -np.sin(angles)])
-    error = surrogate.relative_errors() @ shapes
+    error = surrogate.relative_errors()[:, : 2 * len(waves)] @ shapes
     near = _nearest(surrogate.places, surrogate.places, itself=True)
     local = np.stack([np.sqrt((error[rows] ** 2).mean(axis=0)) for rows in near])
-    return _factor(np.abs(error).ravel(), local.ravel()), float(np.abs(surrogate.values @ shapes).max())
+    return _factor(np.abs(error).ravel(), local.ravel()), float(np.abs(surrogate.values[:, : 2 * len(waves)] @ shapes).max())
