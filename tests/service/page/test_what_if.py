@@ -71,7 +71,7 @@ def test_sliders_move_the_curves_and_the_numbers_are_those_of_python(offline, re
         expected, answers = asked.surrogate.predict(asked.surrogate.encoded(**values))[0], np.array(asked.at(**values))
         assert np.abs(components - expected).max() <= 1e-9 * np.abs(expected).max()
         assert np.abs(told - answers).max() <= 1e-6 * np.abs(expected).max()  # float32 misses
-    assert not told.any()  # no torque, no thrust
+    assert not told[:-1].any()  # no torque, no thrust; of a ratio nothing is known before
     curve = offline.locator(".what-if svg.wave path.line")
     before = curve.get_attribute("d")
     assert offline.evaluate(MOVE) < 50

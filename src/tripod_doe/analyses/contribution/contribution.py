@@ -172,7 +172,7 @@ def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.Da
     attributes = cube[settings.output].attrs
     if is_level(attributes) or ("wraps_at" in attributes and not settings.phase_name):
         kind = "a level" if is_level(attributes) else "a phase"
-        raise InputError(f"output: {settings.output!r} is {kind}, of which mechanisms have no shares: its zero is chosen")
+        raise InputError(f"output: {settings.output!r} is {kind}, of which mechanisms have no shares: zero is a choice")
     needed = _COPIES * 16 * cube[settings.output].size
     what = f"the contribution to {settings.output} at {cube.sizes['point']:,} points"
     refuse_too_much_memory(needed, what, "choose an output with fewer numbers, or fewer operating points")
@@ -214,7 +214,10 @@ def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) 
         "amplitude_error": (
             own,
             part.error,
-            {"long_name": "scatter or numerical error of that amplitude, at least rounding", "units": str(output.get("units", "1"))},
+            {
+                "long_name": "scatter or error of that amplitude, at least rounding",
+                "units": str(output.get("units", "1")),
+            },
         ),
     }
 

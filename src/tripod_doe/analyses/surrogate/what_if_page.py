@@ -254,7 +254,7 @@ def _wave_band(surrogate: WhatIf, waves: list[int]) -> tuple[float, float]:
     """Factor of the band of the waveform, and the largest force of the computed points."""
     angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES * np.array(waves)[:, None]
     shapes = np.concatenate([np.cos(angles), -np.sin(angles)])
-    error = surrogate.relative_errors()[:, : 2 * len(waves)] @ shapes
+    values, error = (each[:, : 2 * len(waves)] @ shapes for each in (surrogate.values, surrogate.relative_errors()))
     near = _nearest(surrogate.places, surrogate.places, itself=True)
     local = np.stack([np.sqrt((error[rows] ** 2).mean(axis=0)) for rows in near])
-    return _factor(np.abs(error).ravel(), local.ravel()), float(np.abs(surrogate.values[:, : 2 * len(waves)] @ shapes).max())
+    return _factor(np.abs(error).ravel(), local.ravel()), float(np.abs(values).max())
