@@ -25,13 +25,14 @@ from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.multifidelity.estimates import estimate
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
-from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
 from tripod_doe.analyses.sensitivity.morris import morris_effects
 from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
-from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
+from tripod_doe.analyses.sensitivity.sobol import sobol_indices
+from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
@@ -126,13 +127,16 @@ def of_indices(seed: int) -> Hits:
     """Sensitivity indices of the sum."""
     share = _WEIGHTS**2 / (_WEIGHTS**2).sum()
     result = sobol_indices(
-        cube_of('kind = "saltelli"\nsamples = 128\nsecond_order = false', seed), SobolSettings(seed=seed)
+        cube_of('kind = "saltelli"\nsamples = 128\nsecond_order = false', seed), SensitivitySettings(seed=seed)
     )
     yield from ((f"sobol {key}", hit) for key in ("S1", "ST") for hit in within(result, key, share)[:2])
     sampled = cube_of('kind = "latin-hypercube"\nsamples = 256', seed)
     yield from (("rbd-fast S1", hit) for hit in within(rbd_fast_indices(sampled), "S1", share)[:2])
     yield from (("shapley", hit) for hit in within(shapley_effects(sampled), "shapley", share)[:2])
-    for name, analyse, settings in (("pawn", pawn_indices, PawnSettings), ("delta", borgonovo_delta, DeltaSettings)):
+    for name, analyse, settings in (
+        ("pawn", pawn_indices, PawnSettings),
+        ("delta", borgonovo_delta, SensitivitySettings),
+    ):
         yield f"{name}: not resolved without effect", analyse(sampled, settings(seed=seed))["resolved"].values[2] == 0
 
 

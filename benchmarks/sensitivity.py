@@ -23,14 +23,15 @@ from SALib.analyze import rbd_fast as salib_rbd_fast
 from SALib.analyze import sobol as salib_sobol
 
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
-from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
-from tripod_doe.analyses.sensitivity.fast import FastSettings, fast_indices
+from tripod_doe.analyses.sensitivity.fast import fast_indices
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
 from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
-from tripod_doe.analyses.sensitivity.rbd_fast import RbdFastSettings, rbd_fast_indices
-from tripod_doe.analyses.sensitivity.shapley import ShapleySettings, shapley_effects
-from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
+from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
+from tripod_doe.analyses.sensitivity.shapley import shapley_effects
+from tripod_doe.analyses.sensitivity.sobol import sobol_indices
+from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study_file import parse_file
 from tripod_doe.study.designs import unit_sample
@@ -94,7 +95,7 @@ def beside_salib(names: list[str]) -> None:
         "sobol": (
             'kind = "saltelli"\nsamples = 8192',
             sobol_indices,
-            SobolSettings(**once),
+            SensitivitySettings(**once),
             lambda x, y: salib_sobol.analyze(PROBLEM, y, seed=1),
         ),
         "morris": (
@@ -106,13 +107,13 @@ def beside_salib(names: list[str]) -> None:
         "rbd-fast": (
             'kind = "rbd-fast"\nsamples = 100000',
             rbd_fast_indices,
-            RbdFastSettings(**once),
+            SensitivitySettings(**once),
             lambda x, y: salib_rbd_fast.analyze(PROBLEM, x, y, seed=1),
         ),
         "fast": (
             'kind = "fast"\nsamples = 20000',
             fast_indices,
-            FastSettings(**once),
+            SensitivitySettings(**once),
             lambda x, y: salib_fast.analyze(PROBLEM, y, num_resamples=20, seed=1),
         ),
         "dgsm": (
@@ -130,10 +131,10 @@ def beside_salib(names: list[str]) -> None:
         "delta": (
             'kind = "latin-hypercube"\nsamples = 100000',
             borgonovo_delta,
-            DeltaSettings(**once),
+            SensitivitySettings(**once),
             lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1),
         ),
-        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', shapley_effects, ShapleySettings(**once), None),
+        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', shapley_effects, SensitivitySettings(**once), None),
         "effects": ('kind = "rbd-fast"\nsamples = 100000', factorial_effects, EffectsSettings(**once), None),
     }
     for name in names or cases:
@@ -159,14 +160,14 @@ def coverage(seeds: int = 100) -> None:
         (
             f'kind = "saltelli"\nsamples = {n}\nsecond_order = false',
             sobol_indices,
-            SobolSettings(precision=1),
+            SensitivitySettings(precision=1),
             ("S1", "ST"),
         )
         for n in (64, 256, 1024)
     ]
     methods += [
-        ('kind = "rbd-fast"\nsamples = 1024', rbd_fast_indices, RbdFastSettings(precision=1), ("S1",)),
-        ('kind = "latin-hypercube"\nsamples = 1024', shapley_effects, ShapleySettings(precision=1), ("shapley",)),
+        ('kind = "rbd-fast"\nsamples = 1024', rbd_fast_indices, SensitivitySettings(precision=1), ("S1",)),
+        ('kind = "latin-hypercube"\nsamples = 1024', shapley_effects, SensitivitySettings(precision=1), ("shapley",)),
     ]
     for design, analyse, settings, keys in methods:
         hits: dict[str, list[np.ndarray]] = {key: [] for key in keys}

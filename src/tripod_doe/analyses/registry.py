@@ -25,14 +25,15 @@ from tripod_doe.analyses.kinds import is_study, kind_made_by, kind_of
 from tripod_doe.analyses.model_choice.selection import ChooseSettings, choose_for_study
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS
-from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
-from tripod_doe.analyses.sensitivity.fast import FastSettings, fast_indices
+from tripod_doe.analyses.sensitivity.fast import fast_indices
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
 from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
-from tripod_doe.analyses.sensitivity.rbd_fast import RbdFastSettings, rbd_fast_indices
-from tripod_doe.analyses.sensitivity.shapley import ShapleySettings, shapley_effects
-from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
+from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
+from tripod_doe.analyses.sensitivity.shapley import shapley_effects
+from tripod_doe.analyses.sensitivity.sobol import sobol_indices
+from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
@@ -124,14 +125,14 @@ def _indices(
 ANALYSES: dict[str, Analysis] = {
     row.kind: row
     for row in (
-        _indices(sobol_indices, SobolSettings, "saltelli"),
+        _indices(sobol_indices, SensitivitySettings, "saltelli"),
         _indices(morris_effects, MorrisSettings, "morris"),
-        _indices(fast_indices, FastSettings, "fast"),
-        _indices(rbd_fast_indices, RbdFastSettings, *SAMPLED_DESIGNS, independent=True),
+        _indices(fast_indices, SensitivitySettings, "fast"),
+        _indices(rbd_fast_indices, SensitivitySettings, *SAMPLED_DESIGNS, independent=True),
         _indices(pawn_indices, PawnSettings, *SAMPLED_DESIGNS),
-        _indices(borgonovo_delta, DeltaSettings, *SAMPLED_DESIGNS),
+        _indices(borgonovo_delta, SensitivitySettings, *SAMPLED_DESIGNS),
         _indices(derivative_measures, DgsmSettings, "finite-differences"),
-        _indices(shapley_effects, ShapleySettings, "latin-hypercube", "rbd-fast"),
+        _indices(shapley_effects, SensitivitySettings, "latin-hypercube", "rbd-fast"),
         Analysis(
             _of_cube(factorial_effects),
             EffectsSettings,

@@ -13,14 +13,15 @@ from scipy.stats import norm
 
 from tripod_doe.analyses import outputs, resampling
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
-from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
-from tripod_doe.analyses.sensitivity.fast import FastSettings, fast_indices
+from tripod_doe.analyses.sensitivity.fast import fast_indices
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
 from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
-from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
+from tripod_doe.analyses.sensitivity.sobol import sobol_indices
+from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study import memory
@@ -54,7 +55,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     hits = []
     for seed in range(30):
         cube = cube_of(f'kind = "saltelli"\nsamples = 64\nsecond_order = false\nseed = {seed}', ishigami, ANGLE)
-        found = sobol_indices(cube, SobolSettings(precision=1))
+        found = sobol_indices(cube, SensitivitySettings(precision=1))
         hits += [np.abs(found[key] - ISHIGAMI[key]) <= found[f"{key}_conf"] for key in ("S1", "ST")]
     assert 0.9 <= np.mean(hits) <= 0.99
 
@@ -62,7 +63,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 def test_all_outputs_at_once_are_those_of_salib_one_by_one():
     """Exact to rounding: indices and, where SALib's draws can be repeated, intervals."""
     cube = cube_of('kind = "saltelli"\nsamples = 64\nseed = 1', two)
-    ours = sobol_indices(cube, SobolSettings(seed=4))
+    ours = sobol_indices(cube, SensitivitySettings(seed=4))
     for k in range(2):
         theirs = sobol.analyze(PROBLEM, cube["y"].values[:, k], seed=5)
         for key in ("S1", "S1_conf", "ST", "ST_conf", "S2", "S2_conf"):
@@ -97,7 +98,7 @@ def test_curves_and_samples_give_what_salib_gives():
         cube = cube_of(f'kind = "rbd-fast"\nsamples = {samples}\nseed = 1', two)
         x = unit_of(cube)
         first, slices = rbd_fast_indices(cube), pawn_indices(cube, PawnSettings())
-        areas = borgonovo_delta(cube, DeltaSettings())
+        areas = borgonovo_delta(cube, SensitivitySettings())
         number = int(np.round(min(int(np.ceil(samples ** (2 / (7 + np.tanh((1500 - samples) / 500))))), 48)))
         for k in range(2):
             y = cube["y"].values[:, k]
@@ -111,7 +112,9 @@ def test_curves_and_samples_give_what_salib_gives():
             assert areas["delta"].isel(k=k).values == pytest.approx(np.array(theirs), abs=1e-12)
 
 
-@pytest.mark.parametrize(("analyse", "settings"), [(pawn_indices, PawnSettings), (borgonovo_delta, DeltaSettings)])
+@pytest.mark.parametrize(
+    ("analyse", "settings"), [(pawn_indices, PawnSettings), (borgonovo_delta, SensitivitySettings)]
+)
 def test_an_index_without_honest_intervals_has_none_and_is_tested_against_chance(analyse, settings):
     """Of factors without effect one in twenty counts as resolved: 3 to 17 of 120 with a probability of 99.8 %."""
     resolved = 0
@@ -252,11 +255,11 @@ def test_a_bootstrap_that_is_drawn_in_parts_has_the_same_draws(monkeypatch):
 def test_convergence_says_how_many_more():
     """Exact: half the interval takes four times as many; a precision that is met is enough."""
     cube = cube_of('kind = "saltelli"\nsamples = 256\nseed = 2', ishigami, ANGLE)
-    loose = sobol_indices(cube, SobolSettings(precision=1))
+    loose = sobol_indices(cube, SensitivitySettings(precision=1))
     assert loose["samples"].values.tolist() == [32, 64, 128, 256]
     assert loose["ST_over_samples"].values[-1] == pytest.approx(loose["ST"].values)
     assert float(loose["samples_needed"]) <= 256
-    tight, tighter = (sobol_indices(cube, SobolSettings(precision=p))["samples_needed"] for p in (0.02, 0.01))
+    tight, tighter = (sobol_indices(cube, SensitivitySettings(precision=p))["samples_needed"] for p in (0.02, 0.01))
     assert float(tighter) == 4 * float(tight) > 256
 
 
@@ -286,7 +289,7 @@ def test_scattered_failures_drop_their_blocks():
     for key in ("S1", "ST"):
         assert (np.abs(found[key] - whole[key]) <= whole[f"{key}_conf"]).all()
     with pytest.raises(InputError, match='10 of 256 blocks of 8 points are lost, and holes = "refuse"'):
-        sobol_indices(planted(cube, rows), SobolSettings(holes="refuse"))
+        sobol_indices(planted(cube, rows), SensitivitySettings(holes="refuse"))
     trajectories = cube_of('kind = "morris"\nsamples = 40', linear_interaction)
     found = morris_effects(planted(trajectories, [5, 6, 80]))
     assert (found.attrs["points_dropped"], found.attrs["points_used"]) == (8, 152)
@@ -305,17 +308,17 @@ def test_failures_in_one_corner_are_told_as_a_region():
     assert "joint_angle_deg > 0.9" in region
     assert "speed_rpm > 0.9" in region
     assert f"({corner.size} of the " in region
-    for answer in (found, sobol_indices(broken, SobolSettings(holes="rest", most_dropped=0))):
+    for answer in (found, sobol_indices(broken, SensitivitySettings(holes="rest", most_dropped=0))):
         for key in ("S1", "ST"):
             assert (np.abs(answer[key] - whole[key]) <= whole[f"{key}_conf"]).all()
     assert answer.attrs["answered_for"] == "the rest"
     with pytest.raises(InputError, match=r"most_dropped = 0; most failed where .* set holes = \"rest\""):
-        sobol_indices(broken, SobolSettings(most_dropped=0))
+        sobol_indices(broken, SensitivitySettings(most_dropped=0))
 
 
 def test_a_curve_with_a_failed_point_has_no_index():
     cube = cube_of('kind = "fast"\nsamples = 129\nseed = 1', linear_interaction)
-    found = fast_indices(planted(cube, [130]), FastSettings(most_dropped=0.5))
+    found = fast_indices(planted(cube, [130]), SensitivitySettings(most_dropped=0.5))
     assert np.isfinite(found["S1"].values).tolist() == [True, False, True]
     assert found["S1"].values[[0, 2]] == pytest.approx(fast_indices(cube)["S1"].values[[0, 2]])
     assert found.attrs["points_dropped"] == 129

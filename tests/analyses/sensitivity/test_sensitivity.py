@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
-from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
+from tripod_doe.analyses.sensitivity.sobol import sobol_indices
+from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
@@ -52,7 +53,7 @@ def test_intervals_are_the_same_whenever_they_are_made():
     """Exact: resampling is seeded, by default too; and another seed gives other intervals."""
     data = cube("saltelli", 64, y=((), additive))
     xr.testing.assert_identical(sobol_indices(data), sobol_indices(data))
-    other = sobol_indices(data, SobolSettings(seed=1))
+    other = sobol_indices(data, SensitivitySettings(seed=1))
     assert (other["ST_conf"] != sobol_indices(data)["ST_conf"]).any()
 
 
@@ -66,7 +67,7 @@ def test_every_component_and_output_gets_its_indices():
     first = result["ST"].sel(output="a")
     assert first.sel(order=1, factor="joint_angle_deg") == pytest.approx(1, abs=0.05)
     assert first.sel(order=2).isnull().all()
-    single = sobol_indices(data, SobolSettings(outputs=["a"]))
+    single = sobol_indices(data, SensitivitySettings(outputs=["a"]))
     assert set(single["S1"].dims) == {"factor", "order"}
 
 

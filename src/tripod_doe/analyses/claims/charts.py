@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
-from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing
+from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, name_rows
 from tripod_doe.page_parts.responses import spoken
 
 _BARS = {Verdict.HOLDS: COLOURS[0], Verdict.DOES_NOT_HOLD: COLOURS[1]}
@@ -42,10 +42,7 @@ def claims_chart(claims: xr.Dataset) -> Chart:
         axes.axvline(0, color=INK, lw=1)
         axes.set_xlim(-104, 104)
         axes.set_ylim(-0.7, len(data) - 0.3)
-        axes.set_yticks(rows, [spoken(str(name)) for name in data["claim"]], fontsize=7.5)
-        axes.tick_params(axis="y", length=0)
-        axes.spines["left"].set_visible(False)
-        axes.grid(axis="y", visible=False)
+        name_rows(axes, rows, [spoken(str(name)) for name in data["claim"]], 7.5)
         axes.set_xlabel("distance from the limit (%)")
         handles = [Patch(color=colour, label=verdict.label) for verdict, colour in _BARS.items()]
         figure.legend(handles=handles, loc="outside upper right", ncols=2)

@@ -21,6 +21,7 @@ from tripod_doe.page_parts.charts.chart import (
     Chart,
     drawing,
     legend_above,
+    series,
 )
 from tripod_doe.page_parts.charts.paper import SKEWS, first_points
 from tripod_doe.page_parts.responses import axis_label, factor_text, finished, numeric_factors
@@ -172,11 +173,9 @@ def _kept_chart(
             axes.plot(
                 line[along],
                 line[column],
-                ls=LINES[dash % len(LINES)],
-                marker=MARKERS[dash % len(MARKERS)],
-                color=COLOURS[colour % len(COLOURS)],
                 mfc="white",
                 label=", ".join(level(value) for value in key),
+                **series(dash) | {"color": COLOURS[colour % len(COLOURS)]},
             )
         if column == "mean_deg":
             start = float(part["initial_deg"].iloc[0])
@@ -226,33 +225,17 @@ def _amplitudes(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
         axes.plot(
             line["initial_deg"],
             line[f"{order}_n"],
-            ls=LINES[which],
-            marker=MARKERS[which],
             mfc="white",
-            color=colour,
             label=f"{order} order, {name}",
+            **series(which) | {"color": colour},
         )
     axes.set_ylabel("amplitude of the thrust force (N)")
 
 
 def _skews(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
-    axes.plot(
-        line["initial_deg"],
-        line["mean_deg"].abs(),
-        ls=LINES[which],
-        marker=MARKERS[which],
-        mfc="white",
-        color=COLOURS[which],
-        label=name,
-    )
-    axes.plot(
-        line["initial_deg"],
-        line["initial_deg"],
-        ls=LINES[3],
-        color=INK,
-        lw=1,
-        label="no change" if which == 0 else None,
-    )
+    start, unchanged = line["initial_deg"], "no change" if which == 0 else None
+    axes.plot(start, line["mean_deg"].abs(), mfc="white", label=name, **series(which))
+    axes.plot(start, start, ls=LINES[3], color=INK, lw=1, label=unchanged)
     axes.set_ylabel("skew in the last revolution (deg)")
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.factorial_effects.sentences import effect_parts, term_text
-from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing
+from tripod_doe.page_parts.charts.chart import COLOURS, INTERVALS, MUTED, Chart, drawing, name_rows
 
 _MOST_BARS = 12
 
@@ -25,13 +25,9 @@ def _chart(key: str, name: str, what: str, part: xr.Dataset) -> Chart:
     rows = np.arange(len(shown))[::-1]
     with drawing(5.0, 1.0 + 0.3 * len(shown)) as (figure, axes):
         axes.barh(rows, shown["effect"], 0.6, color="#b9d0e8", edgecolor=COLOURS[0], lw=0.8)
-        axes.errorbar(
-            shown["effect"], rows, xerr=shown["effect_conf"], fmt="none", ecolor=INK, elinewidth=1.1, capsize=2.5
-        )
-        axes.set_yticks(rows, [term_text(str(term)) for term in shown["term"]])
+        axes.errorbar(shown["effect"], rows, xerr=shown["effect_conf"], **INTERVALS)
+        name_rows(axes, rows, [term_text(str(term)) for term in shown["term"]])
         axes.axvline(0, color=MUTED, lw=0.8)
-        axes.grid(axis="y", visible=False)
-        axes.tick_params(axis="y", length=0)
         axes.set_xlabel("effect, from low to high, in the unit of the output")
     level = 100 * float(part.attrs.get("confidence_level", 0.95))
     more = f" The {_MOST_BARS} largest of {len(data)}." if len(data) > _MOST_BARS else ""

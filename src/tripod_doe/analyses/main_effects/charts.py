@@ -13,14 +13,13 @@ import xarray as xr
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.charts.chart import (
     COLOURS,
-    LINES,
-    MARKERS,
     ON_DARK,
     ON_LIGHT,
     Chart,
     drawing,
     factor_ticks,
     legend_above,
+    series,
 )
 from tripod_doe.page_parts.responses import (
     Effect,
@@ -120,16 +119,7 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
             label = with_unit(text, factor_unit(cube, second)) if second else response.label
             columns[f"{response.key}[{second}={text}]" if second else response.key] = column
             at, drawn, marked = _with_zero(levels, column, zero)
-            axes.plot(
-                at,
-                drawn,
-                markevery=marked,
-                ls=LINES[which % len(LINES)],
-                marker=MARKERS[which % len(MARKERS)],
-                color=COLOURS[which % len(COLOURS)],
-                mfc="white" if which % 2 else None,
-                label=label,
-            )
+            axes.plot(at, drawn, markevery=marked, mfc="white" if which % 2 else None, **series(which), label=label)
         factor_ticks(axes, levels)
         axes.set_xlabel(axis_label(cube, factor))
         axes.set_ylabel(response.axis)

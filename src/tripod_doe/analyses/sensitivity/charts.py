@@ -7,7 +7,18 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
-from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.charts.chart import (
+    COLOURS,
+    INK,
+    INTERVALS,
+    LINES,
+    MUTED,
+    Chart,
+    drawing,
+    legend_above,
+    name_rows,
+    series,
+)
 from tripod_doe.page_parts.responses import spoken
 
 _SEEN, _UNSEEN = "#b9d0e8", "#e3e6ea"  # cells of interactions above and within their intervals
@@ -45,15 +56,7 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
             edge = COLOURS[0] if index == "ST" else COLOURS[1]
             label = "total index ST" if index == "ST" else "first-order index S1"
             axes.barh(rows + offset, data[index], 0.36, color=face, edgecolor=edge, hatch=hatch, lw=0.8, label=label)
-            axes.errorbar(
-                data[index],
-                rows + offset,
-                xerr=data[f"{index}_conf"],
-                fmt="none",
-                ecolor=INK,
-                elinewidth=1.1,
-                capsize=2.5,
-            )
+            axes.errorbar(data[index], rows + offset, xerr=data[f"{index}_conf"], **INTERVALS)
             for row, value, half in zip(rows, data[index], data[f"{index}_conf"], strict=True):
                 text = f"{value:.2f}".replace("-0.00", "0.00")
                 axes.annotate(
@@ -65,14 +68,11 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
                     fontsize=7.5,
                     color=MUTED,
                 )
-        axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
+        name_rows(axes, rows, [spoken(str(factor)) for factor in data["factor"]])
         first, total = data["S1_conf"].fillna(0), data["ST_conf"].fillna(0)
         low, high = float((data["S1"] - first).min()), float((data["ST"] + total).max())
         axes.set_xlim(1.2 * min(0.0, low), 1.12 * high)
-        axes.spines["left"].set_visible(False)
         axes.axvline(0, color=MUTED, lw=0.8)
-        axes.grid(axis="y", visible=False)
-        axes.tick_params(axis="y", length=0)
         axes.set_xlabel("Sobol' index (part of the variance, -)")
         legend_above(axes, 2)
     known = bool(data["ST_conf"].notna().any())
@@ -100,18 +100,14 @@ def _index_chart(key: str, name: str, what: str, part: xr.Dataset, level: float,
     rows = np.arange(len(data))[::-1]
     with drawing(5.0, 1.0 + 0.34 * len(data)) as (figure, axes):
         axes.barh(rows, data[index], 0.6, color="#b9d0e8", edgecolor=COLOURS[0], lw=0.8)
-        axes.errorbar(
-            data[index], rows, xerr=data[f"{index}_conf"], fmt="none", ecolor=INK, elinewidth=1.1, capsize=2.5
-        )
+        axes.errorbar(data[index], rows, xerr=data[f"{index}_conf"], **INTERVALS)
         if "chance" in part:
             axes.axvline(
                 float(part["chance"]), color=COLOURS[1], ls="--", lw=1, label="factors without effect, by chance"
             )
             legend_above(axes, 1)
-        axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
+        name_rows(axes, rows, [spoken(str(factor)) for factor in data["factor"]])
         axes.axvline(0, color=MUTED, lw=0.8)
-        axes.grid(axis="y", visible=False)
-        axes.tick_params(axis="y", length=0)
         axes.set_xlabel(_INDEX_NAMES[kind])
     caption = f"{_INDEX_NAMES[kind]} of {what}{_intervals(data[f'{index}_conf'], level)} (analysis {name})."
     return Chart(key, f"Sensitivity of {what}", caption[0].upper() + caption[1:], figure, data)
@@ -176,13 +172,11 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
                 [row["mu_star"]],
                 [row["sigma"]],
                 xerr=[row["mu_star_conf"]],
-                ls="none",
                 ms=6,
                 elinewidth=1,
                 capsize=2.5,
-                color=COLOURS[which % len(COLOURS)],
-                marker=MARKERS[which % len(MARKERS)],
                 label=spoken(str(factor)),
+                **series(which) | {"ls": "none"},
             )
         axes.set_xlim(-0.02 * top, top)
         axes.set_ylim(-0.02 * top, top)
@@ -219,17 +213,8 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
             values = part[over].isel(factor=int(at)).values
             half = part[f"{over}_conf"].isel(factor=int(at)).values
             shift = 2.0 ** (0.06 * (rank - len(order) / 2))  # beside each other, not on top
-            axes.errorbar(
-                counts * shift,
-                values,
-                yerr=half,
-                color=COLOURS[rank],
-                marker=MARKERS[rank],
-                ls=LINES[rank],
-                elinewidth=1,
-                capsize=2.5,
-                label=spoken(factor),
-            )
+            style = series(rank) | {"elinewidth": 1, "capsize": 2.5}
+            axes.errorbar(counts * shift, values, yerr=half, label=spoken(factor), **style)
             rows += [(factor, n, v, h) for n, v, h in zip(counts, values, half, strict=True)]
         axes.set_xscale("log", base=2)
         axes.set_xticks(counts, [f"{count:,}" for count in counts])

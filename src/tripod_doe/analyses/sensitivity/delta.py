@@ -25,10 +25,6 @@ _DENSITY_POINTS = 100  # at which densities are compared, as in SALib
 _MOST_POINTS = 4096  # a density from more points is no better known, and each costs a sum over all
 
 
-class DeltaSettings(SensitivitySettings):
-    """[analysis.NAME] of kind delta."""
-
-
 def _classes(column: FloatArray) -> list[IntArray]:
     """Points in classes of equal size, as many as Plischke, Borgonovo and Smith (2013) take."""
     exponent = 2.0 / (7.0 + np.tanh((1500.0 - column.size) / 500.0))
@@ -79,7 +75,7 @@ METHOD = Method(
 
 
 @makes_kind("delta")
-def borgonovo_delta(cube: xr.Dataset, settings: DeltaSettings | None = None) -> xr.Dataset:
+def borgonovo_delta(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
     """Borgonovo's delta from the first 4096 points, since its cost grows with their square.
 
     Args:
@@ -92,4 +88,4 @@ def borgonovo_delta(cube: xr.Dataset, settings: DeltaSettings | None = None) -> 
     Raises:
         InputError: If the cube is of another design, or too few points are left.
     """
-    return apply(METHOD, cube, settings or DeltaSettings())
+    return apply(METHOD, cube, settings or SensitivitySettings())

@@ -19,10 +19,6 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import CURVE_HARMONICS
 
 
-class FastSettings(SensitivitySettings):
-    """[analysis.NAME] of kind fast."""
-
-
 def _curve_indices(curve: FloatArray) -> tuple[FloatArray, FloatArray]:
     """First-order and total index from one curve, shape (part, sample, component) -> (component,) each."""
     count = curve.shape[1]
@@ -57,7 +53,7 @@ METHOD = Method(
 
 
 @makes_kind("fast")
-def fast_indices(cube: xr.Dataset, settings: FastSettings | None = None) -> xr.Dataset:
+def fast_indices(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
     """First-order and total Sobol' indices by extended FAST (Saltelli, Tarantola and Chan 1999).
 
     A curve with a failed point is dropped: its factor has no index. There are no intervals: the error is interference
@@ -69,4 +65,4 @@ def fast_indices(cube: xr.Dataset, settings: FastSettings | None = None) -> xr.D
     Raises:
         InputError: If the cube is of another design, or fewer than two curves are complete.
     """
-    return apply(METHOD, cube, settings or FastSettings())
+    return apply(METHOD, cube, settings or SensitivitySettings())

@@ -17,10 +17,6 @@ from tripod_doe.array_types import FloatArray, IntArray
 _RBD_HARMONICS = 10  # of the ordered output that count as the factor's, as in SALib
 
 
-class RbdFastSettings(SensitivitySettings):
-    """[analysis.NAME] of kind rbd-fast."""
-
-
 def _rbd_fast(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     parts, count = table.parts(components), sample.rows.size
     orders = [np.argsort(column, kind="quicksort") for column in sample.ranks.T]
@@ -59,7 +55,7 @@ METHOD = Method(_rbd_fast, designs=SAMPLED_DESIGNS, ranked="S1", meanings={"S1":
 
 
 @makes_kind("rbd-fast")
-def rbd_fast_indices(cube: xr.Dataset, settings: RbdFastSettings | None = None) -> xr.Dataset:
+def rbd_fast_indices(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
     """First-order Sobol' indices by RBD-FAST (Tarantola, Gatelli and Mara 2006).
 
     Args:
@@ -71,4 +67,4 @@ def rbd_fast_indices(cube: xr.Dataset, settings: RbdFastSettings | None = None) 
     Raises:
         InputError: If the cube is of another design or its factors are correlated, or too few points are left.
     """
-    return apply(METHOD, cube, settings or RbdFastSettings())
+    return apply(METHOD, cube, settings or SensitivitySettings())

@@ -29,10 +29,6 @@ _MOST_CURVED = 5  # factors whose polynomial has squares and products; with more
 _LEVERAGE = 1e-6  # least part of a point's distance that the polynomial leaves to it
 
 
-class ShapleySettings(SensitivitySettings):
-    """[analysis.NAME] of kind shapley."""
-
-
 def _neighbours(space: FloatArray, count: int) -> IntArray:
     """The nearest points of each point, itself first, shape (point, neighbour)."""
     from scipy.spatial import cKDTree
@@ -120,7 +116,7 @@ METHOD = Method(
 
 
 @makes_kind("shapley")
-def shapley_effects(cube: xr.Dataset, settings: ShapleySettings | None = None) -> xr.Dataset:
+def shapley_effects(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
     """Shapley effects: the share of each factor in the variance of an output, correlated factors included.
 
     Args:
@@ -132,4 +128,4 @@ def shapley_effects(cube: xr.Dataset, settings: ShapleySettings | None = None) -
     Raises:
         InputError: If the cube is of another design, there are too many factors, or too few points are left.
     """
-    return apply(METHOD, cube, settings or ShapleySettings())
+    return apply(METHOD, cube, settings or SensitivitySettings())

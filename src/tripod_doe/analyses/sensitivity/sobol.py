@@ -21,10 +21,6 @@ from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.array_types import FloatArray, IntArray
 
 
-class SobolSettings(SensitivitySettings):
-    """[analysis.NAME] of kind sobol."""
-
-
 def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     width, count = len(sample.factors), sample.blocks
     parts = table.parts(components)
@@ -77,7 +73,7 @@ METHOD = Method(
 
 
 @makes_kind("sobol")
-def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr.Dataset:
+def sobol_indices(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
     """First-order, total and second-order Sobol' indices with confidence intervals.
 
     S1_i = V[E(Y | x_i)] / V[Y], ST_i = E[V(Y | x_~i)] / V[Y].
@@ -92,4 +88,4 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
     Raises:
         InputError: If the cube is of another design, or too few complete blocks are left.
     """
-    return apply(METHOD, cube, settings or SobolSettings())
+    return apply(METHOD, cube, settings or SensitivitySettings())

@@ -56,6 +56,9 @@ VARIABLES = {
 }
 """Colours of the charts as variables of the page's style sheet, which has a light and a dark value for each."""
 
+INTERVALS: dict[str, Any] = {"fmt": "none", "ecolor": INK, "elinewidth": 1.1, "capsize": 2.5}
+"""Style of intervals at the ends of bars, as words of `errorbar`."""
+
 WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
 
@@ -130,6 +133,20 @@ class Chart:
         """The numbers as CSV, in full precision."""
         words = {name: self.data[name].map(csv_cell) for name in self.data.select_dtypes(exclude="number").columns}
         return self.data.assign(**words).to_csv(index=False)
+
+
+def series(which: int) -> dict[str, Any]:
+    """Style of one of several lines, as words of `plot` and `errorbar`."""
+    styles = {"color": COLOURS, "marker": MARKERS, "ls": LINES}
+    return {key: values[which % len(values)] for key, values in styles.items()}
+
+
+def name_rows(axes: Axes, rows: NDArray[np.intp], names: list[str], size: float = 8) -> None:
+    """Write a name beside each horizontal bar, in place of an axis."""
+    axes.set_yticks(rows, names, fontsize=size)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="y", visible=False)
+    axes.spines["left"].set_visible(False)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.page_parts.charts.chart import COLOURS, INK, MARKERS, MUTED, drawing, legend_above
+from tripod_doe.page_parts.charts.chart import INK, MUTED, drawing, legend_above, series
 from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
 
 if TYPE_CHECKING:
@@ -24,10 +24,9 @@ def draw_orders(axes: Axes, data: pd.DataFrame, x: str, y: str, y_error: str, x_
             own[y],
             xerr=own[x_error] if x_error else None,
             yerr=own[y_error].fillna(0),
-            fmt=MARKERS[which % len(MARKERS)],
-            color=COLOURS[which % len(COLOURS)],
             elinewidth=0.8,
             label=ORDINALS[int(str(order))],
+            **series(which) | {"ls": "none"},
         )
 
 

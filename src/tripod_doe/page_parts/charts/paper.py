@@ -9,17 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.page_parts.charts.chart import (
-    COLOURS,
-    HATCHES,
-    INK,
-    LINES,
-    MARKERS,
-    MUTED,
-    Chart,
-    drawing,
-    legend_above,
-)
+from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, MUTED, Chart, drawing, legend_above, series
 from tripod_doe.page_parts.responses import ORDINALS, factor_label, factor_names, finished
 from tripod_doe.quantities import level, number, with_unit
 
@@ -227,15 +217,8 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
             part = cube.isel(point=[at for at, own in enumerate(labels) if own == label]).sortby("joint_angle_deg")
             for order in (3, 2):
                 effective = part["thrust_rms"].sel(order=order).values
-                axes.plot(
-                    part["joint_angle_deg"],
-                    effective,
-                    ls=LINES[which],
-                    marker=MARKERS[which],
-                    mfc="white",
-                    color=COLOURS[3 - order],
-                    label=f"{ORDINALS[order]}, {label}",
-                )
+                style = series(which) | {"color": COLOURS[3 - order]}
+                axes.plot(part["joint_angle_deg"], effective, mfc="white", label=f"{ORDINALS[order]}, {label}", **style)
                 rows += [
                     (angle, label, order, value)
                     for angle, value in zip(part["joint_angle_deg"].values, effective, strict=True)
