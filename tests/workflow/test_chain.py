@@ -25,6 +25,7 @@ from tripod_doe.cli import main
 from tripod_doe.study.cube.file_digest import is_damaged
 from tripod_doe.study.results import result_cube
 from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.steps_file import found_sentences
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
@@ -139,6 +140,19 @@ def test_steps_run_after_what_they_need_and_once(bench):
     report = (bench.out / "steps" / "last" / "index.html").read_text()
     assert "<svg" in report
     assert 'href="../first/report/index.html"' in report
+
+
+def test_what_a_study_of_it_looks_for_is_said(bench):
+    """Exact: of 1, 4 and 9 one is above 5; so it is when the step is reused, and in a quick run of 1 and 2."""
+    bench.study("second", "1, 2, 3", tag=1)
+    with (bench.folder / "second.toml").open("a") as file:
+        file.write('look_for = "y > 5"\n')
+    for state in ("finished", "reused"):
+        assert bench.run(only="second")["second"] == state
+        assert found_sentences(bench.out) == "second: 1 of 3 points meets y > 5; the first at x = 3."
+        assert bench.steps["second"].detail.startswith("3 points; 1 of 3 points meets y > 5")
+    bench.run(only="second", quick=True)
+    assert found_sentences(bench.out) == "second: No point meets y > 5."
 
 
 @pytest.mark.slow

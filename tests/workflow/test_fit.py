@@ -12,10 +12,13 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.cli.main import main
+from tripod_doe.errors import InputError
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.workflow.fit_plan import plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
+from tripod_doe.workflow.steps_file import found_sentences
 
 MEASUREMENTS = Path(__file__).parents[2] / "measurements"
 sys.path.append(str(MEASUREMENTS))
@@ -25,6 +28,7 @@ TRUTH = {"groove_sliding_friction": 0.075, "needle_sliding_friction": 0.055}
 HEAD = """
 [fit]
 name = "two frictions"
+look_for = "low > 0.07 and verdict == 'found'"
 model_error = 0
 starts = 1
 [base]
@@ -130,6 +134,15 @@ def test_one_page_of_a_fit_is_refused(fitted, capsys):
     """Regression: it was an internal error; there is a page of its points."""
     assert main(["report", str(fitted[0]), "--format", "html"]) == 2
     assert str(fitted[0] / "steps" / "points") in capsys.readouterr().err
+
+
+def test_the_unknowns_that_it_looks_for(fitted, written):
+    assert fitted[1].found == found_sentences(fitted[0])
+    assert fitted[1].found == (
+        "1 of 2 unknowns meets low > 0.07 and verdict == 'found'; the first at unknown = groove_sliding_friction."
+    )
+    with pytest.raises(InputError, match=r"\[fit\]: look_for: .*unknown name 'lo'; did you mean"):
+        load_fit(written((HEAD + UNKNOWNS + RECORDS).replace("low > 0.07", "lo > 0.07")))
 
 
 def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkeypatch):

@@ -17,6 +17,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.workflow.optimise_plan import plan_optimisation
 from tripod_doe.workflow.point_batches import PointBatches
+from tripod_doe.workflow.steps_file import found_sentences
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -370,6 +371,18 @@ def test_one_candidate_that_is_best_in_all(solve):
     aims = {"a": {"output": "stress"}, "b": {"output": "stress", "over": "mean"}}
     summary = solve("hole", {"x": {"values": [0.1, 0.2, 0.3]}}, aims, search={"evaluations": 10})
     assert summary.lines[0].startswith("One candidate is best in every objective: a 1.1")
+
+
+def test_the_candidates_that_it_looks_for(solve, tmp_path):
+    """Exact: weight = 1 - x; of 0, 0.1, ... 0.6 the front has all, three of them below 0.65."""
+    aims = {"light": {"output": "weight"}, "soft": {"output": "stress"}}
+    variables = {"x": {"values": [round(0.1 * k, 1) for k in range(7)]}}
+    told = "3 of 7 candidates of the front meet light < 0.65; the first at x = 0.6."
+    head = {"look_for": "light < 0.65"}
+    assert solve("hole", variables, aims, optimisation=head, search={"evaluations": 10}).found == told
+    assert found_sentences(tmp_path / "out") == told
+    with pytest.raises(InputError, match=r"\[optimisation\]: look_for: .*unknown name 'weight'"):
+        solve("hole", variables, aims, optimisation={"look_for": "weight < 0.65"})
 
 
 def test_what_a_step_changes(solve, tmp_path):

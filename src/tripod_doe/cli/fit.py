@@ -28,7 +28,7 @@ def _run(options: argparse.Namespace) -> int:
         oversubscribe=options.oversubscribe,
         untrusted=options.untrusted,
     )
-    print("\n".join(fit_lines(summary.result)))
+    print("\n".join([*fit_lines(summary.result), *filter(None, [summary.found])]))
     for line in failure_lines(summary.failures):
         print(line, file=sys.stderr)
     print(f"{summary.computed:,} points computed, {summary.reused:,} reused", file=sys.stderr)

@@ -131,7 +131,7 @@ def _ran(options: argparse.Namespace) -> int:
     if options.command is serve.COMMAND.run or getattr(options, "notify", None) is None:
         return int(options.command(options))
     from tripod_doe.notification import Notifier
-    from tripod_doe.study.results.found import found_in
+    from tripod_doe.workflow.steps_file import found_sentences
 
     notifier, code = Notifier.of(options.notify), INTERNAL
     state, message = "failed", ""
@@ -139,7 +139,7 @@ def _ran(options: argparse.Namespace) -> int:
         code = int(options.command(options))
         state = "finished" if code in (DONE, SOME_FAILED) else "failed"
         failed = "points or steps failed that were not expected" if code == SOME_FAILED else ""
-        message = "; ".join(filter(None, (failed, found_in(options.out))))
+        message = "; ".join(filter(None, (failed, found_sentences(options.out))))
         return code
     except KeyboardInterrupt:
         state = "stopped"

@@ -31,7 +31,7 @@ def _run(options: argparse.Namespace) -> int:
         oversubscribe=options.oversubscribe,
         untrusted=options.untrusted,
     )
-    print("\n".join(front_lines(summary.front)))
+    print("\n".join([*front_lines(summary.front), *filter(None, [summary.found])]))
     for line in [*summary.lines, *failure_lines(summary.failures)]:
         print(line, file=sys.stderr)
     print(f"{summary.computed:,} points computed, {summary.reused:,} reused", file=sys.stderr)

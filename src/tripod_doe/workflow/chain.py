@@ -31,6 +31,7 @@ from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
+from tripod_doe.study.results.found import FOUND, found_in
 from tripod_doe.study.results.result_cube import opened_cube
 from tripod_doe.study.results.result_directory import make_directory
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
@@ -145,6 +146,7 @@ class _Chain:
         self.retry_failed, self.progress = retry_failed, progress
         self._execution = execution
         self._states: dict[str, dict[str, object]] = {}
+        self._found: dict[str, str] = {}  # what the study of a step looks for, in a sentence
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
         """Run these steps, each of which comes after those that it needs."""
@@ -190,6 +192,7 @@ class _Chain:
         if stopped:
             return self._report_state(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
         if not lacking and (view := self.recorded(step)):
+            self._found[name] = found_in(self.folder(name))
             return self._report_state(view)
         self._note(self.view(step, "running"))
         started = time.perf_counter()
@@ -231,7 +234,9 @@ class _Chain:
 
     def _note(self, view: StepView) -> None:
         """Write the state of a step for readers of `steps_file`."""
-        self._states[view.name] = {key: getattr(view, key) for key in ("name", "state", "seconds", "detail")}
+        state = {key: getattr(view, key) for key in ("name", "state", "seconds", "detail")}
+        sentence = self._found.get(view.name)
+        self._states[view.name] = state | ({FOUND: f"{view.name}: {sentence}"} if sentence else {})
         write_steps(self.directory, self._states.values())
 
     def _make(self, step: Step) -> str:
@@ -252,11 +257,13 @@ class _Chain:
         summary = run_on(
             self._execution, study, self.folder(step.name), retry_failed=self.retry_failed, progress=self.progress
         )
+        self._found[step.name] = summary.found
         if not summary.good:
             reasons = failure_lines(summary.failures, summary.retried)
             reasons += [f"analysis {name}: {reason}" for name, reason in summary.analyses.items() if reason]
             raise InputError("; ".join(reasons) or "not all points were run")
-        return f"{summary.computed + summary.reused:,} points"
+        count = f"{summary.computed + summary.reused:,} points"
+        return f"{count}; {summary.found}" if summary.found else count
 
     def _analyse(self, step: Step) -> str:
         name = step.analysis

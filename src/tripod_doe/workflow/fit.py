@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
-from tripod_doe.analyses.fit.result import fit_dataset
+from tripod_doe.analyses.fit.result import fit_dataset, found_unknowns
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.atomic_files import replace_text
@@ -47,6 +47,7 @@ class FitSummary:
     reused: int
     failures: Sequence[Failure]  # points that failed, by outcome and reason
     result: xr.Dataset  # as in fit.nc
+    found: str  # sentence on the unknowns that the fit looks for; empty where it looks for none
 
     @property
     def good(self) -> bool:
@@ -111,9 +112,10 @@ def fit(
     known = check_parameters(rig.simulator.parameters, rig.file.base)
     replace_text(directory / "base.toml", base_text(result, known))
     replace_text(directory / "tolerance.toml", tolerance_text(result, known))
-    stages.end()
+    found = found_unknowns(request, result)
+    stages.end(found)
     write_fit_page(directory, result)
-    return FitSummary(directory, computed, count - computed, failures, result)
+    return FitSummary(directory, computed, count - computed, failures, result, found)
 
 
 def _points_study(rig: RigFit, folder: Path) -> Study:

@@ -19,7 +19,13 @@ from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.neighbours import Neighbours, around, places_of
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
-from tripod_doe.analyses.optimisation.result import Solved, base_values, candidates_dataset, front_dataset
+from tripod_doe.analyses.optimisation.result import (
+    Solved,
+    base_values,
+    candidates_dataset,
+    found_candidates,
+    front_dataset,
+)
 from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
@@ -53,6 +59,7 @@ class OptimisationSummary:
     reused: int
     failures: Sequence[Failure]  # points that failed, by outcome and reason: their candidates are left out
     lines: Sequence[str]  # sentences on the answer
+    found: str  # sentence on the candidates that the search looks for; empty where it looks for none
 
     @property
     def good(self) -> bool:
@@ -345,9 +352,10 @@ def optimise(
     if len(solved.front.units):
         best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
         replace_text(directory / "base.toml", pasted(base_values(problem, best), request.file.base))
-    stages.end()
+    found = found_candidates(problem, front)
+    stages.end(found)
     write_optimisation_page(directory, problem, solved, failures, waves)
-    return OptimisationSummary(directory, front, computed, count - computed, failures, lines)
+    return OptimisationSummary(directory, front, computed, count - computed, failures, lines, found)
 
 
 def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Execution) -> xr.Dataset | None:

@@ -37,7 +37,7 @@ from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure, failures_in
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.query.found_points import found_by
+from tripod_doe.study.query.found_points import found_points
 from tripod_doe.study.results.result_directory import ResultDirectory
 from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.results.stored_study import with_derived
@@ -61,7 +61,8 @@ class RunSummary:
     failures: Sequence[Failure]
     retried: bool  # whether the study has retries
     analyses: dict[str, str]  # by name, why an analysis could not be made; empty where it was
-    answers: Sequence[str]  # sentences with numbers, from the analyses that the study asks for
+    found: str  # sentence on the points that the study looks for; empty where it looks for none
+    answers: Sequence[str]  # sentences with numbers: that one, and those of the analyses that the study asks for
     findings: Sequence[str]  # sentences with numbers, from the cube
     model_notes: Sequence[str]  # the models with their known errors, and their ranges that points leave
     complete: bool  # whether every point has been run
@@ -185,7 +186,7 @@ def run_on(
         del missing  # eight bytes a point, which the cube needs
         check_interrupt()
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
-        found = found_by(study, written)
+        found = found_points(study, written)
         directory.note_found(found)
 
     def run_other(other: Study, place: Path) -> None:
@@ -257,6 +258,7 @@ def summary_of(
         failures=failures,
         retried=bool(study.retry.changes),
         analyses=analyses,
+        found=found,
         answers=answers,
         findings=findings,
         model_notes=notes,

@@ -8,12 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import StorageError
+from tripod_doe.errors import StorageError, printable
+from tripod_doe.study.results.found import FOUND, found_in
 
 STEPS = "steps.json"
-"""File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs."""
+"""File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs.
+
+What a step or stage was to look for stands in it under `FOUND`, in a sentence.
+"""
 
 _EVERY = 0.5  # seconds between two states of a stage
+_LONGEST = 4_000  # characters of all sentences
 
 
 def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
@@ -46,9 +51,10 @@ class Stages:
         if time.monotonic() > self._written + _EVERY:
             self._write()
 
-    def end(self) -> None:
-        """End the stage at work, which is the last one."""
+    def end(self, found: str = "") -> None:
+        """End the stage at work, which is the last one, with the sentence on what the search was to look for."""
         self._close("finished")
+        self._stages[-1] |= {FOUND: found} if found else {}
         self._write()
 
     def _close(self, state: str) -> None:
@@ -59,3 +65,17 @@ class Stages:
         self._written = time.monotonic()
         with suppress(StorageError):
             write_steps(self._directory, self._stages)
+
+
+def found_sentences(directory: Path) -> str:
+    """What the latest run of a directory was to look for, in a sentence; a sentence for each study of a workflow.
+
+    Empty where nothing was to be looked for.
+    """
+    if sentence := found_in(directory):
+        return sentence
+    try:
+        steps = json.loads((directory / STEPS).read_text(encoding="utf-8"))
+        return printable(" ".join(step[FOUND] for step in steps if step.get(FOUND)))[:_LONGEST]
+    except (OSError, ValueError, TypeError, AttributeError):  # missing, or not as we write it
+        return ""

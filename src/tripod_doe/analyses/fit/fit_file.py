@@ -21,6 +21,13 @@ class HeadTable(Table):
     model_error: Literal["recorded"] | float = Field(
         "recorded", description="relative error of the model's orders: recorded for similar points, or a number"
     )
+    look_for: str | None = Field(
+        None,
+        min_length=1,
+        max_length=1_000,
+        description="condition as query --where takes it, on value, low, high, verdict and unknown; the run states the "
+        "unknowns that meet it, as --notify does",
+    )
 
 
 class UnknownTable(Table):
@@ -81,6 +88,9 @@ class FitFile(Table):
         return list(range(1, 13)) if self.records.waveform else sorted(set(self.records.orders))
 
 
+UNKNOWN_COLUMNS = ("unknown", "value", "low", "high", "verdict", "bound_low", "bound_high")
+"""What the result of a fit says of each unknown."""
+
 FitRequest = TableFile[FitFile]
 
 
@@ -104,6 +114,7 @@ def _check(request: FitRequest) -> None:
         raise request.fail("[records]", f"orders = {wrong}: rotating orders are 1 to 12")
     if isinstance(file.fit.model_error, float) and not 0 <= file.fit.model_error < 1:
         raise request.fail("[fit]", f"model_error = {file.fit.model_error:g}: must be at least 0 and below 1")
+    request.check_condition("[fit]: look_for", file.fit.look_for, UNKNOWN_COLUMNS)
     for name, table in file.unknowns.items():
         where = f"[unknowns.{name}]"
         if table.low >= table.high:

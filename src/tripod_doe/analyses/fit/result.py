@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.fit.fit import CONFIDENCE, Solution
+from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, NOT_IDENTIFIED, ONE_SIDED, correlation_of
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.analyses.fit.next_record import Next
@@ -20,6 +21,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import amplitude_and_phase
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of
+from tripod_doe.study.query.found_points import found_rows
 
 _RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
 """Verdicts from the best to the worst."""
@@ -52,6 +54,11 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
         coordinates |= places
         attrs |= {"next_unknown": following.unknown, "next_within": following.within}
     return xr.Dataset(variables, coordinates, attrs)
+
+
+def found_unknowns(request: FitRequest, fit: xr.Dataset) -> str:
+    """The sentence on the unknowns that meet the condition of a fit; empty where it has none."""
+    return found_rows(request.file.fit.look_for, fit, "value", ["unknown"], "unknown")
 
 
 def _remarks(records: Sequence[RigRecord]) -> str:

@@ -21,6 +21,13 @@ class HeadTable(Table):
     quantile: float = Field(
         0.95, gt=0.5, lt=1, description="with [scatter]: share of the joints that an objective or limit must hold for"
     )
+    look_for: str | None = Field(
+        None,
+        min_length=1,
+        max_length=1_000,
+        description="condition as query --where takes it, on front.nc; the run states the candidates of the front that "
+        "meet it, as --notify does",
+    )
 
 
 class VariableTable(Table):
@@ -134,3 +141,6 @@ def _check(request: OptimisationRequest) -> None:
             if name in taken or f"{name}_error" in taken:
                 raise request.fail(where, "this name is taken by a variable, an objective or a constraint")
             taken |= dict.fromkeys((name, f"{name}_error"))
+    names = ["knee", *file.variables]
+    names += [f"{name}{end}" for name in (*file.objectives, *file.constraints) for end in ("", "_error", "_search")]
+    request.check_condition("[optimisation]: look_for", file.optimisation.look_for, names)

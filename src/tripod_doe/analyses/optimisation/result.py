@@ -15,6 +15,7 @@ from tripod_doe.analyses.optimisation.neighbours import Neighbours
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.responses import ERROR
+from tripod_doe.study.query.found_points import found_rows
 
 _FLAG = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes"}
 
@@ -52,6 +53,12 @@ def front_dataset(problem: Problem, solved: Solved) -> xr.Dataset:
             attributes = variables[name].attrs | {"long_name": f"{name} in the search", "role": "searched"}
             variables[f"{name}_search"] = xr.Variable("candidate", solved.searched.objectives[:, at], attributes)
     return xr.Dataset(variables, attrs=_attributes(problem, solved))
+
+
+def found_candidates(problem: Problem, front: xr.Dataset) -> str:
+    """The sentence on the candidates of a front that meet the condition of an optimisation; empty without one."""
+    condition, first = problem.request.file.optimisation.look_for, next(iter(problem.objectives))
+    return found_rows(condition, front, first, problem.variables.names, "candidate", " of the front")
 
 
 @makes_kind("optimisation")

@@ -12,9 +12,8 @@ from typing import Any
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.table import PointCounts, Run, State
 from tripod_doe.study.journal import journal_path
-from tripod_doe.study.results.found import found_in
 from tripod_doe.study.results.result_cube import is_shown
-from tripod_doe.workflow.steps_file import STEPS
+from tripod_doe.workflow.steps_file import STEPS, found_sentences
 
 _LEAST = 1_000_000  # bytes without which a run cannot end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
@@ -33,7 +32,7 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         whole = not counts.missing and is_shown(directory) and has_report(directory)
         failed = []
     if whole:
-        return State.FINISHED, found_in(directory) if run.kind == "study" else ""
+        return State.FINISHED, found_sentences(directory)
     if run.state is State.STOPPING:
         return State.STOPPED, ""
     if run.place:

@@ -1,5 +1,6 @@
 """A TOML file of tables with its text and place, for errors that name file, table, key and value."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -11,6 +12,7 @@ from tripod_doe.study.definition.complaints import complaints
 from tripod_doe.study.definition.study_file import Table
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.toml_text import parse_toml, read_text
+from tripod_doe.study.expressions import Expression
 
 F = TypeVar("F", bound=Table)
 _HEADS = ("study", "workflow", "fit", "optimisation")
@@ -30,6 +32,13 @@ class TableFile(Generic[F]):
         """An error that names this file and the key; one of a kind stays of that kind."""
         place = f"{self.origin}: {where}" if where else self.origin
         return (error if isinstance(error, InputError) else InputError(error)).at(place)
+
+    def check_condition(self, where: str, text: str | None, names: Collection[str]) -> None:
+        """Refuse a condition on a result that is no expression of these names; None is no condition."""
+        try:
+            Expression(text or "0", names)
+        except InputError as error:
+            raise self.fail(where, error) from error
 
 
 def read_table_file(path: str | Path, model: type[F], head: str, untrusted: bool) -> TableFile[F]:

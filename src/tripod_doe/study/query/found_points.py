@@ -1,4 +1,6 @@
-"""The points of a study that it looks for, in a sentence."""
+"""The points of a study, or the rows of another result, that a run looks for, in a sentence."""
+
+from collections.abc import Iterable
 
 import xarray as xr
 
@@ -9,18 +11,34 @@ from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records
 
 
-def found_by(study: Study, cube: xr.Dataset) -> str:
+def found_points(study: Study, cube: xr.Dataset) -> str:
     """The sentence on the points that meet the condition of a study; empty where it has none."""
-    condition = study.file.run.look_for
+    return found_rows(study.file.run.look_for, cube, "outcome", study.factors, "point")
+
+
+def found_rows(
+    condition: str | None, cube: xr.Dataset, variable: str, named: Iterable[str], noun: str, of: str = ""
+) -> str:
+    """The sentence on the cells of a variable that meet a condition; empty where there is no condition.
+
+    Args:
+        named: Variables and coordinates whose values name the first such cell.
+        noun, of: What a cell is called, and of what it is.
+    """
     if condition is None:
         return ""
+    arrays = cube_arrays(cube)
     try:
-        columns = records(cube_arrays(cube), "outcome", where=condition)
+        rows = records(arrays, variable, where=condition)
+        count, total = len(rows[variable]), cube[variable].size
+        if not count:
+            return f"No {noun}{of} meets {condition}."
+        first = {name: rows[name][0].item() for name in named if name in rows}
+        for name in named:
+            if name in arrays.variables:
+                first[name] = records(arrays, name, where=condition)[name][0].item()
     except InputError as error:  # values of a kind that only the results show: they are kept whatever is looked for
         return f"Nothing could be looked for: {error}"
-    count, total = len(columns["outcome"]), cube["outcome"].size
-    if not count:
-        return f"No point meets {condition}."
-    first = {name: columns[name][0].item() for name in study.factors if name in columns}
     at = ", ".join(f"{name} = {value if isinstance(value, str) else level(value)}" for name, value in first.items())
-    return f"{count:,} of {count_of(total, 'point')} meet {condition}" + (f"; the first at {at}." if at else ".")
+    meet = "meets" if count == 1 else "meet"
+    return f"{count:,} of {count_of(total, noun)}{of} {meet} {condition}" + (f"; the first at {at}." if at else ".")
