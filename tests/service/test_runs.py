@@ -211,6 +211,38 @@ def test_directories_of_the_command_line_are_shown_and_left_alone(coast, setting
 
 
 @pytest.mark.slow
+def test_a_directory_of_the_command_line_is_extended(coast, settings, tmp_path):
+    """Invariance: only what is new runs, into the directory of the command line, which is never removed."""
+    by_hand = tmp_path / "by_hand"
+    shutil.copytree(settings.folder / coast, by_hand, ignore=shutil.ignore_patterns("upload", ".alive"))
+    larger = textwrap.dedent(COAST).replace("[2.5, 17]", "[2.5, 17, 9]")
+    with TestClient(create_app(replace(settings, folder=tmp_path)), ADDRESS) as client:
+        client.headers["authorization"] = f"Bearer {settings.token}"
+        own = Asked(client)
+        until = time.monotonic() + 60
+        while not (runs := own.get("/runs").json()) or runs[0]["state"] != "finished":
+            assert time.monotonic() < until, runs
+            time.sleep(0.05)
+        run_id = runs[0]["id"]
+        tables = {"twice": {"formula": "2 * thrust_amplitude[3]", "unit": "N"}}
+        assert own.post(f"/runs/{run_id}/plans", {"responses": tables}).json()["new_points"] == 0
+        assert own.post(f"/runs/{run_id}/plans", {"study": larger}).json()["new_points"] == 4
+        (by_hand / "link").symlink_to("/etc")
+        assert own.post(f"/runs/{run_id}/extend", {"study": larger}).status_code == 403
+        (by_hand / "link").unlink()
+        assert own.post(f"/runs/{run_id}/extend", {"study": larger}).status_code == 200
+        assert own.wait(run_id, "finished", "failed")["points"]["total"] == 12
+        assert "4 points computed" in own.get(f"/runs/{run_id}/log").text
+        assert "9" in own.get(f"/runs/{run_id}/upload").json()["study"]
+        assert own.post(f"/runs/{run_id}/derive", {"responses": tables}).status_code == 200
+        assert own.wait(run_id, "finished", "failed")["state"] == "finished"
+        assert own.delete(f"/runs/{run_id}").status_code == 409
+    with td.open_cube(by_hand) as cube:
+        assert cube.sizes["joint_angle_deg"] == 3
+        assert "twice" in cube
+
+
+@pytest.mark.slow
 def test_a_run_grows_and_keeps_what_it_has(api):
     """Invariance over HTTP: an extended run computes what is new, a repeated one what failed, and a deleted one is gone."""
     run_id = api.submit(grown(3))

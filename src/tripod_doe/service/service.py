@@ -246,14 +246,15 @@ class Service:
         run, directory = self.runs.find(run_id), self.directory(run_id)
         plan = dict(run.plan)
         if run.plan.get("model_chosen_by_pilot"):
-            plan["choice"] = self.ask(f"{_QUESTIONS}:choice", folder=str(directory / UPLOAD), path=str(directory))
+            folder = directory if run.is_left_alone else directory / UPLOAD
+            plan["choice"] = self.ask(f"{_QUESTIONS}:choice", folder=str(folder), path=str(directory))
         return plan
 
     def upload_of(self, run_id: str) -> dict[str, Any]:
         """The study or workflow that was submitted as a run, and its files."""
         run = self.runs.find(run_id)
         folder = self.directory(run_id) / UPLOAD
-        if run.place:
+        if run.is_left_alone:
             return {"study": (folder.parent / STUDY).read_text(encoding="utf-8"), "files": {}}
         texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
@@ -300,8 +301,9 @@ class Service:
             if question == "derive":
                 self._ask_plan("note_derived", body, path=path)
 
+        texts = {"texts": self.submitted_texts(run_id)} if question == "derive" else {}
         with self._upload_folder() as upload:
-            plan = self._ask_plan(question, body, folder=str(upload), path=path)
+            plan = self._ask_plan(question, body, folder=str(upload), path=path, **texts)
             return self.runs.extend(run_id, upload, plan, note)
 
     def _extended(self, run_id: str) -> str:
@@ -318,7 +320,7 @@ class Service:
             RefusedError: As for `extend`.
         """
         path = self._extended(run_id)
-        arguments = {"body": body, "limits": self.settings.limits, "path": path}
+        arguments = {"body": body, "limits": self.settings.limits, "path": path, "texts": self.submitted_texts(run_id)}
         seconds = self.settings.limits.simulate_seconds
         return self._computing.ask(f"{_QUESTIONS}:plan_extension", seconds, as_json, **arguments)
 

@@ -35,8 +35,8 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         return State.FINISHED, found_sentences(directory)
     if run.state is State.STOPPING:
         return State.STOPPED, ""
-    if run.place:
-        return State.STOPPED, "points are missing: run the study again from the command line"
+    if run.is_left_alone:
+        return State.STOPPED, "points are missing: extend it here, or run the study again from the command line"
     return State.FAILED, "; ".join(failed) or last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
 
 

@@ -253,20 +253,29 @@ class Supervisor:
     def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
         """Put an upload in place of the one of a run, and queue it."""
         own = self.directory(run.id) / UPLOAD
-        own.rename(own.with_name(f".{UPLOAD}.old"))
+        before = own.with_name(f".{UPLOAD}.old")
+        shutil.rmtree(before, ignore_errors=True)  # left by a kill
+        if own.exists():
+            own.rename(before)
         upload.rename(own)
-        shutil.rmtree(own.with_name(f".{UPLOAD}.old"), ignore_errors=True)
+        shutil.rmtree(before, ignore_errors=True)
         counts = replace(run.counts, total=plan["unique"])
         return self._put(
             run.changed(
-                state=State.QUEUED, message="", plan=plan, counts=counts, name=plan["name"], question=plan["question"]
+                state=State.QUEUED,
+                message="",
+                plan=plan,
+                counts=counts,
+                name=plan["name"],
+                question=plan["question"],
+                taken=bool(run.place),
             )
         )
 
     def refuse_extension(self, run_id: str) -> Run:
-        """The run, unless its study may not grow (409): it waits or runs, or is not the service's own."""
+        """The run, unless its study may not grow (409): it waits or runs."""
         with self._lock:
-            run = self._own(run_id)
+            run = self._unchanged(run_id)
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
             return run
@@ -302,6 +311,8 @@ class Supervisor:
             raise RefusedError(409, "this run is not in the bin: delete it first")
         with self._lock:
             run = self._own(run_id)
+            if run.place:
+                raise RefusedError(409, f"the command line made the directory {run.place}: remove it there")
             if run.state.alive or processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, f"state: {run.state}: stop this run before you delete it")
             if run.state is State.QUEUED:
@@ -321,10 +332,15 @@ class Supervisor:
             return run
 
     def _own(self, run_id: str) -> Run:
-        """A run that the service may change."""
+        """A run that the service may stop and go on with."""
+        run = self._unchanged(run_id)
+        if run.is_left_alone:
+            raise RefusedError(409, f"the command line filled the directory {run.place}: change it there, or extend it")
+        return run
+
+    def _unchanged(self, run_id: str) -> Run:
+        """A run that takes no other study just now."""
         run = self.find(run_id)
-        if run.place:
-            raise RefusedError(409, f"the command line filled the directory {run.place}: change it there")
         if run_id in self._changing:
             raise RefusedError(409, "this run takes a larger study just now: try again in a moment")
         return run
@@ -335,7 +351,7 @@ class Supervisor:
         if not self.settings.read_only:
             self._table.put(run)
         self._show(run)
-        if before is not None and run.state.at_rest and not before.state.at_rest and not run.place:
+        if before is not None and run.state.at_rest and not before.state.at_rest and not run.is_left_alone:
             self._notify(run)
         return run
 
@@ -388,7 +404,7 @@ class Supervisor:
             run = self._runs.get(run_id)
             if run is None or run.state.at_rest:
                 return
-            if not run.place and not self.settings.read_only:
+            if not run.is_left_alone and not self.settings.read_only:
                 processes.kill_run(self.directory(run_id))
             self._forget_work(run_id)
             self._put(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))

@@ -78,8 +78,8 @@ class Run:
     created: str = ""
     updated: str = ""
     retry_failed: bool = False  # whether the run in the queue runs failed points again
-    # name of its directory where that is not the id: the command line filled it, and the service leaves it alone
-    place: str = ""
+    place: str = ""  # name of its directory where that is not the id: the command line filled it
+    taken: bool = False  # whether the service runs the study of that directory since it was extended here
     # key, digest: the client's Idempotency-Key, and the hash of what it submitted
     key: str | None = None
     digest: str = ""
@@ -94,6 +94,11 @@ class Run:
     def is_search(self) -> bool:
         """Whether its points follow from those before, so that their number is not known beforehand."""
         return self.kind in ("fit", "optimisation")
+
+    @property
+    def is_left_alone(self) -> bool:
+        """Whether the command line filled its directory, and nothing was added to it here."""
+        return bool(self.place) and not self.taken
 
     @property
     def shown_name(self) -> str:

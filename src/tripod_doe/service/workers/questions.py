@@ -82,10 +82,10 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     return _extended(body, texts, Path(folder), path, limits, timing=False)
 
 
-def derive(body: bytes, folder: str, path: str, limits: Limits) -> Any:
-    """Check variables by formula against the results in a directory, and write its upload with them into a folder."""
+def derive(body: bytes, folder: str, path: str, texts: Mapping[str, str], limits: Limits) -> Any:
+    """Check variables by formula against the results in a directory, and write its texts with them into a folder."""
     asked = read_form(body, Derivation, limits.nesting)
-    texts = _with_responses(Path(path) / UPLOAD, asked.responses, asked.drop)
+    texts = _with_responses(texts, asked.responses, asked.drop)
     return _extended(body, texts, Path(folder), path, limits, timing=False)
 
 
@@ -98,23 +98,22 @@ def note_derived(body: bytes, path: str, limits: Limits) -> None:
         directory.note_derived(asked.responses, asked.drop)
 
 
-def plan_extension(body: bytes, path: str, limits: Limits) -> Any:
+def plan_extension(body: bytes, path: str, texts: Mapping[str, str], limits: Limits) -> Any:
     """Price of what a larger study, or variables by formula, add to the results in a directory."""
     asked = read_form(body, ExtensionPlan, limits.nesting)
     if asked.responses is None:
         _, texts = upload_texts(asked.model_dump())
     else:
-        texts = _with_responses(Path(path) / UPLOAD, asked.responses)
+        texts = _with_responses(texts, asked.responses)
     with tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
         return _extended(body, texts, Path(name) / UPLOAD, path, limits, asked.timing)
 
 
-def _with_responses(upload: Path, tables: Mapping[str, Any], drop: Collection[str] = ()) -> dict[str, str]:
+def _with_responses(texts: Mapping[str, str], tables: Mapping[str, Any], drop: Collection[str] = ()) -> dict[str, str]:
     """The texts of an upload, its study with responses, or without some."""
     from tripod_doe.study.results.stored_study import text_with_responses
 
-    texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(upload.iterdir())}
-    return {STUDY: text_with_responses(texts.pop(STUDY), tables, drop), **texts}
+    return {**texts, STUDY: text_with_responses(texts[STUDY], tables, drop)}
 
 
 def _extended(
