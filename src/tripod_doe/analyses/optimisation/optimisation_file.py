@@ -141,6 +141,5 @@ def _check(request: OptimisationRequest) -> None:
             if name in taken or f"{name}_error" in taken:
                 raise request.fail(where, "this name is taken by a variable, an objective or a constraint")
             taken |= dict.fromkeys((name, f"{name}_error"))
-    names = ["knee", *file.variables]
-    names += [f"{name}{end}" for name in (*file.objectives, *file.constraints) for end in ("", "_error", "_search")]
-    request.check_condition("[optimisation]: look_for", file.optimisation.look_for, names)
+    aims = [f"{name}{end}" for name in (*file.objectives, *file.constraints) for end in ("", "_error", "_search")]
+    request.check_condition("[optimisation]: look_for", file.optimisation.look_for, ["knee", *file.variables, *aims])

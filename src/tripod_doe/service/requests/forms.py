@@ -176,7 +176,7 @@ class RunRecord(BaseModel):
     owner: str
     tags: list[str]
     note: str
-    found: bool = Field(description="whether the command line filled its directory; the service only shows it then")
+    found: bool = Field(description="whether the command line filled its directory, which the service never deletes")
     kind: Literal["study", "workflow", "fit", "optimisation"]
     question: str
     state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]
