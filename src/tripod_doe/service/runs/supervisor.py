@@ -260,17 +260,9 @@ class Supervisor:
         upload.rename(own)
         shutil.rmtree(before, ignore_errors=True)
         counts = replace(run.counts, total=plan["unique"])
-        return self._put(
-            run.changed(
-                state=State.QUEUED,
-                message="",
-                plan=plan,
-                counts=counts,
-                name=plan["name"],
-                question=plan["question"],
-                taken=bool(run.place),
-            )
-        )
+        head = {key: plan[key] for key in ("name", "question")}
+        taken = bool(run.place)
+        return self._put(run.changed(state=State.QUEUED, message="", plan=plan, counts=counts, taken=taken, **head))
 
     def refuse_extension(self, run_id: str) -> Run:
         """The run, unless its study may not grow (409): it waits or runs."""
