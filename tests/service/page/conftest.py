@@ -10,12 +10,15 @@ import threading
 import time
 import tomllib
 import urllib.request
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 import tripod_doe as td
 from started import Process
 from tripod_doe.page_parts.charts.chart import Chart
+from tripod_doe.service.runs.table import Run, RunTable, State, stamp
 
 COAST = """
 [study]
@@ -137,6 +140,20 @@ def served(tmp_path_factory):
             (folder / f"{name}.toml").write_text(text)
             td.run(folder / f"{name}.toml", out=folder / name, workers=0, progress=False)
     server = Served(folder)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def long_list(tmp_path):
+    """A server with 200 runs of twenty customers, one each day until today."""
+    table, today = RunTable(tmp_path), datetime.now(UTC)
+    for age in range(200):
+        run = Run(f"{age:016x}", "study", f"customer-{age % 20}/joint {age}", "Which angle is worst?", State.FINISHED)
+        table.put(replace(run, created=stamp(today - timedelta(days=age))))
+        (tmp_path / run.id).mkdir()
+    table.close()
+    server = Served(tmp_path)
     yield server
     server.close()
 

@@ -9,6 +9,7 @@ import json
 import re
 import struct
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
@@ -102,6 +103,20 @@ def test_a_run_is_found_by_a_word_or_a_tag_written_on_its_page(served, page, sam
     until(page, "document.querySelectorAll('table.runs tbody tr').length === 1")
     assert page.locator("table.runs .tag").all_inner_texts() == ["steel", "spring"]
     served.ask("PATCH", f"/api/v1/runs/{sampled}", {"name": "", "tags": [], "note": ""})
+
+
+def test_last_weeks_run_among_200_in_three_actions(long_list, page):
+    """By mouse and keys alone: a day, a word and a click."""
+    page.goto(long_list.door)
+    assert "200 runs, page 1 of 2" in page.locator("#count").inner_text()
+    page.get_by_label("Submitted from").click(position={"x": 12, "y": 12})  # its first part, the month
+    page.keyboard.type(f"{datetime.now(UTC) - timedelta(days=7):%m%d%Y}")
+    page.locator("#count").get_by_text("8 runs").wait_for()
+    page.get_by_label("Search").click()
+    page.keyboard.type("customer-5")
+    page.locator("#count").get_by_text("1 run", exact=True).wait_for()
+    page.get_by_role("link", name="customer-5/joint 5").click()
+    page.get_by_role("heading", name="customer-5/joint 5").wait_for()
 
 
 def test_two_runs_side_by_side(served, page, coast, rungs):
