@@ -206,7 +206,9 @@ def http() -> str:
     parts = ["# HTTP\n", _NOTE]
     parts.append(
         "`tripod-doe serve` answers under `/api/v1`, with the token as `Authorization: Bearer TOKEN`.\n"
-        "`/api/v1/openapi.json` is this page for programs. Limits and faults: [The service over HTTP](service.md).\n"
+        "Bodies and answers are JSON unless a route names another form.\n"
+        "`/api/v1/openapi.json` is this page for programs. What a run and an error look like, limits and faults:\n"
+        "[The service over HTTP](service.md).\n"
     )
     for path, methods in description["paths"].items():
         for method, route in methods.items():
@@ -214,14 +216,14 @@ def http() -> str:
             said = route.get("description") or route.get("summary", "")
             parts.append(_cell(re.sub(r"``([^`]+)``", r"`\1`", said)) + "\n")
             given = [
-                (
-                    f"`{item['name']}`",
-                    item["in"],
-                    _cell(item.get("description") or item["schema"].get("description", "")),
-                )
+                (f"`{item['name']}`", item["in"], item.get("description") or item["schema"].get("description", ""))
                 for item in route.get("parameters", ())
+                if item["in"] != "path" or "description" in item
             ]
-            parts.append(_table(("parameter", "in", "meaning"), given) if given else "")
+            body = route.get("requestBody", {"content": {"application/json": {"schema": {}}}})
+            fields = body["content"]["application/json"]["schema"].get("properties", {})
+            given += [(f"`{name}`", "body", field.get("description", "")) for name, field in fields.items()]
+            parts.append(_table(("parameter", "in", "meaning"), [map(_cell, row) for row in given]) if given else "")
             codes = sorted(code for code in route["responses"] if code.isdigit())
             good, bad = ([code for code in codes if (code < "400") == well] for well in (True, False))
             parts.append(

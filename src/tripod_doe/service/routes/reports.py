@@ -20,7 +20,7 @@ _KINDS = {".html": "text/html; charset=utf-8", ".nc": "application/x-netcdf"}
 
 @router.get("/report", response_class=Response)
 async def report_address(run_id: str, request: Request, service: AnyService) -> Response:
-    """The report stands one level deeper."""
+    """Leads to the report, one level deeper."""
     service.runs.find(run_id)
     return RedirectResponse(f"{request.scope['root_path']}/api/v1/runs/{run_id}/report/", 307)
 
@@ -50,7 +50,7 @@ def summary(run_id: str, form: Form, service: AnyService, step: str | None = Non
 
 @router.get("/pages/{key}/{place:path}", response_class=Response, responses=gives(*_KINDS.values()))
 def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
-    """A page or a cube that a report links to; `Guard` has checked the key."""
+    """A page or a cube that a report links to; the report knows the key, which opens nothing else."""
     directory = service.directory(run_id)
     path = file_within(directory, place)
     if path is None or path.suffix not in _KINDS or path.relative_to(directory).parts[0] not in ("report", "steps"):

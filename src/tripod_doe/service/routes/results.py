@@ -25,23 +25,27 @@ _TYPES = {
     "netcdf": "application/x-netcdf",
     "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
 }
-Step = Annotated[str | None, Query(description="step of a workflow")]
+Step = Annotated[str | None, Query(description="step of a workflow, or points of a search")]
+Analysis = Annotated[str | None, Query(description="analysis of the study, in place of its cube")]
 
 
 @router.get("/query", response_class=Response, responses=gives(*_TYPES.values()))
 def query(
     run_id: str,
     service: AnyService,
-    variable: str,
+    variable: Annotated[str, Query(description="name of the variable")],
     select: Annotated[list[str], Query(description="name=value, name=a,b,c or name=a:b; repeatable")] = [],  # noqa: B006
-    nearest: bool = False,
-    where: str | None = None,
+    nearest: Annotated[bool, Query(description="take the nearest value where none matches")] = False,
+    where: Annotated[str | None, Query(description="condition on the cells, as in query --where")] = None,
     format: Literal["json", "csv", "netcdf", "xlsx"] = "json",
     decimal_comma: Annotated[bool, Query(description="csv: commas in numbers, semicolons between them")] = False,
     step: Step = None,
-    analysis: Annotated[str | None, Query(description="analysis of the study, in place of its cube")] = None,
+    analysis: Analysis = None,
 ) -> Response:
-    """Cells of a cube or of an analysis: the same records as `tripod-doe query`."""
+    """Cells of a cube or of an analysis: the same records as `tripod-doe query`.
+
+    Of a fit or an optimisation without ``step`` and ``analysis`` the answer (``fit.nc``, ``front.nc``).
+    """
     asked: dict[str, Any] = {
         "path": service.cube_path(run_id, step, analysis),
         "variable": variable,
@@ -62,7 +66,7 @@ def query(
 
 @router.get("/cube.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
-    """The cube as a netCDF file; while the study runs, with the points that are finished."""
+    """The cube as a netCDF file, also in ranges of bytes; while the study runs, with the points that are finished."""
     directory = service.results(run_id, step)
     if is_shown(directory):
         return _file(service, directory / "cube.nc")
@@ -76,7 +80,7 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
 
 
 @router.get("/cube", response_model=dict[str, Any])
-def describe(run_id: str, service: AnyService, step: Step = None, analysis: str | None = None) -> Response:
+def describe(run_id: str, service: AnyService, step: Step = None, analysis: Analysis = None) -> Response:
     """What the cube holds: dimensions, coordinates with their values, variables with units and flags."""
     path = service.cube_path(run_id, step, analysis)
     return Response(service.ask("workers.questions:describe", as_json=True, path=path), media_type=_TYPES["json"])

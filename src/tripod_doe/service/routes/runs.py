@@ -33,6 +33,7 @@ _HEARTBEAT = 15.0  # seconds of silence on a stream
 _KEY_LETTERS = 200
 
 
+InBin = Annotated[bool, Query(description="what is in the bin")]
 LastEventId = Annotated[str | None, Header(alias="Last-Event-ID")]
 
 
@@ -50,7 +51,7 @@ def submit(
 
 
 @router.get("/runs", response_model=list[RunRecord])
-async def list_runs(asked: AskedRuns, service: AnyService, page: PageNumber = None, bin: bool = False) -> Response:
+async def list_runs(asked: AskedRuns, service: AnyService, page: PageNumber = None, bin: InBin = False) -> Response:
     """Runs, the newest first: the texts that their watchers get. All that pass the filter, or one page of them.
 
     The header X-Total-Count counts the runs that pass.
@@ -148,13 +149,13 @@ def retry_failed(run_id: str, service: WritingService) -> RunRecord:
 
 @router.post("/runs/{run_id}/extend", responses=CHANGES | errors_at(404), openapi_extra=takes(Submission))
 def extend(run_id: str, body: Body, service: WritingService) -> RunRecord:
-    """Run a study that grew on the results of this run: only its new points are computed."""
+    """Run a study that grew on the results of this run: its new and its missing points are computed."""
     return RunRecord(**service.extend(run_id, body).record())
 
 
 @router.post("/runs/{run_id}/derive", responses=CHANGES | errors_at(404), openapi_extra=takes(Derivation))
 def derive(run_id: str, body: Body, service: WritingService) -> RunRecord:
-    """Add variables by formula to the results of a study; points that are there do not run again."""
+    """Add variables by formula to the results of a study; finished points do not run again, missing ones run."""
     return RunRecord(**service.derive(run_id, body).record())
 
 
@@ -165,7 +166,10 @@ def derive(run_id: str, body: Body, service: WritingService) -> RunRecord:
     openapi_extra=takes(ExtensionPlan),
 )
 def plan_extension(run_id: str, body: Body, service: WritingService) -> Response:
-    """Price of what a larger study, or variables by formula, add to the results of a run; nothing is kept."""
+    """Price of what a larger study, or variables by formula, add to the results of a run; nothing is kept.
+
+    ``new_points`` counts them, and ``cpu_seconds`` is theirs alone.
+    """
     return Response(service.plan_extension(run_id, body, as_json=True), media_type="application/json")
 
 
@@ -183,7 +187,10 @@ def upload_of_run(run_id: str, service: AnyService) -> dict[str, Any]:
 
 @router.get("/runs/{run_id}/steps", responses=errors_at(404))
 async def steps_of_run(run_id: str, service: AnyService) -> list[dict[str, Any]]:
-    """The steps of a workflow, or the stages of a search, with their states and times; none for a study."""
+    """The steps of a workflow, or the stages of a search, with their states and times; none for a study.
+
+    The search of an optimisation has ``generations`` with candidates, feasible ones and the best objectives so far.
+    """
     return [dict(step) for step in service.runs.find(run_id).steps]
 
 
@@ -194,7 +201,7 @@ def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
 
 
 @router.delete("/runs/{run_id}", status_code=204, responses=CHANGES | errors_at(404))
-def delete(run_id: str, service: WritingService, bin: bool = False) -> None:
+def delete(run_id: str, service: WritingService, bin: InBin = False) -> None:
     """Put a run into the bin, where its results are kept for some weeks; with `bin`, remove them from there."""
     service.runs.delete(run_id, from_bin=bin)
 
@@ -207,7 +214,7 @@ def restore(run_id: str, service: WritingService) -> RunRecord:
 
 @router.patch("/runs/{run_id}", responses=CHANGES | errors_at(404), openapi_extra=takes(RunChange))
 def change(run_id: str, body: Body, service: WritingService) -> RunRecord:
-    """Change the name, the owner, the tags or the note of a run."""
+    """Change the name, the owner, the tags or the note of a run, in ``about.toml`` of its directory."""
     return RunRecord(**service.runs.annotate(run_id, service.ask_body("changes", body)).record())
 
 

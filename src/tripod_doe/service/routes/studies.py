@@ -1,9 +1,9 @@
 """Routes about studies that need not have run: schemas, limits, prices, and one simulated point."""
 
 from importlib.metadata import version
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from starlette.responses import Response
 
 from tripod_doe.service.requests.forms import Health, PlanRequest
@@ -25,7 +25,7 @@ async def limits(service: AnyService) -> dict[str, Any]:
 
 
 @router.get("/schema/study")
-def study_schema(scene: str = "joint") -> dict[str, Any]:
+def study_schema(scene: Annotated[str, Query(description="scene whose studies they are")] = "joint") -> dict[str, Any]:
     """JSON Schema of study files of a scene."""
     from tripod_doe.study.definition.schema import study_schema
 
@@ -48,5 +48,5 @@ def plan(body: Body, service: AnyService) -> Response:
 
 @router.post("/simulate", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(None))
 def simulate(body: Body, service: AnyService) -> Response:
-    """One point by its parameters, with ``scene`` for another scene than the joint."""
+    """One point by its parameters, with ``scene`` for another scene than the joint: as `simulate --format json`."""
     return Response(service.compute("simulate", body, as_json=True), media_type="application/json")

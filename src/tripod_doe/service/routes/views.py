@@ -20,7 +20,7 @@ def figure(run_id: str, request: Request, service: AnyService, step: str | None 
 
 @router.get("/points/{number}/motion", response_class=Response, responses=gives("text/html") | CHANGES)
 def motion(run_id: str, number: int, service: AnyService, step: str | None = None) -> Response:
-    """A page that moves the joint at one point; the point is simulated for it again, with its contacts."""
+    """A page that moves the joint at one point, which is simulated again with its contacts; not for who only reads."""
     return HTMLResponse(answers.motion(service, run_id, number, step), headers=IN_SANDBOX)
 
 
