@@ -123,6 +123,10 @@ def within(result: xr.Dataset, key: str, truth: np.ndarray | float) -> np.ndarra
     return np.abs(result[key].values - truth) <= result[f"{key}_conf"].values + 1e-12
 
 
+LONG_MORRIS = 40_000
+"""Trajectories whose mean effects are taken for the truth."""
+
+
 def of_indices(seed: int) -> Hits:
     """Sensitivity indices of the sum."""
     share = _WEIGHTS**2 / (_WEIGHTS**2).sum()
@@ -141,7 +145,7 @@ def of_indices(seed: int) -> Hits:
 
 
 def of_effects(seed: int) -> Hits:
-    """Morris' mean elementary effects; the truth is their mean over 40,000 trajectories."""
+    """Morris' mean elementary effects; the truth is their mean over many trajectories."""
     for name, (function, width) in FUNCTIONS.items():
         truth = _mean_effects(name)
         for samples in (10, 20, 50):
@@ -156,7 +160,7 @@ def of_effects(seed: int) -> Hits:
 @lru_cache
 def _mean_effects(name: str) -> np.ndarray:
     function, width = FUNCTIONS[name]
-    cube = _unit_cube('kind = "morris"\nsamples = 40000', function, width, 1000)
+    cube = _unit_cube(f'kind = "morris"\nsamples = {LONG_MORRIS}', function, width, 1000)
     unit = np.stack([cube[factor].values / 0.09 for factor in _NAMES[:width]], axis=1)
     moves = np.diff(unit.reshape(-1, width + 1, width), axis=1)
     effects = np.abs(np.diff(cube["y"].values.reshape(-1, width + 1), axis=1)) / np.abs(moves).max(axis=2)

@@ -49,7 +49,7 @@ failed = []
 
 def run(name):
     try:
-        for number in range(6):
+        for number in range(4):
             td.run(sys.argv[1], out=Path(sys.argv[1]).parent / f"{name}{number}", workers=0)
     except BaseException as error:
         failed.append(repr(error))
@@ -83,9 +83,8 @@ def cube(tmp_path):
 
 def test_threads_read_a_cube_at_the_same_time(cube):
     """Regression: three threads that opened and queried one cube ended the process by SIGSEGV in six of six."""
-    for _ in range(3):
-        ended = stress(READ, cube)
-        assert (ended.returncode, ended.stderr) == (0, "")
+    ended = stress(READ, cube)
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 def test_threads_run_studies_at_the_same_time(tmp_path):
@@ -95,7 +94,7 @@ def test_threads_run_studies_at_the_same_time(tmp_path):
     study.write_text('[study]\nname = "s"\nfunction = "f:f"\n[factors.x]\nvalues = [1, 2, 3]\n')
     ended = stress(RUN, study)
     assert ended.returncode == 0, ended.stderr
-    cubes = [xr.load_dataset(tmp_path / f"{name}5" / "cube.nc") for name in "abc"]
+    cubes = [xr.load_dataset(tmp_path / f"{name}3" / "cube.nc") for name in "abc"]
     assert all(cube.y.values.tolist() == [1.0, 4.0, 9.0] for cube in cubes)
 
 
