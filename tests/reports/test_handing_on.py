@@ -16,7 +16,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
-from tripod_doe.page_parts.workbook import Sheet, workbook
+from tripod_doe.page_parts.xlsx_file import Sheet, workbook
 from tripod_doe.service.routes.dependencies import IN_SANDBOX
 
 STUDY = {

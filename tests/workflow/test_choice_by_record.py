@@ -10,9 +10,9 @@ import xarray as xr
 from wave_bench import STUDY, Bench
 
 import tripod_doe as td
+from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.growing_pilot import confirming_sizes
 from tripod_doe.analyses.model_choice.pilot_errors import PilotErrors
-from tripod_doe.analyses.model_choice.recorded import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.model_interface import Candidate
 from tripod_doe.study.designs import make_points

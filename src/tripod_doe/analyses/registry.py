@@ -24,7 +24,6 @@ from tripod_doe.analyses.factorial_effects.factorial_effects import EFFECT_DESIG
 from tripod_doe.analyses.kinds import is_study, kind_made_by, kind_of
 from tripod_doe.analyses.model_choice.selection import ChooseSettings, choose_for_study
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
 from tripod_doe.analyses.sensitivity.fast import fast_indices
@@ -38,6 +37,7 @@ from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySetti
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study_folder import StudyFolder
 
@@ -234,15 +234,15 @@ STUDY_FIGURES = {
     "waveforms": "tripod_doe.page_parts.charts.waveforms:waveform_charts",
     "spectrum": "tripod_doe.page_parts.charts.waveforms:spectrum_chart",
     "effects": "main_effects.charts:all_effect_charts",
-    "loci": "tripod_doe.page_parts.charts.loci:locus_chart",
-    "waveforms-of-all": "tripod_doe.page_parts.charts.paper:waveforms_of_all",
-    "local-orders": "tripod_doe.page_parts.charts.paper:local_order_charts",
-    "orders-over-angle": "tripod_doe.page_parts.charts.paper:order_angle_chart",
+    "loci": "tripod_doe.page_parts.charts.needle_locus:locus_chart",
+    "waveforms-of-all": "tripod_doe.page_parts.charts.paper_figures:waveforms_of_all",
+    "local-orders": "tripod_doe.page_parts.charts.paper_figures:local_order_charts",
+    "orders-over-angle": "tripod_doe.page_parts.charts.paper_figures:order_angle_chart",
     "skew": "claims.skew_charts:skew_chart",
     "kept-skew": "claims.skew_charts:kept_skew_charts",
     "findings-over-skew": "claims.skew_charts:findings_over_skew_charts",
-    "spectrum-of-all": "tripod_doe.page_parts.charts.paper:spectrum_of_all",
-    "friction-law": "tripod_doe.page_parts.charts.paper:friction_law_chart",
+    "spectrum-of-all": "tripod_doe.page_parts.charts.paper_figures:spectrum_of_all",
+    "friction-law": "tripod_doe.page_parts.charts.paper_figures:friction_law_chart",
     "model-choice": "model_choice.charts:model_choice_chart",
     "outcome-map": "tripod_doe.page_parts.charts.outcomes:outcome_charts",
 }

@@ -93,7 +93,7 @@ def _query_netcdf(options: argparse.Namespace) -> int:
 
 def _write_workbook(options: argparse.Namespace, columns: dict[str, Any]) -> int:
     from tripod_doe.atomic_files import replace_file
-    from tripod_doe.reports.tables import answer_workbook
+    from tripod_doe.reports.workbook import answer_workbook
 
     asked = {"variable": options.variable, "select": ", ".join(options.select), "where": options.where or ""}
     data = answer_workbook(options.cube, columns, asked)

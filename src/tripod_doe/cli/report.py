@@ -65,7 +65,7 @@ def _hand_on(directory: Path, form: str, place: Path) -> int:
     """Write a part of a report, and print where it is."""
     from tripod_doe.atomic_files import refuse_links, replace_file
     from tripod_doe.reports.one_page import figures_of, one_page
-    from tripod_doe.reports.tables import tables_of
+    from tripod_doe.reports.workbook import tables_of
     from tripod_doe.study.results.result_cube import FIT_FILE
 
     refuse_links(directory)

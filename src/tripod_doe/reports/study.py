@@ -28,7 +28,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import NOTABLE_ERROR
 from tripod_doe.page_parts.answer import answer_first, picture_first
 from tripod_doe.page_parts.charts.chart import Chart
-from tripod_doe.page_parts.charts.loci import locus_chart
+from tripod_doe.page_parts.charts.needle_locus import locus_chart
 from tripod_doe.page_parts.charts.waveforms import spectrum_chart, waveform_charts
 from tripod_doe.page_parts.chosen_models import asked_orders
 from tripod_doe.page_parts.responses import (

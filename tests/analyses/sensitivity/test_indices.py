@@ -11,7 +11,7 @@ from published import ANGLE, CASES, ISHIGAMI, cube_of, ishigami, linear_interact
 from SALib.analyze import delta, dgsm, fast, morris, pawn, rbd_fast, sobol
 from scipy.stats import norm
 
-from tripod_doe.analyses import outputs, resampling
+from tripod_doe.analyses import output_table, resampling
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
@@ -200,10 +200,10 @@ def test_a_course_that_is_read_in_parts_has_the_same_indices(monkeypatch, tmp_pa
     cube["other"] = cube["thrust"].max("rotation_deg")
     expected = sobol_indices(cube)
     cube.to_netcdf(tmp_path / "cube.nc")
-    monkeypatch.setattr(outputs, "_MOST_NUMBERS", 1500)
+    monkeypatch.setattr(output_table, "_MOST_NUMBERS", 1500)
     monkeypatch.setattr(slab_reading, "_SLAB_BYTES", 4000)
     with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
-        assert len(list(outputs._parts(stored, "thrust", 512))) == 4
+        assert len(list(output_table._parts(stored, "thrust", 512))) == 4
         found = sobol_indices(stored)
     xr.testing.assert_allclose(found, expected, rtol=1e-12)
     assert found.attrs == expected.attrs
@@ -225,7 +225,7 @@ def test_effects_of_a_course_over_a_grid_are_those_of_its_parts(monkeypatch, tmp
     expected = factorial_effects(cube)
     assert expected["effect"].sel(term="torque_n_m").values == pytest.approx(np.arange(1, 9))
     cube.to_netcdf(tmp_path / "cube.nc")
-    monkeypatch.setattr(outputs, "_MOST_NUMBERS", 100)
+    monkeypatch.setattr(output_table, "_MOST_NUMBERS", 100)
     with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
         found = factorial_effects(stored)
         assert not stored["thrust"].variable._in_memory

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.analyses.outputs import read_outputs
-from tripod_doe.analyses.sample import read_sample
+from tripod_doe.analyses.output_table import read_outputs
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.analyses.usable_points import read_sample
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points

@@ -7,11 +7,11 @@ import pytest
 import xarray as xr
 from scipy.stats import norm
 
-from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.tolerance.chances import exceeding
 from tripod_doe.analyses.tolerance.sentences import find_in_tolerance
 from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
+from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study

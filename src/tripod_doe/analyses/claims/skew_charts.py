@@ -23,7 +23,7 @@ from tripod_doe.page_parts.charts.chart import (
     legend_above,
     series,
 )
-from tripod_doe.page_parts.charts.paper import SKEWS, first_points
+from tripod_doe.page_parts.charts.paper_figures import SKEWS, first_points
 from tripod_doe.page_parts.responses import axis_label, factor_text, finished, numeric_factors
 from tripod_doe.quantities import level
 

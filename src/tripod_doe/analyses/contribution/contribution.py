@@ -25,7 +25,7 @@ from tripod_doe.analyses.contribution.ablation import (
 )
 from tripod_doe.analyses.contribution.shapley_values import shapley_bounds, shapley_index
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import is_level
+from tripod_doe.analyses.output_table import is_level
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome

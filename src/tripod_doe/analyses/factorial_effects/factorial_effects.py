@@ -16,7 +16,7 @@ from pydantic import Field
 
 from tripod_doe.analyses.encoding import is_numeric, scaled
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import (
+from tripod_doe.analyses.output_table import (
     OutputTable,
     answered_in_parts,
     chosen_outputs,
@@ -26,8 +26,8 @@ from tripod_doe.analyses.outputs import (
     side_by_side,
     stacked,
 )
-from tripod_doe.analyses.sample import Sample, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.usable_points import Sample, read_sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.definition.study_file import FactorTable
@@ -208,8 +208,8 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     Returns:
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
         several outputs also along ``output``, those with further dimensions as ``OUTPUT_effect``, see
-        `outputs.side_by_side`); mean, residual_sum_of_squares, r_squared. The attribute ``aliases`` names by JSON the
-        terms that are left out, each with those that hold its effect.
+        `output_table.side_by_side`); mean, residual_sum_of_squares, r_squared. The attribute ``aliases`` names by JSON
+        the terms that are left out, each with those that hold its effect.
 
     Raises:
         InputError: If the cube is of another design, or too few points are left.

@@ -1,8 +1,8 @@
 """The pilot of a study with model = "auto", run in stages until it suffices for a choice.
 
 Without a record of errors it starts with the cheapest candidate and the full model. A candidate between the two is
-added if it could save more than it costs. Where errors on record suggest a choice (`recorded`), it starts with the
-middle of the design, which shows how fine the full model must be, and grows by doubling until the choice is
+added if it could save more than it costs. Where errors on record suggest a choice (`choice_by_record`), it starts with
+the middle of the design, which shows how fine the full model must be, and grows by doubling until the choice is
 confirmed, or cannot be any more; then it goes on as one without a record.
 
 In both, a full model of smaller numerical error is added where the error of the full model exceeds the accuracy at more
@@ -18,9 +18,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.model_choice.choice_by_record import CONFIRMING, RecordedChoice
 from tripod_doe.analyses.model_choice.pilot import pilot_points, pilot_study
 from tripod_doe.analyses.model_choice.pilot_errors import PilotErrors, pilot_errors
-from tripod_doe.analyses.model_choice.recorded import CONFIRMING, RecordedChoice
 from tripod_doe.analyses.model_choice.selection import choose
 from tripod_doe.array_types import IntArray
 from tripod_doe.model_interface import Candidate

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
 from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points
-from tripod_doe.analyses.model_choice.recorded import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate

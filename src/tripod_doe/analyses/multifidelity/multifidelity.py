@@ -8,9 +8,9 @@ from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.multifidelity.estimates import Estimate, estimate
-from tripod_doe.analyses.multifidelity.ladder import Ladder, read_ladder
+from tripod_doe.analyses.multifidelity.nested_samples import Ladder, read_ladder
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
-from tripod_doe.analyses.outputs import (
+from tripod_doe.analyses.output_table import (
     OutputTable,
     chosen_outputs,
     meaning_of,

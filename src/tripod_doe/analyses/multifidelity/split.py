@@ -14,9 +14,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.multifidelity.estimates import moments, statistics
-from tripod_doe.analyses.multifidelity.ladder import Ladder, Rung, price_of_point, read_ladder
 from tripod_doe.analyses.multifidelity.multifidelity import outputs_of_all
-from tripod_doe.analyses.outputs import OutputTable, read_outputs
+from tripod_doe.analyses.multifidelity.nested_samples import Ladder, Rung, price_of_point, read_ladder
+from tripod_doe.analyses.output_table import OutputTable, read_outputs
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match

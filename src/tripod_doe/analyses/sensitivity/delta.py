@@ -14,11 +14,11 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
+from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.sensitivity.pawn import with_chance
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 
 _DENSITY_POINTS = 100  # at which densities are compared, as in SALib

@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.sample import Sample
+from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import CURVE_HARMONICS
 

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.outputs import (
+from tripod_doe.analyses.output_table import (
     OutputTable,
     answered_in_parts,
     chosen_outputs,
@@ -20,8 +20,8 @@ from tripod_doe.analyses.outputs import (
     side_by_side,
     stacked,
 )
-from tripod_doe.analyses.sample import Sample, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.usable_points import Sample, read_sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.lazy_dataset import flat_points
@@ -62,7 +62,7 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     Returns:
         The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
         ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; beside other outputs, those with
-        further dimensions as ``OUTPUT_ANSWER``, see `outputs.side_by_side`. NaN where an output does not vary.
+        further dimensions as ``OUTPUT_ANSWER``, see `output_table.side_by_side`. NaN where an output does not vary.
 
     Raises:
         InputError: If the cube is of another design, or too few complete blocks are left.

@@ -16,10 +16,10 @@ from pydantic import Field
 
 from tripod_doe.analyses.encoding import as_numbers
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
+from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable
+from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.resampling import half_width, random_halves
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 
 _RBD_HARMONICS = 10  # of the ordered output that count as the factor's, as in SALib

@@ -8,12 +8,19 @@ import xarray as xr
 from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable, is_course, output_attributes, read_outputs, stacked, usual_outputs
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
+from tripod_doe.analyses.output_table import (
+    OutputTable,
+    is_course,
+    output_attributes,
+    read_outputs,
+    stacked,
+    usual_outputs,
+)
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.surrogate.known import Foreknown, foreknown
-from tripod_doe.analyses.surrogate.learner import KINDS, learn
+from tripod_doe.analyses.surrogate.gaussian_process import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
+from tripod_doe.analyses.surrogate.zeros_and_symmetries import Foreknown, foreknown
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 from tripod_doe.study.cube.lazy_dataset import flat_points

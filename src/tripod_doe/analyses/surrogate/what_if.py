@@ -13,10 +13,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import Input, encoded, is_numeric
-from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
-from tripod_doe.analyses.surrogate.known import foreknown, grown
-from tripod_doe.analyses.surrogate.learner import LEAST_SCALE, Surrogates, learn
+from tripod_doe.analyses.output_table import OutputTable
+from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE, Surrogates, learn
+from tripod_doe.analyses.surrogate.zeros_and_symmetries import foreknown, grown
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 

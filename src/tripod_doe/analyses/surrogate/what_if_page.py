@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
-from tripod_doe.analyses.outputs import wrapped_phases
-from tripod_doe.analyses.surrogate.learner import LEAST_SCALE
+from tripod_doe.analyses.output_table import wrapped_phases
+from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text

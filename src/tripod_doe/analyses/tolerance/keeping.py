@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.tolerance.chances import Exceeding, points_to_resolve, weighted_chances
+from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.distributions import scatter_density
 from tripod_doe.study.definition.study_file import FactorTable

@@ -16,13 +16,20 @@ import xarray as xr
 from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import OutputTable, is_course, output_attributes, read_outputs, stacked, usual_outputs
+from tripod_doe.analyses.output_table import (
+    OutputTable,
+    is_course,
+    output_attributes,
+    read_outputs,
+    stacked,
+    usual_outputs,
+)
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
-from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
 from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
 from tripod_doe.analyses.tolerance.keeping import cheapest_to_keep, scale_to_keep, scaled_weights
 from tripod_doe.analyses.tolerance.shifting import shift_to_keep
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points

@@ -162,7 +162,7 @@ def laid_out(figure: Figure) -> Figure:
     """The figure with its axes as they will be printed: to find that out, `savefig` would draw it once more."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    from tripod_doe.page_parts.charts.powers import write_powers_plainly
+    from tripod_doe.page_parts.charts.log_axis_labels import write_powers_plainly
 
     FigureCanvasSVG(figure)
     write_powers_plainly(figure)

@@ -200,7 +200,7 @@ def query(
     decimal_comma: bool = False,
 ) -> bytes:
     """Cells of a cube as ``query`` gives them: JSON or CSV text, a netCDF file or a workbook."""
-    from tripod_doe.reports.tables import answer_workbook
+    from tripod_doe.reports.workbook import answer_workbook
     from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count, narrowed, records, records_text
     from tripod_doe.study.query.query import query as cells_of
@@ -233,7 +233,7 @@ def query(
 def handed_on(path: str, form: str) -> bytes:
     """A result directory on one page (pdf, html), or its tables as a workbook (xlsx)."""
     from tripod_doe.reports.one_page import one_page
-    from tripod_doe.reports.tables import tables_of
+    from tripod_doe.reports.workbook import tables_of
 
     if form == "xlsx":
         return tables_of(Path(path))

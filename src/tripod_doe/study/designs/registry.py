@@ -22,7 +22,7 @@ from tripod_doe.study.designs.latin_hypercube import LATIN_HYPERCUBE
 from tripod_doe.study.designs.morris import MORRIS
 from tripod_doe.study.designs.multifidelity import MULTIFIDELITY
 from tripod_doe.study.designs.saltelli import SALTELLI
-from tripod_doe.study.designs.sequences import SEQUENCES
+from tripod_doe.study.designs.sobol_halton import SEQUENCES
 from tripod_doe.study.designs.table import TABLE
 
 

@@ -12,7 +12,7 @@ from tripod_doe.analyses.registry import table_of
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.responses import factor_names, factor_unit, unit_text
 from tripod_doe.page_parts.tables import factor_rows, fixed_rows
-from tripod_doe.page_parts.workbook import MOST_COLUMNS, Sheet, workbook
+from tripod_doe.page_parts.xlsx_file import MOST_COLUMNS, Sheet, workbook
 from tripod_doe.reports.study import read_analyses
 from tripod_doe.study.results.annotation import read_annotation
 from tripod_doe.study.results.result_cube import is_shown, opened_cube

@@ -1,4 +1,4 @@
-"""Surrogates of numbers over encoded factors: each a polynomial or a Gaussian process, whichever predicts better.
+"""Gaussian processes and polynomials of numbers over encoded factors: of each number whichever predicts better.
 
 A surrogate is plain numbers, so that a page can evaluate it. Its errors are those at points that it was not fitted to.
 """

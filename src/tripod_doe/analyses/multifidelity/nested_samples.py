@@ -8,9 +8,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.failing_region.failing_region import FailingRegion, failing_region
-from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.sample import refuse_holes, usable_points
+from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.settings import PointSettings
+from tripod_doe.analyses.usable_points import refuse_holes, usable_points
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate

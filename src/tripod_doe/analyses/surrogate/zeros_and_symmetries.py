@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.encoding import Column, Input, encoded, inputs_of, is_numeric
-from tripod_doe.analyses.surrogate.learner import Known, polynomial_error
+from tripod_doe.analyses.surrogate.gaussian_process import Known, polynomial_error
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 
@@ -41,7 +41,7 @@ class Foreknown:
         return encoded(columns, self.inputs)
 
     def of(self, columns: Mapping[str, Column], vanishes: list[bool], parity: list[int]) -> Known:
-        """The knowledge for the learner, of components at some points."""
+        """What is known of components at some points."""
         envelope = np.ones(len(next(iter(columns.values()))))
         for name, (size, soft) in self.zeros.items():
             envelope = envelope * grown(np.abs(columns[name].astype(float)) / size, soft)

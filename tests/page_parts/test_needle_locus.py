@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.page_parts.charts.loci import locus_chart
+from tripod_doe.page_parts.charts.needle_locus import locus_chart
 
 
 @pytest.fixture(scope="module")
