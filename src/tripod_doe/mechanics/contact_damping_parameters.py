@@ -48,7 +48,7 @@ DAMPING_PARAMETERS = (
 
 
 def damping_time(columns: Mapping[str, Any]) -> FloatArray:
-    """Time of each point in s: where it is not given, that of greased contacts, or 0 where these are dry."""
+    """Time of each point in s: where it is not given, the time of greased contacts, or 0 where these are dry."""
     time, factor = (np.asarray(columns[name], float) for name in (TIME, FACTOR))
     return np.where(np.isnan(time), np.where(factor > 0, 0.0, GREASED), time)
 

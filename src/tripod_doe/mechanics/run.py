@@ -151,7 +151,7 @@ def run(
         step: Step of a method without step control; it is shortened to divide the time between samples.
         samples: Number of equal parts of the duration, each of which ends in a sample.
         limits: Bounds within which it counts as finished.
-        start: State to go on from, at its own time; that of the scene unless given.
+        start: State to go on from, at its own time; the start of the scene unless given.
         every_step: Whether to return the states after all steps in place of samples. A method that controls its steps
             cuts them at samples, which are few then: they serve the energy balance alone.
 

@@ -186,7 +186,7 @@ class Universal:
 
 @dataclass(frozen=True)
 class Fixed:
-    """Two bodies keep their relative place and attitude, that of their start: six equations."""
+    """Two bodies keep the relative place and attitude of their start: six equations."""
 
     body_a: str
     body_b: str

@@ -38,7 +38,7 @@ def line_over(
     return np.array([float(p.value(factor)) for p in points]), [point.amplitude(order) for point in points]
 
 
-def pairs_told(levels: FloatArray, amplitudes: list[Measured], unit: str) -> str:
+def pairs_text(levels: FloatArray, amplitudes: list[Measured], unit: str) -> str:
     """The values and their amplitudes in a sentence."""
     pairs = (f"{number(a.value)} N at {level(value)}{unit}" for value, a in zip(levels, amplitudes, strict=True))
     return f"Values: {', '.join(pairs)}."

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tripod_doe.analyses.claims.amplitudes import fit_line, line_over, pairs_told, point_of, ratio, spread_of
+from tripod_doe.analyses.claims.amplitudes import fit_line, line_over, pairs_text, point_of, ratio, spread_of
 from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import Evidence, Measured, MissingPointError, Point
 from tripod_doe.quantities import number
@@ -27,13 +27,13 @@ def third_dominates(evidence: Evidence, cases: Cases) -> Measured:
 def over_torque(evidence: Evidence, cases: Cases) -> Measured:
     """Spread of the third order over torque."""
     torques, amplitudes = line_over(evidence, cases, 2, "torque_n_m", 3)
-    return spread_of(amplitudes, torques, pairs_told(torques, amplitudes, " N m"))
+    return spread_of(amplitudes, torques, pairs_text(torques, amplitudes, " N m"))
 
 
 def over_speed(evidence: Evidence, cases: Cases) -> Measured:
     """Spread of the third order over speeds."""
     speeds, amplitudes = line_over(evidence, cases, 2, "speed_rpm", 3)
-    return spread_of(amplitudes, note=pairs_told(speeds, amplitudes, " rpm"))
+    return spread_of(amplitudes, note=pairs_text(speeds, amplitudes, " rpm"))
 
 
 def straight_over_angle(evidence: Evidence, cases: Cases) -> Measured:
@@ -44,7 +44,7 @@ def straight_over_angle(evidence: Evidence, cases: Cases) -> Measured:
         slope, offset, straight = fit_line(angles, amplitudes)
         sign = "plus" if offset >= 0 else "minus"
         note = f"Case {case}: {number(slope)} N/deg times the joint angle {sign} {number(abs(offset))} N."
-        candidates.append(Measured(straight, math.nan, f"{note} {pairs_told(angles, amplitudes, ' deg')}"))
+        candidates.append(Measured(straight, math.nan, f"{note} {pairs_text(angles, amplitudes, ' deg')}"))
     return min(candidates, key=lambda fit: fit.value)
 
 
@@ -76,7 +76,7 @@ def with_groove_friction(evidence: Evidence, cases: Cases) -> Measured:
     """R^2 of the line of the third order over the coefficient of groove sliding."""
     frictions, amplitudes = line_over(evidence, cases, 2, "groove_sliding_friction", 3)
     straight = fit_line(frictions, amplitudes)
-    return Measured(straight[2], note=pairs_told(frictions, amplitudes, ""))
+    return Measured(straight[2], note=pairs_text(frictions, amplitudes, ""))
 
 
 def beat(evidence: Evidence, cases: Cases) -> Measured:
@@ -92,7 +92,7 @@ def second_above_fourth(evidence: Evidence, cases: Cases) -> Measured:
 
 
 def with_skew(evidence: Evidence, cases: Cases) -> Measured:
-    """Ratio of the second orders of cases 2 and 1 over that of their skews."""
+    """Ratio of the second orders of cases 2 and 1 over the ratio of their skews."""
     first, second = (point_of(evidence, cases, case).amplitude(2) for case in (1, 2))
     skews = cases.large / cases.small
     return ratio(second, first, 1 / skews, f"{number(first.value)} N in case 1, {number(second.value)} N in case 2.")
@@ -107,7 +107,7 @@ def skews_at_end(point: Point) -> str:
 
 
 def without_skew(evidence: Evidence, cases: Cases) -> Measured:
-    """Second order without skew over that of case 2, in percent."""
+    """Second order without skew over the second order of case 2, in percent."""
     none = point_of(evidence, cases, 0)
     return ratio(none.amplitude(2), point_of(evidence, cases, 2).amplitude(2), 100, skews_at_end(none))
 
@@ -117,12 +117,12 @@ def second_over_angle(evidence: Evidence, cases: Cases) -> Measured:
     candidates = []
     for case in (1, 2):
         angles, amplitudes = line_over(evidence, cases, case, "joint_angle_deg", 2)
-        candidates.append(spread_of(amplitudes, note=f"Case {case}. {pairs_told(angles, amplitudes, ' deg')}"))
+        candidates.append(spread_of(amplitudes, note=f"Case {case}. {pairs_text(angles, amplitudes, ' deg')}"))
     return max(candidates, key=lambda spread: spread.value)
 
 
 def equal_skews(evidence: Evidence, cases: Cases) -> Measured:
-    """Second order with equal skews over that of case 2, in percent."""
+    """Second order with equal skews over the second order of case 2, in percent."""
     equal = point_of(evidence, cases, 3)
     left, uneven = equal.amplitude(2), point_of(evidence, cases, 2).amplitude(2)
     note = f"Second order: {number(left.value)} N in case 3, {number(uneven.value)} N in case 2. {skews_at_end(equal)}"

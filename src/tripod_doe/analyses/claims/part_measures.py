@@ -89,7 +89,7 @@ def _velocities_and_constraints() -> tuple[int, int]:
 
 
 def friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
-    """Largest deviation of a tilted roller's axial force from that of mu_s tanh(v/v_st), percent of its full value."""
+    """Largest deviation of a tilted roller's axial force from the law mu_s tanh(v/v_st), percent of its full value."""
     points = evidence.scene(tilt_deg=ANY, axial_speed_mm_s=ANY, transition_ratio=ANY)
     velocity = np.array([1 / float(point.value("transition_ratio")) for point in points])
     if velocity.size < 3:

@@ -8,7 +8,7 @@ Per slice, with D' and o' the rates of the offset,
     stored energy (D J_1 - c J_0) / (m + 1)    (Eq. 2; factor d and time tau of the contacts' damping, whose parts
     along n are limited as in `laws.contact`).
 
-The force is that of the stored energy: it acts in the bore's axis at right angles to it, n - (n h) t, on both bodies.
+The force follows from the stored energy: it acts in the bore's axis at right angles to it, n - (n h) t, on both bodies.
 
 Friction. A needle skewed by psi rolls freely across its axis e = cos psi t + sin psi (normal x t) and transmits
 friction along it. With w the axial velocity of the bore against the trunnion at the pitch radius r_p in the middle of
