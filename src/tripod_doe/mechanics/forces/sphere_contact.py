@@ -195,7 +195,7 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
 
 @inlined_kernel
 def _apply(force, positions, contact, place, wrench):
-    """Add a force at a place, and a moment, to the body of the spheres, and their opposite to the body of the surface."""
+    """Add a force at a place, and a moment, to the body of the spheres, and the opposite to the body of the surface."""
     pull = (pick(wrench, 0), pick(wrench, 1), pick(wrench, 2))
     moment = (pick(wrench, 3), pick(wrench, 4), pick(wrench, 5))
     for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):
