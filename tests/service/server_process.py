@@ -38,8 +38,9 @@ LONG = """
 
 
 LIMITED = """import resource, runpy, sys
-resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv.pop(1)),) * 2)
-runpy.run_module("tripod_doe.cli", run_name="__main__")
+if __name__ == "__main__":  # workers read this file, too
+    resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv.pop(1)),) * 2)
+    runpy.run_module("tripod_doe.cli", run_name="__main__")
 """
 """A server that may have only so many files open."""
 

@@ -53,6 +53,8 @@ class Service:
         shares: Links that open one run.
         computes: Whether points are simulated for who asks.
         is_open: Whether who asks may still do so.
+        left: Set when the client that asks leaves: what it only wants to know is then not answered any more. What it
+            ordered, as a run, is done.
         threads: Threads that it needs so that some are free where all questions that may wait do so.
     """
 
@@ -68,8 +70,15 @@ class Service:
         self.shares = Shares(settings.folder)
         self.computes = True
         self.is_open: Callable[[], bool] = lambda: True
+        self.left: threading.Event | None = None
         self.extremes = Extremes(self._find_extremes)
         self._started = self._closed = False
+
+    def asked_by(self, left: threading.Event) -> Service:
+        """The service as a client asks it that may leave."""
+        asked = copy(self)
+        asked.left = left
+        return asked
 
     def seen_by(self, settings: Settings, is_open: Callable[[], bool]) -> Service:
         """The service as a reader sees it: it changes nothing, and holds one run where the settings name one.
@@ -127,7 +136,7 @@ class Service:
         limits = self.settings.limits
         timing = self.ask_body("wants_timing", body)
         pool, seconds = (self._computing, limits.simulate_seconds) if timing else (self._planning, limits.query_seconds)
-        return pool.ask(f"{_QUESTIONS}:plan", seconds, as_json, body=body, limits=limits)
+        return pool.ask(f"{_QUESTIONS}:plan", seconds, as_json, self.left, body=body, limits=limits)
 
     def submit(self, body: bytes, key: str | None = None) -> Run:
         """Check a study or a workflow, and queue it."""
@@ -152,7 +161,7 @@ class Service:
         """Ask a question of `workers.questions` that may take the time of a simulated point."""
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
-        return self._computing.ask(place, limits.simulate_seconds, as_json, body=body, limits=limits)
+        return self._computing.ask(place, limits.simulate_seconds, as_json, self.left, body=body, limits=limits)
 
     def simulate_again(self, place: str, path: str, number: int) -> Any:
         """Ask a question about a point of a result directory that simulates it again.
@@ -162,7 +171,8 @@ class Service:
         """
         if not self.computes:
             raise RefusedError(403, "this token only reads, and a point in motion is simulated again")
-        return self._computing.ask(place, self.settings.limits.simulate_seconds, path=path, number_of_point=number)
+        seconds = self.settings.limits.simulate_seconds
+        return self._computing.ask(place, seconds, False, self.left, path=path, number_of_point=number)
 
     def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`.
@@ -171,22 +181,22 @@ class Service:
         """
         seconds = self.settings.limits.query_seconds
         try:
-            return self._pool.ask(question, min(_SMALL_SECONDS, seconds), as_json, **arguments)
+            return self._pool.ask(question, min(_SMALL_SECONDS, seconds), as_json, self.left, **arguments)
         except LateError:
             if seconds <= _SMALL_SECONDS:
                 raise
-            return self._large.ask(question, seconds, as_json, **arguments)
+            return self._large.ask(question, seconds, as_json, self.left, **arguments)
 
     def ask_large(self, question: str, **arguments: Any) -> Any:
         """Ask a question with a large answer of a worker that answers no others, so that small ones need not wait."""
-        return self._large.ask(question, self.settings.limits.query_seconds, **arguments)
+        return self._large.ask(question, self.settings.limits.query_seconds, False, self.left, **arguments)
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question of `workers.questions` about the body of a request."""
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _ask_plan(self, question: str, body: bytes, **arguments: Any) -> Any:
-        """Ask a question that plans a study, of a worker that answers no others: long plans keep no query waiting."""
+        """Ask a question about an order, of a worker that answers no others: long plans keep no query waiting."""
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
         return self._planning.ask(place, limits.query_seconds, False, body=body, limits=limits, **arguments)
@@ -322,7 +332,7 @@ class Service:
         path = self._extended(run_id)
         arguments = {"body": body, "limits": self.settings.limits, "path": path, "texts": self.submitted_texts(run_id)}
         seconds = self.settings.limits.simulate_seconds
-        return self._computing.ask(f"{_QUESTIONS}:plan_extension", seconds, as_json, **arguments)
+        return self._computing.ask(f"{_QUESTIONS}:plan_extension", seconds, as_json, self.left, **arguments)
 
     def directory(self, run_id: str) -> Path:
         """The directory of a run, for delivery.

@@ -79,6 +79,7 @@ class _Run:
         self._rows: dict[bytes, int] = {}  # of all candidates so far, by their place on the unit cube
         self._units: list[FloatArray] = []
         self._judged: list[Judged] = []
+        self._starts: list[int] = []  # rows at which they begin
         self._generation: list[int] = []
         self._best = np.full(len(problem.signs), np.inf)  # feasible objectives, each by itself, to minimise
         self._feasible = 0
@@ -121,6 +122,7 @@ class _Run:
         if new:
             judged = self.judge(units[new], self.sample, self.problem.model)
             self._judged.append(judged)
+            self._starts.append(len(self._units))
             aims = judged.objectives[judged.feasible] * self.problem.signs
             self._feasible += len(aims)
             self._best = np.minimum(self._best, aims.min(axis=0, initial=np.inf))
@@ -130,6 +132,12 @@ class _Run:
                 self._generation.append(generation)
         self._tell(generation)
         return np.array([self._rows.get(key, -1) for key in keys])
+
+    def judged_at(self, rows: IntArray) -> Judged:
+        """Candidates by their rows, in this order; only the generations that they are of are looked at."""
+        places = np.searchsorted(self._starts, rows, side="right") - 1
+        parts = [self._judged[at].take(rows[places == at] - self._starts[at]) for at in np.unique(places)]
+        return Judged.joined(parts).take(np.argsort(np.argsort(places, kind="stable")))
 
     def _tell(self, generation: int) -> None:
         """Say how far the search is: after each generation for who watches, every few seconds on standard error."""
@@ -178,7 +186,7 @@ class _Run:
             rows = self.try_out(units, generation)
             if (rows < 0).any():
                 break
-            judged = Judged.joined(self._judged).take(rows)
+            judged = self.judged_at(rows)
             search.tell(judged, before - self.left)
             values = (judged.objectives[:, 0] * problem.signs[0])[judged.feasible]
             best = min(best, float(values.min(initial=np.inf)))
@@ -213,11 +221,8 @@ class _Run:
 
     def _value(self, row: int) -> float:
         """The single objective of a candidate, to minimise; infinite where it is not feasible."""
-        for judged in self._judged:
-            if row < len(judged.reasons):
-                return float(judged.objectives[row, 0] * self.problem.signs[0]) if judged.feasible[row] else np.inf
-            row -= len(judged.reasons)
-        raise AssertionError(row)
+        judged = self.judged_at(np.array([row]))
+        return float(judged.objectives[0, 0] * self.problem.signs[0]) if judged.feasible[0] else np.inf
 
     def solved(self, polished: float) -> Solved:
         """The front, confirmed by the model that was asked for and by another sample."""

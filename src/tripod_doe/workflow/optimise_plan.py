@@ -6,8 +6,9 @@ from tempfile import TemporaryDirectory
 
 from scipy.stats import qmc
 
-from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
+from tripod_doe.analyses.optimisation.optimisation_file import SearchTable, load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, make_problem
+from tripod_doe.analyses.optimisation.search import population_of
 from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -15,14 +16,17 @@ from tripod_doe.study.plan import RECORDED, plan
 from tripod_doe.workflow.point_batches import TABLE, write_table
 
 _TIMED = 64  # candidates among which points are timed
+# CPU seconds beside the points, by `benchmarks/search_cost.py`: imports, cube and page, a generation, a point in it
+_START_SECONDS, _GENERATION_SECONDS, _POINT_SECONDS = 3.3, 0.017, 0.5e-3
+_LOW, _HIGH = 0.7, 1.5  # times it, from machine to machine
 
 
 @dataclass(frozen=True)
 class PlannedPart:
-    """Points of an optimisation by one model."""
+    """Points of an optimisation by one model, or its work beside them."""
 
-    what: str  # the search, or what confirms it
-    candidates: int  # at most
+    what: str  # the search, what confirms it, or the work beside the points
+    candidates: int  # at most; 0 of the work beside the points
     points: int  # at most: those of all candidates
     cpu_hours: tuple[float, float, float] | None = None  # low, likely and high; None where not known
     timed: int = 0  # points that were timed; recorded prices stand in where there are none
@@ -30,17 +34,19 @@ class PlannedPart:
 
     def describe(self) -> str:
         """The part in a line."""
-        price = ""
+        facts = [f"{self.candidates:,} candidates", f"{self.points:,} points"] if self.candidates else []
         if self.cpu_hours:
             low, likely, high = (duration(3600 * hours, 2) for hours in self.cpu_hours)
-            price = f", CPU time {likely} ({low} to {high})"
-        return f"{self.what:<24} {self.candidates:,} candidates, {self.points:,} points{price}"
+            facts.append(f"CPU time {likely} ({low} to {high})")
+        return f"{self.what:<24} {', '.join(facts)}"
 
 
 def plan_optimisation(
     file: str | Path, timing: bool = True, untrusted: bool = False, recorded: bool = True
 ) -> list[PlannedPart]:
     """Count the points of an optimisation and time a few of them; nothing is written.
+
+    Where points have a price, the last part is the work beside them, which one process does.
 
     Args:
         file: The optimisation file.
@@ -64,7 +70,16 @@ def plan_optimisation(
         by = f" by {problem.confirm}" if problem.confirm else ""
         joints = table.confirm_samples if sampled else 1
         parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, how))
+    if any(how):
+        parts.append(_beside(table, sum(part.points for part in parts)))
     return parts
+
+
+def _beside(table: SearchTable, points: int) -> PlannedPart:
+    generations = table.evaluations / population_of(table.evaluations, table.population)
+    seconds = _START_SECONDS + _GENERATION_SECONDS * generations + _POINT_SECONDS * points
+    likely = seconds / 3600
+    return PlannedPart("the search itself", 0, 0, (_LOW * likely, likely, _HIGH * likely))
 
 
 def _part(problem: Problem, what: str, candidates: int, joints: int, model: str, how: tuple[bool, bool]) -> PlannedPart:
@@ -99,9 +114,10 @@ def _study(problem: Problem, folder: Path) -> Study:
 def parts_text(parts: list[PlannedPart], workers: int) -> str:
     """The parts in lines, with the wall time of all."""
     lines = [part.describe() for part in parts]
-    known = [part.cpu_hours[1] for part in parts if part.cpu_hours]
-    if known:
-        wall = duration(3600 * sum(known) / workers, 2)
+    hours = {part: part.cpu_hours[1] for part in parts if part.cpu_hours}
+    if any(part.candidates for part in hours):
+        shared = sum(value / workers if part.candidates else value for part, value in hours.items())
+        wall = duration(3600 * shared, 2)
         lines.append(f"{'wall time':<24} {wall} on {number(workers)} workers")
         if not any(part.timed for part in parts):
             lines.append(f"prices are {RECORDED}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import socket
@@ -39,9 +40,9 @@ def answer_of(connection):
     return data.decode()
 
 
-def post(server, length):
+def post(server, length, place="/api/v1/plans"):
     return (
-        f"POST /api/v1/plans HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {server.token}\r\n"
+        f"POST {place} HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {server.token}\r\n"
         f"Content-Type: application/json\r\nContent-Length: {length}\r\n\r\n"
     ).encode()
 
@@ -123,6 +124,15 @@ def test_requests_in_a_row_are_answered_in_a_row(small):
     with connected(small) as connection:
         connection.sendall(one * 9 + one.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n"))
         assert answer_of(connection).count("200 OK") == 10
+
+
+def test_requests_of_clients_that_have_left_keep_nobody_waiting(small):
+    """Regression: they were worked off one after the other, here for a minute."""
+    body = json.dumps({"model": "needles", "cycles": 40}).encode()
+    for _ in range(4):
+        with connected(small) as connection:
+            connection.sendall(post(small, len(body), "/api/v1/simulate") + body)
+    assert small.ask("/simulate", {"model": "equilibrium"}, seconds=20)[0] == 200
 
 
 def record(text, *words):

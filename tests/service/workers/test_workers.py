@@ -18,7 +18,13 @@ import pytest
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.workers.forking import start_process, start_program
-from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError, WorkerPool
+from tripod_doe.service.workers.worker_pool import (
+    AllBusyError,
+    ClientLeftError,
+    ServerEndsError,
+    WorkerFailedError,
+    WorkerPool,
+)
 
 MODULES = {
     "spinning": "while True: pass",
@@ -128,6 +134,31 @@ def test_a_question_does_not_wait_for_ever(pool):
     with pytest.raises(AllBusyError):
         works(pool)
     thread.join()
+
+
+def test_questions_of_clients_that_have_left_are_dropped(pool):
+    """Regression: they were worked off, one after the other; here the first would take 80 s, and so would the second."""
+    assert works(pool) is False
+    left, dropped = threading.Event(), []
+
+    def ask():
+        with pytest.raises(ClientLeftError):
+            pool.ask("workers.worker:import_module", 20.0, left=left, name="sleeping")
+        dropped.append(time.monotonic() - started)
+
+    started = time.monotonic()
+    asking = [threading.Thread(target=ask) for _ in range(2)]
+    for thread in asking:
+        thread.start()
+    time.sleep(0.1)
+    left.set()
+    for thread in asking:
+        thread.join(20)
+    assert len(dropped) == 2
+    assert dropped[0] < 2 < dropped[1] < 15
+    with pytest.raises(ClientLeftError):
+        pool.ask("workers.worker:import_module", 20.0, left=left, name="sleeping")
+    assert works(pool) is False
 
 
 def test_the_fork_server_is_replaced(pool):

@@ -9,7 +9,8 @@ from pydantic import BaseModel, ValidationError
 
 from tripod_doe.service.problems import Problem, RefusedError, form_problem
 
-_TEXTS = re.compile(rb'"(?:[^"\\]|\\.)*+(?:"|$|\\$)', re.DOTALL)  # what has no end goes to the end: each byte once
+_ESCAPED = re.compile(rb"\\.", re.DOTALL)
+_TEXTS = re.compile(rb'"[^"]*"?')  # what has no end goes to the end: each byte once
 _MOST_DIGITS = 100
 _LONGEST = 100  # characters of a key in a message
 _MOST_PROBLEMS = 20
@@ -72,7 +73,7 @@ def _whole(text: str) -> int:
 def _depth(body: bytes) -> int:
     """How deep brackets stand within each other in a JSON text, those in strings left out."""
     depth = deepest = 0
-    for letter in re.findall(rb"[\[{\]}]", _TEXTS.sub(b"", body)):
+    for letter in re.findall(rb"[\[{\]}]", _TEXTS.sub(b"", _ESCAPED.sub(b"", body))):
         depth += 1 if letter in b"[{" else -1
         deepest = max(deepest, depth)
     return deepest

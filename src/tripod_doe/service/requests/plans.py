@@ -106,7 +106,7 @@ def _plan_optimisation(path: Path, limits: Limits, timing: bool) -> dict[str, An
         "cpu_seconds": _seconds(known),
         "timed": sum(part.timed for part in parts),
         "bytes": sum(part.cube_bytes for part in parts),
-        "parts": [{"what": part.what, "candidates": part.candidates, "points": part.points} for part in parts],
+        "parts": [{"what": part.what, "candidates": part.candidates, "points": part.points} for part in counted],
         "factors": [*file.variables, *file.scatter],
     }
 

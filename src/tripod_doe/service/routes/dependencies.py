@@ -12,6 +12,7 @@ from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.table import State
 from tripod_doe.service.security.access import OWNER
+from tripod_doe.service.security.connections import LEFT
 from tripod_doe.service.service import Service
 
 
@@ -40,8 +41,11 @@ CHANGES = errors_at(403, 408, 409, 415)
 
 
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
-    service, access = request.app.state.service, request.scope.get("access")
-    return service if access is None or access.name == OWNER else service.seen_by(access.settings, access.is_open)
+    service: Service = request.app.state.service
+    access, left = request.scope.get("access"), request.scope.get(LEFT)
+    if access is not None and access.name != OWNER:
+        service = service.seen_by(access.settings, access.is_open)
+    return service if left is None else service.asked_by(left)
 
 
 async def _body(request: Request) -> bytes:

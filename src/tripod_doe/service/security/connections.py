@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import asyncio
 import resource
+import threading
 from http import HTTPStatus
 from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+
+LEFT = "tripod_doe.left"
+"""Name in the scope of a request of an event that is set when its client has left."""
 
 HEADER_SECONDS = 10.0
 """From the first byte of a connection, or of its next request, to the end of the headers."""
@@ -43,6 +47,7 @@ class LimitedProtocol(HttpToolsProtocol):
         self._headers_due: asyncio.TimerHandle | None = None
         self._answer_due: asyncio.TimerHandle | None = None
         self._header_bytes = 0
+        self._left = threading.Event()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection, or refuse it where there are too many."""
@@ -59,6 +64,7 @@ class LimitedProtocol(HttpToolsProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget a connection."""
+        self._left.set()
         self._stop_clocks()
         super().connection_lost(exc)
 
@@ -80,6 +86,7 @@ class LimitedProtocol(HttpToolsProtocol):
         if len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers) > _HEADER_BYTES:
             self._refuse_headers()
             raise ValueError("the headers are too large")  # ends the parser
+        self.scope[LEFT] = self._left
         super().on_headers_complete()
 
     def on_response_complete(self) -> None:

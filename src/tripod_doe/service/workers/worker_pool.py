@@ -11,6 +11,8 @@ import os
 import queue
 import signal
 import threading
+import time
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -22,6 +24,8 @@ from tripod_doe.service.workers.worker import serve
 
 _MOMENT = 1.0  # seconds until the end of a process is known that has closed its connection
 _PATIENCE = 4  # times its limit of CPU time that an answer may take by the clock
+_LOOK = 0.25  # seconds between two looks whether the client is still there
+_GRACE = 2.0  # seconds that an answer gets whose client leaves: a new process and cubes opened anew may cost more
 
 
 class AllBusyError(Exception):
@@ -30,6 +34,13 @@ class AllBusyError(Exception):
 
 class LateError(RefusedError):
     """An answer that took more than its time (413)."""
+
+
+class ClientLeftError(RefusedError):
+    """A question whose client does not wait for the answer any more."""
+
+    def __init__(self) -> None:
+        super().__init__(400, "the client went away")
 
 
 class WorkerFailedError(Exception):
@@ -61,38 +72,51 @@ class WorkerPool:
         for worker in self._workers:
             self._free.put(worker)
 
-    def ask(self, question: str, seconds: float, as_json: bool = False, **arguments: Any) -> Any:
+    def ask(
+        self,
+        question: str,
+        seconds: float,
+        as_json: bool = False,
+        left: threading.Event | None = None,
+        **arguments: Any,
+    ) -> Any:
         """Ask a question, and wait for the answer.
 
         Args:
             question: Place of a function, as ``workers.questions:plan``.
             seconds: CPU time for the answer.
             as_json: Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
+            left: Set when the client leaves: a question that waits is dropped, and long work on it is ended.
 
         Raises:
             RefusedError: What the function refused.
+            ClientLeftError: If the client has left.
             LateError: If the answer takes too long.
             StorageError: If the disk is full.
             AllBusyError: If no worker becomes free in time, or too many questions wait already.
             WorkerFailedError: If the worker failed.
             ServerEndsError: If the pool was closed.
         """
-        worker = self._free_worker()
+        left = left or threading.Event()
+        worker = self._free_worker(left)
         try:
-            return worker.ask(question, seconds, arguments, as_json)
+            return worker.ask(question, seconds, arguments, as_json, left)
         finally:
             self._free.put(worker)
 
-    def _free_worker(self) -> _Worker:
+    def _free_worker(self, left: threading.Event) -> _Worker:
         """Take a worker that is free, or becomes free in time."""
+        if left.is_set():
+            raise ClientLeftError
         with suppress(queue.Empty):
             return self._free.get_nowait()
         if not self._places.acquire(blocking=False):
             raise AllBusyError
         try:
-            return self._free.get(timeout=self._patience)
-        except queue.Empty as error:
-            raise AllBusyError from error
+            for pause in _pauses(self._patience, left):
+                with suppress(queue.Empty):
+                    return self._free.get(timeout=pause)
+            raise AllBusyError
         finally:
             self._places.release()
 
@@ -104,6 +128,15 @@ class WorkerPool:
         """End all workers."""
         for worker in self._workers:
             worker.close()
+
+
+def _pauses(seconds: float, left: threading.Event, grace: float = 0.0) -> Iterator[float]:
+    """Pauses that are some seconds together; ClientLeftError where the client has left after one, and after a grace."""
+    start = time.monotonic()
+    while (spent := time.monotonic() - start) < seconds:
+        if spent >= grace and left.is_set():
+            raise ClientLeftError
+        yield min(_LOOK, seconds - spent)
 
 
 class _Worker:
@@ -138,17 +171,22 @@ class _Worker:
             finally:
                 self._changing.release()
 
-    def ask(self, question: str, seconds: float, arguments: dict[str, Any], as_json: bool) -> Any:
+    def ask(
+        self, question: str, seconds: float, arguments: dict[str, Any], as_json: bool, left: threading.Event
+    ) -> Any:
         """Ask; see `WorkerPool.ask`."""
         connection = self.start()
         kind: str
         answer: Any = None
         try:
             connection.send((question, seconds, arguments, as_json))
-            if connection.poll(_PATIENCE * seconds):
-                kind, answer = connection.recv()
-            else:
-                kind = "late"
+            kind = "late"
+            for pause in _pauses(_PATIENCE * seconds, left, _GRACE):
+                if connection.poll(pause):
+                    kind, answer = connection.recv()
+                    break
+        except ClientLeftError:
+            kind = "left"
         except (OSError, EOFError, TypeError):  # the last of a connection that is closed meanwhile
             kind = "ended"
         if kind == "answer":
@@ -163,6 +201,8 @@ class _Worker:
             late = self._end(_MOMENT if kind == "ended" else 0.0) == -signal.SIGXCPU or kind == "late"
         if self._closed:
             raise ServerEndsError
+        if kind == "left":
+            raise ClientLeftError
         name = question.partition(":")[2].replace("_", " ")
         if late:
             raise LateError(413, f"{name}: no answer within {seconds:g} s of CPU time, which is the limit here")
