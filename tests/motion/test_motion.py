@@ -18,6 +18,7 @@ from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.motion.page import motion_data, motion_page, viewed_point
 from tripod_doe.motion.poses import needle_poses, poses_of
 from tripod_doe.motion.stored_point import points_in
+from tripod_doe.reports.joint import drawing_of
 
 FRICTIONLESS = {
     "groove_sliding": 0,
@@ -107,6 +108,15 @@ def test_the_drawing_is_to_scale(given):
     radii = sorted({float(node.get("r")) for node in root.iter("{http://www.w3.org/2000/svg}circle")})
     for wanted in (values.groove_radius, values.bore_radius, values.trunnion_radius, values.needle_radius):
         assert min(abs(np.array(radii) - wanted)) < 1e-3
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"pitch_radius_mm": np.inf}, {"roller_radius_mm": 0.0}, {"needle_count": 10**7}, {"pitch_radius_mm": "wide"}],
+)
+def test_a_joint_that_cannot_be_is_not_drawn(given):
+    """Regression: sizes in the cube of a stranger divided by zero, or filled the memory with needles."""
+    assert drawing_of(given) == ""
 
 
 def test_the_page_asks_for_nothing_and_escapes_its_data():

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Value
+from tripod_doe.model_interface.parameter import is_set
 from tripod_doe.motion.drawing import joint_drawing
 from tripod_doe.page_parts.responses import factor_names
 from tripod_doe.study.definition.scenes import load_simulator
@@ -19,7 +20,7 @@ from tripod_doe.study.definition.toml_text import parse_toml
 
 
 def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
-    """The drawing of the first point, what it shows, and the command that moves that point; None for another scene."""
+    """The drawing of the first point, what it shows, and the command that moves that point; None without a drawing."""
     try:
         study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
     except InputError:
@@ -30,7 +31,8 @@ def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     columns = {name: cube[name].values.ravel() for name in factor_names(cube)}
     first = {name: _plain(column[0]) for name, column in columns.items()}
-    drawing = drawing_of({**fixed, **first})
+    if not (drawing := drawing_of({**fixed, **first})):
+        return None
     changed = ({**fixed, **first, name: _farthest(column)} for name, column in columns.items())
     same = all(drawing_of(values) == drawing for values in changed)
     of = ", ".join(f"{name} = {_word(value)}" for name, value in first.items())
@@ -41,9 +43,13 @@ def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
 
 
 def drawing_of(given: Mapping[str, Any]) -> Markup:
-    """The drawing of a point of the joint by the values that are given."""
+    """The drawing of a point of the joint by the values that are given; empty where no joint can have one of them."""
     simulator = load_simulator()
-    known: dict[str, Value] = {name: value for name, value in given.items() if name in simulator.parameters}
+    own = {name: value for name, value in given.items() if name in simulator.parameters and is_set(value)}
+    try:
+        known: dict[str, Value] = {name: simulator.parameters[name].check(value) for name, value in own.items()}
+    except InputError:
+        return Markup("")
     return Markup(joint_drawing(simulator.effective(known)))
 
 

@@ -53,6 +53,7 @@ from tripod_doe.page_parts.tables import (
 )
 from tripod_doe.page_parts.templates import render
 from tripod_doe.reports.joint import drawn_joint
+from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.results.annotation import Annotation, read_annotation
@@ -111,7 +112,7 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
     """The analyses of a result directory by their names; CubeError if one is damaged or of another study."""
-    return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
+    return {name: read_dataset(path) for name, path in analysis_files(directory).items()}
 
 
 def make_page(

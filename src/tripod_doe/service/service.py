@@ -31,6 +31,7 @@ from tripod_doe.service.workers.worker_pool import (
     WorkerFailedError,
     WorkerPool,
 )
+from tripod_doe.study.cube.file_checks import analysis_files
 
 log = logging.getLogger(__name__)
 
@@ -228,7 +229,7 @@ class Service:
             names = [name for name, step in run.plan["steps"].items() if step["kind"] not in _WITHOUT_CUBE]
             made = {name: path_within(steps, name, "cube.nc") for name in names}
             return {name: str(path) for name, path in made.items() if path.is_file()}
-        return {path.stem: str(path) for path in sorted((self.results(run_id, step) / "analysis").glob("*.nc"))}
+        return {name: str(path) for name, path in analysis_files(self.results(run_id, step)).items()}
 
     def studies_behind(self, run_id: str, name: str, step: str | None = None) -> dict[str, str]:
         """Directories of the studies that an analysis has read, by step; the step of a single study is empty."""
@@ -370,7 +371,7 @@ class Service:
         if self.runs.find(run_id).is_search and step is None:
             made = {name: Path(path) for name, path in self.analysis_files(run_id).items()}
         else:
-            made = {path.stem: path for path in (self.results(run_id, step) / "analysis").glob("*.nc")}
+            made = analysis_files(self.results(run_id, step))
         if name not in made:  # a client's name only chooses; it never becomes a path
             raise RefusedError(404, f"analysis: {name[:100]}: not made{near_match(name, made)}")
         return made[name]

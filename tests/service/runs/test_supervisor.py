@@ -24,7 +24,7 @@ from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
-from tripod_doe.service.runs import processes
+from tripod_doe.service.runs import annotations, processes
 from tripod_doe.service.runs.result_directory import ending_of, remove_report
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.runs.table import TABLE, PointCounts, Run, RunTable, State
@@ -260,6 +260,31 @@ def test_what_the_command_line_writes_about_a_run_is_shown(start, settings, tmp_
     supervisor.annotate(run_id, {"owner": "Ada"})
     assert read_annotation(supervisor.directory(run_id)) == Annotation("customer/joint-7", "Ada", ("a", "b"))
     assert supervisor.find(run_id).record()["tags"] == ["a", "b"]
+
+
+def test_annotations_are_read_beside_everything_else(start, tmp_path, monkeypatch):
+    """Regression: all routes waited for a file on a slow disk. What is changed meanwhile is not undone."""
+    supervisor = start(SLEEP)
+    run_id = submit(supervisor, tmp_path)
+    begun, release = threading.Event(), threading.Event()
+
+    def slow(directory):
+        found = read_annotation(directory)
+        begun.set()
+        release.wait(20)
+        return found
+
+    monkeypatch.setattr(annotations, "read_annotation", slow)
+    (supervisor.directory(run_id) / "about.toml").write_text('name = "old"')
+    assert begun.wait(20)
+    changing = threading.Thread(target=supervisor.annotate, args=(run_id, {"name": "new"}), daemon=True)
+    changing.start()
+    changing.join(5)
+    waited = changing.is_alive()
+    release.set()
+    assert not waited
+    time.sleep(1)
+    assert supervisor.find(run_id).label == "new"
 
 
 def test_a_full_queue_is_told(start, tmp_path):

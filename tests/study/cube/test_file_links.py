@@ -59,6 +59,24 @@ def in_a_group(file, secret):
     hdf5("H5Gclose", group)
 
 
+def circle(file, _):
+    group = hdf5("H5Gcreate2", file, b"inner", 0, 0, 0)
+    hdf5("H5Lcreate_hard", file, b"/inner", group, b"again", 0, 0)
+    hdf5("H5Gclose", group)
+
+
+def circle_to_the_top(file, _):
+    group = hdf5("H5Gcreate2", file, b"inner", 0, 0, 0)
+    hdf5("H5Lcreate_hard", file, b"/", group, b"again", 0, 0)
+    hdf5("H5Gclose", group)
+
+
+def symbolic_circle(file, _):
+    group = hdf5("H5Gcreate2", file, b"inner", 0, 0, 0)
+    hdf5("H5Lcreate_soft", b"/inner", group, b"again", 0, 0)
+    hdf5("H5Gclose", group)
+
+
 def written(path):
     dataset = xr.Dataset({"y": ("x", np.arange(40.0)), "word": ("x", np.array(["text"] * 40, object))})
     write_dataset(dataset.assign_coords(x=np.arange(40.0)), path)
@@ -100,6 +118,21 @@ def test_a_file_that_leads_to_another_is_refused(tmp_path, secret, make, read):
     path = hostile(tmp_path, make, secret)
     with pytest.raises(td.CubeError, match=r"(?:stolen|inner).*another file"):
         read(path)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (circle, "'inner/again' is a second name of 'inner'"),
+        (circle_to_the_top, "'inner/again' is a second name of '/'"),
+        (symbolic_circle, "'inner/again' is a symbolic link"),
+    ],
+)
+@pytest.mark.parametrize("read", [td.open_cube, by_query, by_file])
+def test_groups_in_a_circle_are_refused(tmp_path, make, message, read):
+    """Regression: netCDF4 followed them without an end, and Ctrl-C did not stop it."""
+    with pytest.raises(td.CubeError, match=message):
+        read(hostile(tmp_path, make, "nowhere"))
 
 
 @pytest.mark.parametrize("make", [external_storage, virtual, external_link])

@@ -13,7 +13,6 @@ import xarray as xr
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.motion.page import motion_page, viewed_point
-from tripod_doe.names import path_within
 from tripod_doe.page_parts.responses import factor_names, unit_text
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.reports.joint import drawing_of
@@ -32,6 +31,7 @@ from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells
 from tripod_doe.service.explorer.view import View
+from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records
@@ -66,7 +66,7 @@ def _explored(cube: xr.Dataset, view: View, path: str, place: str, minus_name: s
         "variables": [asdict(choice) for choice in choices(cube)],
         "range": colour_range(cube, view),
         "points": bool(design_of(cube)),
-        "analyses": _analyses(path),
+        "analyses": list(analysis_files(Path(path))),
         "design": [asdict(axis) for axis in coordinate_axes(cube).values() if axis.of_design and axis.name != "point"],
         "copies": {
             "Command line": query_command(place + source, view),
@@ -90,14 +90,10 @@ def _cube(path: str, view: View) -> AbstractContextManager[xr.Dataset]:
     """The cube of a directory, or the result of one of its analyses."""
     if not view.analysis:
         return opened(path)
-    known = _analyses(path)
+    known = analysis_files(Path(path))
     if view.analysis not in known:
         raise InputError(f"analysis = {view.analysis!r}: not in this run; it has {', '.join(known) or 'none'}")
-    return opened(path_within(Path(path), "analysis", f"{view.analysis}.nc"))
-
-
-def _analyses(path: str) -> list[str]:
-    return sorted(file.stem for file in Path(path).glob("analysis/*.nc"))
+    return opened(str(known[view.analysis]))
 
 
 def numbers(path: str, items: Items, other: str | None = None) -> Any:

@@ -26,23 +26,33 @@ class AnnotationFiles:
         self._times: dict[str, int] = {}
         self._due = 0.0
 
-    def changed(self, runs: Iterable[tuple[Run, Path]]) -> Iterator[Run]:
-        """Runs whose file has changed since the last look, as it is now; nothing where that was just now."""
+    def changed(self, runs: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Annotation]]:
+        """Annotations by the ids of runs whose file has changed since the last look; nothing where that was just now.
+
+        Reading may take its time: nothing that others wait for is to be held meanwhile.
+        """
         if time.monotonic() < self._due:
             return
         self._due = time.monotonic() + _PAUSE
-        for run, directory in runs:
-            try:
-                written = (directory / FILE).lstat().st_mtime_ns
-            except OSError:
-                written = 0
-            if written == self._times.get(run.id, 0):
+        for run_id, directory in runs:
+            written = self._time_of(directory)
+            if written == self._times.get(run_id, 0):
                 continue
-            self._times[run.id] = written
+            self._times[run_id] = written
             try:
                 annotation = read_annotation(directory)
             except InputError as error:  # the file is left as it is, and the run shown without it
                 log.warning("%s", error)
                 continue
-            if annotation != run.annotation:
-                yield with_annotation(run, annotation)
+            yield run_id, annotation
+
+    def is_current(self, run_id: str, directory: Path) -> bool:
+        """Whether the file of a run is the one that was read; where it is not, the next look reads it again."""
+        return self._time_of(directory) == self._times.get(run_id, 0)
+
+    @staticmethod
+    def _time_of(directory: Path) -> int:
+        try:
+            return (directory / FILE).lstat().st_mtime_ns
+        except OSError:
+            return 0

@@ -460,8 +460,13 @@ class Supervisor:
     def _read_annotations(self) -> None:
         """Take over what the command line wrote about runs."""
         with self._lock:
-            for run in self._annotation_files.changed([(run, self.directory(run.id)) for run in self._runs.values()]):
-                self._put(run)
+            places = {run_id: self.directory(run_id) for run_id in self._runs}
+        for run_id, annotation in self._annotation_files.changed(places.items()):
+            with self._lock:
+                run = self._runs.get(run_id)
+                current = self._annotation_files.is_current(run_id, places[run_id])  # else `annotate` was first
+                if run is not None and current and annotation != run.annotation:
+                    self._put(with_annotation(run, annotation))
 
     def _interrupt(self, run_id: str) -> None:
         """Ask a run to stop, once: a second time would end it at once."""

@@ -19,8 +19,10 @@ MOST_CHECKED = 100_000_000
 STEP, DIGEST = "step.json", "cube_digest"
 """The record of a finished step of a workflow, and its key for the digest of the cube of an analysis."""
 
+ANALYSES = "analysis"
+"""Folder of a result directory with its analyses."""
+
 _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
-_ANALYSES = "analysis"
 
 
 def refuse_unfit(path: Path, whole: bool = False) -> None:
@@ -40,6 +42,12 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
         raise CubeError(f"{path}: it is not the result of this step of the workflow; {remedy(path)}")
 
 
+def analysis_files(directory: Path) -> dict[str, Path]:
+    """The files of analyses in a result directory, by the names of these; a hidden file is none."""
+    files = sorted((directory / ANALYSES).glob("*.nc"))
+    return {path.stem: path for path in files if not path.name.startswith(".")}
+
+
 def _refuse_damaged(path: Path, whole: bool) -> None:
     refuse_irregular(path, CubeError)
     with reading(path):
@@ -54,8 +62,8 @@ def _refuse_damaged(path: Path, whole: bool) -> None:
 
 def _directory_of(path: Path) -> Path | None:
     """The result directory that a file is a result of, by its place; None for any other file."""
-    inside = path.name in _RESULTS or path.parent.name == _ANALYSES
-    directory = path.parent.parent if path.parent.name == _ANALYSES else path.parent
+    inside = path.name in _RESULTS or path.parent.name == ANALYSES
+    directory = path.parent.parent if path.parent.name == ANALYSES else path.parent
     return directory if inside and journal_path(directory).exists() else None
 
 
@@ -75,7 +83,7 @@ def _refuse_other_study(path: Path, directory: Path) -> None:
     with Journal(directory, read_only=True) as journal:
         expected = journal.recall(STUDY_HASH)
     known = study_hash(path)
-    if expected is not None and known != expected and (known or path.parent.name == _ANALYSES):
+    if expected is not None and known != expected and (known or path.parent.name == ANALYSES):
         raise CubeError(f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}")
 
 

@@ -1,8 +1,8 @@
-"""Links and storage of a netCDF file that lead out of it, which HDF5 would follow when the file is read.
+"""Links and storage of a netCDF file that lead out of it or in a circle, which HDF5 and netCDF4 would follow.
 
 HDF5 reads values from any file that an external link, a list of external files or a virtual data set names. A cube of
-somebody else could so give what its reader keeps elsewhere. The links are looked at, and none is followed, before
-netCDF4 opens the file.
+somebody else could so give what its reader keeps elsewhere. Groups within themselves are followed without an end.
+The links are looked at, and none is followed, before netCDF4 opens the file. Ours have one name for each object.
 """
 
 import ctypes
@@ -16,10 +16,17 @@ from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 
 _CLASSIC = (b"CDF\x01", b"CDF\x02", b"CDF\x05")  # netCDF files without HDF5, which hold no links
 _HARD, _SOFT = 0, 1  # kinds of links that stay in the file
-_DATASET, _GROUP = 5, 2
+_DATASET = 5
 _VIRTUAL = 3
 _BY_NAME, _AS_STORED = 0, 2  # the order of links
+_BASIC = 1  # facts of an object, its token among them
 _MOST_LINKS, _DEEPEST = 100_000, 30
+
+
+class _ObjectInfo(ctypes.Structure):
+    """`H5O_info2_t` as far as it is asked for; the token identifies the object."""
+
+    _fields_ = (("file", ctypes.c_ulong), ("token", ctypes.c_uint64 * 2), ("rest", ctypes.c_uint64 * 8))
 
 
 class _LinkInfo(ctypes.Structure):
@@ -50,6 +57,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result and arguments
     "H5Lvisit2": (ctypes.c_int, _ID, ctypes.c_int, ctypes.c_int, _VISIT, _PLACE),
     "H5Oopen": (_ID, _ID, ctypes.c_char_p, _ID),
     "H5Oclose": (ctypes.c_int, _ID),
+    "H5Oget_info3": (ctypes.c_int, _ID, ctypes.POINTER(_ObjectInfo), ctypes.c_uint),
     "H5Iget_type": (ctypes.c_int, _ID),
     "H5Dget_create_plist": (_ID, _ID),
 }
@@ -87,7 +95,7 @@ class _Found(NamedTuple):
 
 
 def refuse_outside(path: str | Path) -> None:
-    """Refuse a netCDF file that takes values from other files, without opening one of those.
+    """Refuse a netCDF file that takes values from other files or has links, without following one of those.
 
     Raises:
         CubeError: With the name of the variable or link.
@@ -123,16 +131,23 @@ def _opened(library: ctypes.CDLL, path: str | Path) -> int:
 
 def _links(library: ctypes.CDLL, file: int) -> _Found:
     """Look at all links of a file, and at each object that they lead to."""
-    found = _Found({}, [])
+    root = _ObjectInfo()
+    if library.H5Oget_info3(file, root, _BASIC) < 0:
+        raise OSError("HDF5 cannot read its names")
+    found = _Found({tuple(root.token): b"/"}, [])
 
     def visit(_: int, name: bytes, info: Any, __: Any) -> int:
         """Give 1 to end the walk."""
         kind, target = info.contents.type, tuple(info.contents.target)
         if kind not in (_HARD, _SOFT):
             found.reasons.append(f"{_shown(name)} is a link to another file")
+        elif kind == _SOFT:
+            found.reasons.append(f"{_shown(name)} is a symbolic link")
+        elif target in found.objects:
+            found.reasons.append(f"{_shown(name)} is a second name of {_shown(found.objects[target])}")
         elif len(found.objects) > _MOST_LINKS or name.count(b"/") > _DEEPEST:
             found.reasons.append(f"more than {_MOST_LINKS:,} variables, or groups in groups deeper than {_DEEPEST}")
-        elif kind == _HARD and target not in found.objects:
+        else:
             found.objects[target] = name
             if reason := _outside(library, file, name):
                 found.reasons.append(f"{_shown(name)} {reason}")

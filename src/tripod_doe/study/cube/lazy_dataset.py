@@ -22,13 +22,16 @@ from xarray.indexes import PandasIndex
 
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
 from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, remedy, shared_file
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box, slabs
 
 _SLAB_BYTES = 32_000_000
 _TABLES = {"fixed_parameters", "package_versions"}
+_WORDS = {"flag_meanings", "long_name", "role", "units"}
+"""Attributes of variables that pages and tables read."""
+
 _TEXTS = {
     "design_notes", "history", "kernel_source_hash", "model_notes", "question", "source", "study", "study_hash",
     "title",
@@ -89,7 +92,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
             warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
             stored = xr.open_dataset(
                 _Store(shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
-                decode_timedelta=False,
+                decode_times=False,
                 chunks=chunks,
                 cache=False,
                 create_default_indexes=False,
@@ -109,9 +112,17 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
 
 def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
     """Refuse attributes that readers could not use, and outcomes that do not exist: another program wrote the file."""
+    if path.parent.name == ANALYSES and not isinstance(stored.attrs.get("analysis_kind"), str):
+        raise CubeError(f"{path}: it does not say of which kind of analysis it is; {remedy(path)}")
     for name in _TEXTS.intersection(stored.attrs):
         if not isinstance(stored.attrs[name], str):
             raise CubeError(f"{path}: the attribute {name} holds no text; {remedy(path)}")
+    for name, variable in stored.variables.items():
+        for key in _WORDS.intersection(variable.attrs):
+            if not isinstance(variable.attrs[key], str):
+                raise CubeError(f"{path}: {name}: the attribute {key} holds no text; {remedy(path)}")
+        if "flag_values" in variable.attrs and not _are_flags(variable.attrs):
+            raise CubeError(f"{path}: {name}: flag_values and flag_meanings do not fit each other; {remedy(path)}")
     for name in _TABLES.intersection(stored.attrs):
         try:
             table = isinstance(json.loads(stored.attrs[name]), dict)
@@ -121,6 +132,12 @@ def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
             raise CubeError(f"{path}: the attribute {name} holds no table in JSON; {remedy(path)}")
     if "outcome" in stored and not np.isin(stored["outcome"].values, list(Outcome)).all():
         raise CubeError(f"{path}: it holds an outcome that does not exist; {remedy(path)}")
+
+
+def _are_flags(attributes: Mapping[str, Any]) -> bool:
+    """Whether there is a number for each word."""
+    values = np.atleast_1d(attributes["flag_values"])
+    return values.dtype.kind in "iuf" and values.size == len(attributes.get("flag_meanings", "").split())
 
 
 class _FlatCells(BackendArray):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import CubeError
-from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
 from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, dataset_of, reading
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.results.result_cube import cube_files, cube_so_far, is_shown
@@ -145,7 +145,7 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
 def analyses_with(directory: Path, variable: str) -> list[Path]:
     """The files of analyses in a result directory that hold a variable, or say why they do not."""
     files = []
-    for file in sorted(directory.glob("analysis/*.nc")):
+    for file in analysis_files(directory).values():
         with suppress(CubeError), opened_arrays(file) as cube:
             if variable in cube.variables or variable in cube.left_out:
                 files.append(file)
