@@ -11,8 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from server_process import Server
+from starlette.requests import Request
 
 from tripod_doe.service.log import MOST_ALIKE, Bounded, Plain
+from tripod_doe.service.page import assets
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +119,25 @@ def test_an_answer_that_nobody_reads_does_not_hold_up_others(small):
     with connected(small) as connection:
         connection.sendall(b"GET /assets/plotly.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 50)
         assert small.ask("/health", seconds=5)[0] == 200
+
+
+def test_many_first_requests_for_a_file_read_it_once(monkeypatch):
+    """Regression: 900 of them at once, without a token, kept the server busy for 25 CPU-s and took 500 MB."""
+    reads = []
+
+    def slow(data, level):
+        reads.append(len(data))
+        time.sleep(0.2)
+        return data
+
+    monkeypatch.setattr(assets.gzip, "compress", slow)
+    assets._read.cache_clear()
+    request = Request({"type": "http", "headers": []})
+    with ThreadPoolExecutor(8) as threads:
+        answers = list(threads.map(lambda _: assets.unversioned("door.js", request).status_code, range(8)))
+    assets._read.cache_clear()
+    assert answers == [200] * 8
+    assert len(reads) == 1
 
 
 def test_requests_in_a_row_are_answered_in_a_row(small):

@@ -2,6 +2,7 @@
 
 import gzip
 import hashlib
+import threading
 from functools import cache
 from importlib.resources import files
 
@@ -19,6 +20,7 @@ _ELSEWHERE = {
 }
 _KEPT = "private, max-age=31536000, immutable"
 _BRIEFLY = "private, max-age=60"
+_READING = threading.Lock()  # hundreds of first requests at once would each read and pack a file
 
 
 @router.get("/assets/{stamp}/{name}")
@@ -34,7 +36,8 @@ def unversioned(name: str, request: Request) -> Response:
 
 
 def _answer(name: str, request: Request, kept: str) -> Response:
-    data, packed = _read(name)
+    with _READING:
+        data, packed = _read(name)
     headers = {"cache-control": kept, "vary": "accept-encoding"}
     small = "gzip" in request.headers.get("accept-encoding", "")
     if small:
@@ -48,7 +51,8 @@ def stamp() -> str:
     own = sorted(file.name for file in files("tripod_doe.service.page").joinpath("assets").iterdir())
     digest = hashlib.sha256()
     for name in [*own, "report.css"]:
-        digest.update(_read(name)[0])
+        with _READING:
+            digest.update(_read(name)[0])
     return digest.hexdigest()[:12]
 
 
