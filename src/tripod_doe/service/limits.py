@@ -22,6 +22,7 @@ class Limits:
     query_seconds: float = 30.0
     simulate_seconds: float = 300.0
     memory_bytes: int = 8_000_000_000
+    run_memory_bytes: int = 16_000_000_000
     streams: int = 1_000
     connections: int = 1_500
     bin_days: float = 30.0
@@ -46,6 +47,7 @@ MEANINGS = {
     "query_seconds": "CPU time for the answer to a query, a comparison or a check (s)",
     "simulate_seconds": "CPU time for one simulated point, or for a plan with timing (s)",
     "memory_bytes": "address space of a worker (bytes)",
+    "run_memory_bytes": "address space of each process of a run (bytes)",
     "streams": "event streams open at the same time",
     "connections": "connections open at the same time; fewer where the system allows fewer open files",
     "bin_days": "days after which a deleted run is removed from the bin, when a server starts",

@@ -116,13 +116,12 @@ def _held(settings: Settings) -> Iterator[None]:
     if settings.read_only:
         if not folder.is_dir():
             raise InputError(f"{option('folder', str(folder))}: there is no such directory")
+        _refuse_exchangeable(folder)
         yield
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        state = folder.stat()
-        if is_open_to_change(state) and not state.st_mode & stat.S_ISVTX:  # of /tmp, others take nothing away
-            raise InputError(f"{option('folder', str(folder))}: other users can write here; run: chmod go-w {folder}")
+        _refuse_exchangeable(folder)
         lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
         for name in (_LOCK, TABLE, f"{TABLE}-wal", f"{TABLE}-shm"):  # also those of an earlier version
             with suppress(FileNotFoundError):
@@ -138,6 +137,16 @@ def _held(settings: Settings) -> Iterator[None]:
         ) from error
     finally:
         os.close(lock)
+
+
+def _refuse_exchangeable(folder: Path) -> None:
+    """Refuse a folder in which others could put something else in the place of results, or of the folder itself."""
+    named = option("folder", str(folder))
+    for place in (folder.resolve(), *folder.resolve().parents):
+        state = place.stat()
+        is_open = is_open_to_change(state) if place == folder.resolve() else state.st_mode & stat.S_IWOTH
+        if is_open and not state.st_mode & stat.S_ISVTX:  # of /tmp, others take nothing away
+            raise InputError(f"{named}: other users can write here; run: chmod go-w {place}")
 
 
 def _make_private(path: Path) -> None:

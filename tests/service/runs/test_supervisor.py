@@ -53,7 +53,7 @@ def start(settings, monkeypatch):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a child would ignore what this process ignores
 
     def start(program, given=settings):
-        def start_run(directory, words):
+        def start_run(directory, words, memory_bytes):
             words = [sys.executable, "-c", program, "tripod_doe.cli", *words]
             lock = os.open(directory / ".alive", os.O_CREAT | os.O_RDWR)
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -159,14 +159,18 @@ def test_files_of_an_earlier_version_are_closed_to_others(tmp_path):
     with (tmp_path / _ALIVE).open() as other:  # one that is held cannot be started, and is closed all the same
         fcntl.flock(other, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="a run is at work here"):
-            start_run(tmp_path, [])
+            start_run(tmp_path, [], 10**10)
     assert stat.S_IMODE((tmp_path / _ALIVE).stat().st_mode) == 0o600
 
 
-def test_a_folder_that_anybody_can_write_into_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize("flags", [[], ["--read-only"]])
+@pytest.mark.parametrize("inside", ["", "results"])
+def test_a_folder_that_anybody_can_exchange_is_refused(tmp_path, capsys, flags, inside):
+    """Regression: a read-only server, and one in a folder below an open one, delivered what others put in its place."""
+    (tmp_path / "results").mkdir()
     tmp_path.chmod(0o777)
-    assert main(["serve", "--folder", str(tmp_path)]) == 2
-    assert "chmod go-w" in capsys.readouterr().err
+    assert main(["serve", "--folder", str(tmp_path / inside), *flags]) == 2
+    assert f"chmod go-w {tmp_path}\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("mode", [0o644, 0o640, 0o620, 0o604])

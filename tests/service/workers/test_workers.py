@@ -35,8 +35,9 @@ MODULES = {
     "deep": "def f(): f()\nf()",
     "parent": "import os, subprocess; open(os.environ['MARK'], 'w').write(str(subprocess.Popen(['sleep', '999']).pid))\n"
     "while True: pass",
-    "telling": "import json, os, signal, sys\n"
-    "print(json.dumps([sys.argv[1:], os.getpid(), os.getsid(0), os.nice(0), sys.stdin.read()]), flush=True)\n"
+    "telling": "import json, os, resource, signal, sys\n"
+    "memory = resource.getrlimit(resource.RLIMIT_AS)[1]\n"
+    "print(json.dumps([sys.argv[1:], os.getpid(), os.getsid(0), os.nice(0), sys.stdin.read(), memory]), flush=True)\n"
     "signal.pause()",
 }
 """What hostile questions do: a worker that imports one of these does it."""
@@ -178,12 +179,13 @@ def test_a_run_is_a_session_of_its_own_and_holds_its_lock(pool, tmp_path):
     lock = os.open(tmp_path / "lock", os.O_CREAT | os.O_RDWR, 0o600)
     fcntl.flock(lock, fcntl.LOCK_EX)
     (tmp_path / "log").touch()
-    start_program("telling", ["one", "two"], tmp_path / "log", lock, 3).join()
+    start_program("telling", ["one", "two"], tmp_path / "log", lock, 3, 5 * 10**9).join()
     until = time.monotonic() + 20
     while not (told := (tmp_path / "log").read_text()).endswith("\n"):
         assert time.monotonic() < until
         time.sleep(0.05)
-    words, pid, session, niceness, asked = json.loads(told)
+    words, pid, session, niceness, asked, memory = json.loads(told)
+    assert memory == 5 * 10**9
     assert (words, asked) == (["one", "two"], "")
     assert session == pid == int((tmp_path / "lock").read_text())
     assert niceness == os.nice(0) + 3
@@ -203,7 +205,7 @@ def test_a_run_that_cannot_start_says_so_in_its_log(tmp_path, monkeypatch):
 
     lock = os.open(tmp_path / "lock", os.O_CREAT | os.O_RDWR, 0o600)
     monkeypatch.setattr(forking, "_detach", sys.exit)  # takes one argument at most
-    start_program("telling", [], tmp_path / "log", lock, 0).join()
+    start_program("telling", [], tmp_path / "log", lock, 0, 10**10).join()
     assert "tripod-doe: cannot start a process: exit code 1" in (tmp_path / "log").read_text()
     with pytest.raises(OSError, match="Bad file"):
         os.close(lock)

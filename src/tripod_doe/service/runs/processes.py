@@ -33,12 +33,13 @@ _TRIES, _PAUSE = 20, 0.05
 _LAST_BYTES = 65_536
 
 
-def start_run(directory: Path, words: Sequence[str]) -> None:
+def start_run(directory: Path, words: Sequence[str], memory_bytes: int) -> None:
     """Start our own command line on a result directory, in a session of its own.
 
     Args:
         directory: The result directory; the lock and the log are made in it.
         words: Arguments of ``tripod-doe``; they name the directory after ``--out``.
+        memory_bytes: Address space of each of its processes.
 
     Raises:
         InputError: If a run of this directory is alive, or it cannot be started.
@@ -58,7 +59,7 @@ def start_run(directory: Path, words: Sequence[str]) -> None:
     except OSError as error:
         os.close(lock)
         raise InputError(f"{directory}: cannot start a run here: {error.strerror}") from error
-    start_program("tripod_doe.cli", words, directory / LOG, lock, _NICE)
+    start_program("tripod_doe.cli", words, directory / LOG, lock, _NICE, memory_bytes)
 
 
 def is_alive(directory: Path) -> bool:

@@ -497,6 +497,7 @@ class Supervisor:
             remove_report(directory)
             if run.is_search:
                 remove_stages(directory)
-            processes.start_run(directory, processes.run_words(run, directory, self.settings.workers))
+            words = processes.run_words(run, directory, self.settings.workers)
+            processes.start_run(directory, words, self.settings.limits.run_memory_bytes)
         except InputError as error:
             self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))

@@ -3,6 +3,7 @@
 import atexit
 import multiprocessing
 import os
+import resource
 import runpy
 import signal
 import sys
@@ -38,7 +39,9 @@ def end_fork_server() -> None:
             os.kill(pid, signal.SIGKILL)
 
 
-def start_program(module: str, words: Sequence[str], log: Path, lock: int, niceness: int) -> threading.Thread:
+def start_program(
+    module: str, words: Sequence[str], log: Path, lock: int, niceness: int, memory_bytes: int
+) -> threading.Thread:
     """Run a module as a program in a process and a session of its own, which outlives this one.
 
     The process that forks may have to be started first, which takes seconds: a thread waits for that, and writes into
@@ -50,18 +53,20 @@ def start_program(module: str, words: Sequence[str], log: Path, lock: int, nicen
         lock: An open file, closed here, into which the process writes its number and a line end; it holds it until it
             ends, and what it starts itself does not.
         niceness: How much later than others it gets its turn on a busy machine; see `os.nice`.
+        memory_bytes: Address space of the process, and of each that it starts.
 
     Returns:
         Ends when the program has started.
     """
-    thread = threading.Thread(target=_start, args=(module, list(words), log, lock, niceness), daemon=True)
+    thread = threading.Thread(target=_start, args=(module, list(words), log, lock, niceness, memory_bytes), daemon=True)
     thread.start()
     return thread
 
 
-def _start(module: str, words: list[str], log: Path, lock: int, niceness: int) -> None:
+def _start(module: str, words: list[str], log: Path, lock: int, niceness: int, memory_bytes: int) -> None:
     try:
-        process = context.Process(target=_detach, args=(module, words, str(log), reduction.DupFd(lock), niceness))
+        arguments = module, words, str(log), reduction.DupFd(lock), niceness, memory_bytes
+        process = context.Process(target=_detach, args=arguments)
         process.start()
         process.join()
         reason = f"exit code {process.exitcode}" if process.exitcode else ""
@@ -80,7 +85,14 @@ def lead_group() -> None:
     os.umask(0o077)
 
 
-def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int) -> None:
+def limit_memory(size: int) -> None:
+    """Limit the address space of this process and of those that it starts, in bytes; a lower limit stays."""
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    size = size if most == resource.RLIM_INFINITY else min(size, most)
+    resource.setrlimit(resource.RLIMIT_AS, (size, size))
+
+
+def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int, memory_bytes: int) -> None:
     """Fork once more: the process that multiprocessing knows, and waits for, ends here."""
     held = lock.detach()
     if os.fork():
@@ -94,6 +106,7 @@ def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int) -
     os.set_inheritable(held, False)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # which the fork server ignores
     os.nice(niceness)
+    limit_memory(memory_bytes)
     os.write(held, f"{os.getpid()}\n".encode())  # from now on it can be asked to stop
     sys.stdin, sys.stdout, sys.stderr = (open(number, mode, closefd=False) for number, mode in enumerate("rww"))  # noqa: SIM115
     sys.argv = [module, *words]

@@ -21,7 +21,7 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, TripodDoeError
 from tripod_doe.service.problems import Problem, RefusedError, refusal_of
-from tripod_doe.service.workers.forking import lead_group
+from tripod_doe.service.workers.forking import lead_group, limit_memory
 
 _LONGEST_TRACEBACK = 8_000
 _OF_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -37,7 +37,7 @@ def serve(connection: Connection[Any, Any], memory_bytes: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all processes of a terminal
     os.dup2(sys.stderr.fileno(), 1)  # what functions print
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    limit_memory(memory_bytes)
     while True:
         try:
             place, seconds, arguments, as_json = connection.recv()
