@@ -12,7 +12,7 @@ from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.table import State
 from tripod_doe.service.security.access import OWNER
-from tripod_doe.service.security.connections import LEFT
+from tripod_doe.service.security.connections import left_of
 from tripod_doe.service.service import Service
 
 
@@ -42,7 +42,7 @@ CHANGES = errors_at(403, 408, 409, 415)
 
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
     service: Service = request.app.state.service
-    access, left = request.scope.get("access"), request.scope.get(LEFT)
+    access, left = request.scope.get("access"), left_of(request.scope)
     if access is not None and access.name != OWNER:
         service = service.seen_by(access.settings, access.is_open)
     return service if left is None else service.asked_by(left)

@@ -14,10 +14,8 @@ import threading
 from http import HTTPStatus
 from typing import Any
 
+from starlette.types import Scope
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
-
-LEFT = "tripod_doe.left"
-"""Name in the scope of a request of an event that is set when its client has left."""
 
 HEADER_SECONDS = 10.0
 """From the first byte of a connection, or of its next request, to the end of the headers."""
@@ -25,9 +23,16 @@ HEADER_SECONDS = 10.0
 BODY_SECONDS, BODY_RATE = 10.0, 16_384
 """A body arrives within these seconds and one more for as many bytes as the rate says."""
 
+_LEFT = "left"  # name in the state of a request
 _READ_SECONDS = 60.0  # without anything read of an answer
 _HEADER_BYTES = 65_536
 _LEAST_FILES = 64  # kept for everything but connections
+
+
+def left_of(scope: Scope) -> threading.Event | None:
+    """What is set when the client of a request leaves; None without a connection of this server."""
+    state: dict[str, Any] = scope.get("state", {})
+    return state.get(_LEFT)
 
 
 class LimitedProtocol(HttpToolsProtocol):
@@ -86,7 +91,7 @@ class LimitedProtocol(HttpToolsProtocol):
         if len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers) > _HEADER_BYTES:
             self._refuse_headers()
             raise ValueError("the headers are too large")  # ends the parser
-        self.scope[LEFT] = self._left
+        self.scope["state"][_LEFT] = self._left
         super().on_headers_complete()
 
     def on_response_complete(self) -> None:

@@ -23,7 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
 from tripod_doe.service.security.access import OWNER, Access, Accesses
-from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, LEFT
+from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, left_of
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
 from tripod_doe.service.settings import Settings
 
@@ -146,7 +146,8 @@ class Guard:
 
         try:
             async with self._turn(scope):
-                if not (LEFT in scope and scope[LEFT].is_set()):  # who has left gets no answer when the turn comes
+                left = left_of(scope)
+                if left is None or not left.is_set():  # who has left gets no answer when the turn comes
                     await self._app(scope, receive, noted)
         except BaseExceptionGroup as group:
             if not begun or group.split(BrokenResourceError)[1] is not None:

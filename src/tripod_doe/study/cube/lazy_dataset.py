@@ -117,12 +117,12 @@ def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
     for name in _TEXTS.intersection(stored.attrs):
         if not isinstance(stored.attrs[name], str):
             raise CubeError(f"{path}: the attribute {name} holds no text; {remedy(path)}")
-    for name, variable in stored.variables.items():
+    for label, variable in stored.variables.items():
         for key in _WORDS.intersection(variable.attrs):
             if not isinstance(variable.attrs[key], str):
-                raise CubeError(f"{path}: {name}: the attribute {key} holds no text; {remedy(path)}")
+                raise CubeError(f"{path}: {label}: the attribute {key} holds no text; {remedy(path)}")
         if "flag_values" in variable.attrs and not _are_flags(variable.attrs):
-            raise CubeError(f"{path}: {name}: flag_values and flag_meanings do not fit each other; {remedy(path)}")
+            raise CubeError(f"{path}: {label}: flag_values and flag_meanings do not fit each other; {remedy(path)}")
     for name in _TABLES.intersection(stored.attrs):
         try:
             table = isinstance(json.loads(stored.attrs[name]), dict)
