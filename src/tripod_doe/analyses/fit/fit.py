@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, t
 
+from tripod_doe.analyses.fit.error_size import ErrorSize, estimate_error_size
 from tripod_doe.analyses.fit.exploration import explore, first_places, interpolated
 from tripod_doe.analyses.fit.identifiability import FOUND, Combination, combinations, covariance_of, verdict
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
@@ -44,6 +45,7 @@ class Solution:
     covariance: FloatArray  # of the scalars, scatter included, shape (scalar, scalar)
     scatter: float  # chi squared over degrees of freedom, at least 1
     freedom: int  # degrees of freedom
+    error_size: ErrorSize  # of the model's errors, over those on record
     allowed: float  # growth of chi squared at the ends of the intervals
     profiles: tuple[Profile, ...]  # one a scalar
     verdicts: tuple[str, ...]  # one a scalar
@@ -65,6 +67,7 @@ def solve(
     seed: int = 0,
     robust: bool = True,
     weigh: Callable[[Descent], Rows] | None = None,
+    sized: bool = False,
     tell: Callable[[str], None] = lambda stage: None,
 ) -> Solution:
     """Fit the scalars of a layout to measured orders.
@@ -74,6 +77,7 @@ def solve(
         starts, seed: Descents, and the seed of the places that they begin at.
         robust: Whether records that do not fit the others are left out.
         weigh: Gives the rows with the errors of the model at a minimum.
+        sized: Whether the size of these errors is estimated.
         tell: Takes the name of each stage as it begins.
 
     Raises:
@@ -101,16 +105,20 @@ def solve(
     if not descents:
         raise InputError(f"none of {failed} starting points has an answer for all records; narrow the ranges")
     bad = _bad_records(problem, descents[0], per_record) if judged else ~used
+    size = ErrorSize()
     for _ in range(_WEIGHINGS):
         rows = rows if weigh is None else weigh(descents[0])
-        plain = Problem(layout, Misfit(rows, ~bad, layout.priors()), predict)
+        if sized:
+            size = estimate_error_size(rows, ~bad, layout.priors(), descents[0])
+        own = rows.with_errors_times(size.factor)
+        plain = Problem(layout, Misfit(own, ~bad, layout.priors()), predict)
         again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
         descents = distinct([plain.descend(each) for each in again])
     corrections, at_rest = 0, True
     if finer is not None:
         tell("refinement")
         plain, descents, corrections, at_rest = _corrected(plain, descents, predict, finer)
-    fitted = _with_profiles(plain, descents, bad, failed, tell)
+    fitted = _with_profiles(plain, descents, bad, failed, size, tell)
     return replace(fitted, corrections=corrections, at_rest=at_rest)
 
 
@@ -155,7 +163,12 @@ def _shifted(predict: Predict, offset: ComplexArray) -> Predict:
 
 
 def _with_profiles(
-    problem: Problem, descents: list[Descent], bad: NDArray[np.bool_], failed: int, tell: Callable[[str], None]
+    problem: Problem,
+    descents: list[Descent],
+    bad: NDArray[np.bool_],
+    failed: int,
+    size: ErrorSize,
+    tell: Callable[[str], None],
 ) -> Solution:
     """Intervals and verdicts at the best minimum, again from a better one where a profile comes upon it."""
     for left in range(_RESTARTS, -1, -1):
@@ -164,9 +177,9 @@ def _with_profiles(
         jacobian = problem.misfit.jacobian(compared, best.slope)
         freedom = problem.misfit.data - problem.misfit.free - problem.layout.count
         scatter = max(best.cost / freedom, 1.0) if freedom > 0 else 1.0
-        factor = float(t.ppf((1 + CONFIDENCE) / 2, freedom)) if freedom > 0 else 1.96
-        if scatter == 1.0:  # deviations are known: chance is normal
-            factor = 1.96
+        # deviations that explain the scatter are known but for the size of the model's errors
+        known = min(size.freedom, freedom if scatter > 1 else np.inf)
+        factor = float(t.ppf((1 + CONFIDENCE) / 2, known))
         allowed = factor**2 * scatter
         covariance = covariance_of(jacobian)
         try:
@@ -191,6 +204,7 @@ def _with_profiles(
         covariance * scatter,
         scatter,
         freedom,
+        size,
         allowed,
         tuple(profiles),
         verdicts,

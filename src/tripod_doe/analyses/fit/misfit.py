@@ -6,7 +6,8 @@ records are errors of the model that they share, and the scale of the force sens
 For each prediction the nuisances take their best values (variable projection, Golub and Pereyra 1973).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 
 _LEAST_CHANGE = 1e-3  # of the largest, below which a shared error is none
+_TINY = 1e-12  # beside a column without information
 _ROUNDS = 3  # of Gauss-Newton on the angles, which start at most some degrees off
 
 
@@ -39,6 +41,10 @@ class Rows:
     def records(self) -> int:
         """Number of records."""
         return self.free_phase.size
+
+    def with_errors_times(self, factor: float) -> Self:
+        """The same orders with larger or smaller errors of the model."""
+        return replace(self, own_error=factor * self.own_error, shared=factor * self.shared)
 
 
 @dataclass(frozen=True)
@@ -113,8 +119,7 @@ class Misfit:
             turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
             shared = self._shared_columns(turn)
             difference = self._whitened(rows.measured - turn * prediction) - shared @ beta
-            columns = self._columns(turn * prediction, shared)
-            full = np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
+            full = self._columns(turn * prediction, shared)
             right = np.concatenate([difference, -beta])
             step = np.linalg.lstsq(full, right, rcond=None)[0] if full.shape[1] else np.zeros(0)
             angle[self._angles] += step[: self._angles.size]
@@ -122,8 +127,7 @@ class Misfit:
         turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
         shared = self._shared_columns(turn)
         data = self._whitened(rows.measured - turn * prediction) - shared @ beta
-        columns = self._columns(turn * prediction, shared)
-        full = np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
+        full = self._columns(turn * prediction, shared)
         known = np.isfinite(self._std)
         prior = ((place - self._mean) / self._std)[known]
         basis = np.linalg.qr(full)[0] if full.shape[1] else full
@@ -146,11 +150,27 @@ class Misfit:
         full = np.vstack([data, np.zeros((self._nuisances, slope.shape[1])), prior])
         return np.asarray(full - compared.nuisances @ (compared.nuisances.T @ full), float)
 
+    def restricted_cost(self, prediction: ComplexArray, place: FloatArray, slope: ComplexArray) -> float:
+        """Minus twice the logarithm of the restricted likelihood of the deviations, at the nearest minimum.
+
+        What scalars and free angles can explain says nothing about the deviations (Patterson and Thompson 1971).
+        Scalars take the places that are best for these deviations, by the derivatives.
+        """
+        compared = self.compare(prediction, place)
+        jacobian = self.jacobian(compared, slope)
+        left = compared.residual - jacobian @ np.linalg.lstsq(jacobian, compared.residual, rcond=None)[0]
+        nuisances = np.linalg.qr(self._columns(compared.aligned, self._shared_columns(compared.turn)), "r")
+        volume = sum(
+            2 * np.log(np.abs(np.diag(triangle)) + _TINY).sum() for triangle in (nuisances, np.linalg.qr(jacobian, "r"))
+        )
+        return float(left @ left + volume - 2 * np.log(self._weights[self._weights > 0]).sum())
+
     def _columns(self, aligned: ComplexArray, shared: FloatArray) -> FloatArray:
-        """Derivatives of the whitened prediction by free angles and shared nuisances."""
+        """Derivatives of the residuals without priors, sign reversed, by free angles and shared nuisances."""
         turned = np.zeros((aligned.size, self._angles.size), complex)
         turned[self._turned] = (1j * self.rows.order * aligned)[self._turned[0]]
-        return np.hstack([self._whitened(turned), shared])
+        columns = np.hstack([self._whitened(turned), shared])
+        return np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
 
     def _begin(self, prediction: ComplexArray) -> tuple[FloatArray, FloatArray]:
         """Signs and angles of the records, from the best of all alignments of one order of each record.

@@ -6,21 +6,21 @@ hardly anything else (benchmarks/RESULTS.md). So an error is alike at records of
 over the logarithm of the angle, of which a fit makes nuisances), and the rest is of one record alone.
 
 - A recorded error is a median, which of a normal error is 0.67 of its deviation. Its square counts once in each record
-  alone, and twice alike.
+  alone, and twice alike. How large it is in the records of a fit follows from what they leave over (error_size.py).
 - The second order of `kinetostatic` is what the skew of the needles gives at each groove; three grooves nearly cancel,
   and their errors do not. It errs by a part of what each groove gives, and by a part of what the turning of its needles
   since the start has added: how fast needles turn is the least certain. The likelihood of these errors is e^40 times
   that of errors in proportion to the order itself.
 
-A given error counts as alike in all records, and with half of its square in each alone. Beside all these stand the
-numerical error that a run reports, and the difference between its last two revolutions.
+A given error is taken as it is: alike in all records, and with half of its square in each alone. Beside all these stand
+the numerical error that a run reports, and the difference between its last two revolutions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,10 @@ class ModelError:
         """Deviation of both together, shape (record, order)."""
         return np.asarray(np.sqrt(self.own**2 + (np.abs(self.shared) ** 2).sum(axis=2)), float)
 
+    def times(self, factor: float) -> Self:
+        """The same errors, larger or smaller."""
+        return replace(self, own=factor * self.own, shared=factor * self.shared)
+
 
 @dataclass(frozen=True)
 class Needles:
@@ -95,7 +99,7 @@ def model_error(
             np.hypot(whole / np.sqrt(2), reported), _each_order(np.asarray(whole * unit, complex), everywhere), words
         )
     relative, known = np.empty(amplitude.shape), np.ones(len(amplitude), bool)
-    third = _third(simulator, columns)
+    second, third = _second_and_third(simulator, columns)
     finest = np.array([str(model) == simulator.model_names[-1] for model in columns["model"]])
     for column, order in enumerate(orders):
         if order == 3:
@@ -107,7 +111,7 @@ def model_error(
     whole = relative * amplitude
     if 2 in orders and 3 in orders:
         at, by = list(orders).index(2), list(orders).index(3)
-        missed = _second(simulator, columns) * amplitude[:, by]
+        missed = second * amplitude[:, by]
         recorded = np.isfinite(missed) & ~finest
         whole[recorded, at] = np.minimum(whole[recorded, at], _DEVIATION * missed[recorded])
     models = set(columns["model"].astype(str).tolist())
@@ -159,19 +163,20 @@ def _parts_of_grooves(needles: Needles, initial: FloatArray) -> ComplexArray:
     return np.stack([needles.second, each[:, None] * ahead * (skew - initial)], axis=1)
 
 
-def _third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Typical relative error of the third order; NaN where it is not known."""
-    errors = simulator.model_errors(columns)
-    return np.full(len(columns["model"]), np.nan) if errors is None else errors.expected
+def _second_and_third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
+    """Typical errors of both orders over the third, shape (2, point); NaN where they are not known.
 
-
-def _second(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Typical error of the second order over the third; NaN where it is not known."""
-    asked = Accuracy((Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 1.0),), floor=1.0)
-    errors = np.full(len(columns["model"]), np.nan)
+    Those of similar points count where it is known whether the joint itself vibrates, else all that may be.
+    """
+    asked = tuple(Quantity(f"thrust_amplitude_{order}", "thrust_amplitude", order, 1.0) for order in (2, 3))
+    errors = np.full((2, len(columns["model"])), np.nan)
     for model in dict.fromkeys(columns["model"].tolist()):
         rows = np.flatnonzero(columns["model"] == model)
-        similar = simulator.recorded_errors({name: column[rows] for name, column in columns.items()}, asked)
+        own = {name: column[rows] for name, column in columns.items()}
+        similar = simulator.recorded_errors(own, Accuracy(asked, floor=1.0))
         if similar is not None:
-            errors[rows] = np.median(similar[..., 0], axis=1)
+            errors[:, rows] = np.median(similar, axis=1).T
+    either = simulator.model_errors(columns)
+    if either is not None:
+        errors[1] = np.where(np.isfinite(errors[1]), errors[1], either.expected)
     return errors

@@ -221,11 +221,12 @@ class RigFit:
                 seed=self.file.fit.seed,
                 robust=self.file.fit.robust,
                 weigh=weigh,
+                sized=self.file.fit.model_error == "recorded",
                 tell=tell,
             )
         except InputError as error:
             raise self.request.fail("[unknowns]", error) from error
-        return solution, errors[-1]
+        return solution, errors[-1].times(solution.error_size.factor)
 
     def next(self, points: Answers, solution: Solution) -> Next | None:
         """Effect of one more record at each candidate."""
@@ -273,7 +274,7 @@ class RigFit:
             np.nan_to_num(chosen[0]),
             reported[:count, self.orders],
             Needles(needles.second[:count], needles.skew[:count]),
-        )
+        ).times(solution.error_size.factor)
         steps = np.diag(trials[1:] - own_value)
         rows: list[CandidateRows | None] = []
         new = [which for which, u in enumerate(layout.unknowns) if u.per != "all"]

@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -22,6 +23,7 @@ RECORD_HEADS = ("record", "order", "measured N", "+- N", "fitted N", "model +- N
 _TEXTS = ("title", "question", "source", "fit", "model", "search_model", "model_error_source")  # attributes of a fit
 _CORRELATED = 0.9  # correlation from which the reader should know
 _WIDE = 1.3  # root of chi squared over degrees of freedom from which the reader should know
+_DOUBTFUL = 3.0  # times the error on record, beyond nineteen in twenty points of the record
 _EDGE = 1e-6  # relative: how near to its bound an interval ends there
 _SHOWN = 3  # combinations and candidates that sentences state
 
@@ -197,7 +199,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             " The trunnions are then not told apart: skews may change places in a circle, 1 to 2 to 3." if skews else ""
         )
         yield f"Without a reference angle, records are aligned by an order of their own.{more}"
-    yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}."
+    yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(attrs)}"
     if attrs["search_model"] != attrs["model"]:
         yield (
             f"The search ran on {attrs['search_model']}, corrected by {attrs['model']} at "
@@ -207,6 +209,19 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
         yield "The minimum still moved at the last of these: narrow the bounds, or fit fewer unknowns."
     if attrs.get("failed_points"):
         yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed; the search went around."
+
+
+def _error_size(attrs: Mapping[str, Any]) -> str:
+    """Size of the model's error in these records, as a sentence; empty where it was not estimated."""
+    factor = float(attrs.get("model_error_factor", 1.0))
+    if factor == 1:
+        return ""
+    text = f" By what the fit leaves over, {number(factor, 2)} times this error counts."
+    if factor < _DOUBTFUL:
+        return text
+    return (
+        f"{text} This joint is unlike those on record: part of the error may hide in the unknowns; fit a finer model."
+    )
 
 
 def unknown_rows(fit: xr.Dataset) -> list[list[str]]:
