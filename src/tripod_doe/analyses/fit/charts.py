@@ -86,8 +86,11 @@ def _left_over(fit: xr.Dataset) -> list[Chart]:
             parts.append(pd.DataFrame(columns))
         data = pd.concat(parts, ignore_index=True)
         figure = differences(data, name, "residual", "measured minus fitted (N)")
-        caption = f"What is left over {spoken(name)}, with the 95 % uncertainty of measurement and model together."
-        charts.append(Chart(f"left-over-{name}", f"What is left over {spoken(name)}", caption, figure, data))
+        caption = (
+            f"Measured minus fitted amplitudes over {spoken(name)}, with the 95 % uncertainty of measurement and model "
+            "together: the fit explains what lies within it."
+        )
+        charts.append(Chart(f"left-over-{name}", f"Differences over {spoken(name)}", caption, figure, data))
     return charts
 
 

@@ -219,9 +219,7 @@ def _error_size(attrs: Mapping[str, Any]) -> str:
     text = f" By what the fit leaves over, {number(factor, 2)} times this error counts."
     if factor < _DOUBTFUL:
         return text
-    return (
-        f"{text} This joint is unlike those on record: part of the error may hide in the unknowns; fit a finer model."
-    )
+    return f"{text} This joint is unlike those on record, and part of the error may hide in the unknowns: fit needles."
 
 
 def unknown_rows(fit: xr.Dataset) -> list[list[str]]:

@@ -1,0 +1,39 @@
+"""Skews of which only differences count: a fit says so, and which differences it knows."""
+
+import numpy as np
+from fit.reference_problems import model_of
+
+from tripod_doe.analyses.fit.fit import solve
+from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
+
+AHEAD = np.exp(2j * np.radians(120) * np.arange(3))
+EACH = np.array([2.0, 3.0, 5.0, 8.0])  # second order of a groove by a skew of 1 deg, at four operating points, N
+SKEWS = np.array([0.4, -0.3, 0.1])
+
+
+def test_equal_skews_are_invisible_and_their_differences_are_found():
+    """Exact physics: second orders of equally skewed needles at three grooves, 120 deg apart, cancel in the sum."""
+    count, random = EACH.size, np.random.default_rng(2)
+    noise = 0.05 * (random.standard_normal(count) + 1j * random.standard_normal(count))
+    layout = make_layout([Unknown(f"skew_{at}", -1.0, 1.0) for at in (1, 2, 3)], ["r"] * count, [[""] * count] * 3)
+    rows = Rows(
+        record=np.arange(count),
+        order=np.full(count, 2),
+        measured=EACH * (AHEAD @ SKEWS) + noise,
+        along=np.full(count, 0.05),
+        across=np.full(count, 0.05),
+        own_error=np.zeros(count),
+        shared=np.zeros((count, 0), complex),
+        free_phase=np.zeros(count, bool),
+        free_sign=np.zeros(count, bool),
+    )
+    solution = solve(layout, rows, model_of(layout, lambda skews: (skews @ AHEAD)[:, None] * EACH))
+    assert solution.verdicts == ("combination",) * 3
+    assert all(own.high - own.low > 1.2 / 2 for own in solution.profiles)  # up to the bounds of another skew
+    assert len(solution.combinations) == 2
+    for known in solution.combinations:
+        factors = np.zeros(3)
+        factors[[scalar for scalar, _ in known.parts]] = [factor for _, factor in known.parts]
+        assert abs(factors.sum()) < 0.02 * np.abs(factors).max()
+        assert abs(known.value - factors @ SKEWS) < known.half < 0.1
