@@ -15,6 +15,7 @@ from tripod_doe.quantities import (
     level,
     levels_apart,
     number,
+    numbers_in_words,
     pace,
     rounded_up,
     size,
@@ -143,3 +144,9 @@ def test_levels_in_a_legend_are_short_and_differ():
 @pytest.mark.parametrize(("unit", "square"), [("N", "N^2"), ("N m", "(N m)^2"), ("mm/s", "(mm/s)^2"), ("", "")])
 def test_a_variance_has_the_square_of_the_unit(unit, square):
     assert squared(unit) == square
+
+
+def test_runs_of_numbers_are_written_by_their_ends():
+    assert numbers_in_words([12, 1, 4, 5, 6, 6]) == "1, 4 to 6 and 12"
+    assert numbers_in_words([2, 3]) == "2 and 3"
+    assert numbers_in_words(range(1, 13)) == "1 to 12"

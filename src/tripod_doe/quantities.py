@@ -115,6 +115,20 @@ def value_with_ends(value: float, low: float, high: float, unit: str = "") -> st
     return f"{with_unit(number(value, digits), unit)} ({value_range(low, high)})"
 
 
+def numbers_in_words(numbers: Iterable[int]) -> str:
+    """Whole numbers in growing order, with runs of three and more by their ends: ``1, 4 to 9 and 12``."""
+    runs: list[list[int]] = []
+    for each in sorted(set(numbers)):
+        if runs and each == runs[-1][-1] + 1:
+            runs[-1].append(each)
+        else:
+            runs.append([each])
+    parts = [
+        text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [f"{each}" for each in run])
+    ]
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
 def in_words(name: str) -> str:
     """A name without underscores, and with names of persons capitalised: ``poissons_ratio`` is ``Poisson's ratio``."""
     return " ".join(_PERSONS.get(word, word) for word in name.split("_"))

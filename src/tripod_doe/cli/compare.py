@@ -83,7 +83,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.comparison import parse_speeds
-    from tripod_doe.analyses.comparison.overview import Reading, RecordRow, compare_record, compare_records, read_table
+    from tripod_doe.analyses.comparison.overview import Reading, compare_record, compare_records, read_table
+    from tripod_doe.analyses.comparison.record_point import RecordRow
     from tripod_doe.measurements.headings import parse_column
     from tripod_doe.study.results.result_cube import opened_cube
 
@@ -109,8 +110,6 @@ def _show_one(options: argparse.Namespace, record: ComparedRecord) -> int:
     from tripod_doe.analyses.comparison.overview_page import write_record
     from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
 
-    if record.simulated:
-        print("the cube lacks the point of this record, which is simulated", file=sys.stderr)
     if record.comparison is None:
         raise InputError(record.problem)
     print(comparison_json(record.comparison) if options.format == "json" else comparison_text(record.comparison))

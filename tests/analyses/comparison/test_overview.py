@@ -9,17 +9,11 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.analyses.comparison.overview import (
-    AGREES,
-    DIFFERS,
-    NOT_COMPARED,
-    Reading,
-    compare_records,
-    overview_rows,
-    read_table,
-)
+from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, VERDICTS
+from tripod_doe.analyses.comparison.overview import Reading, compare_records, overview_rows, read_table
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import numbers_in_words
 
 STUDY = """
 [study]
@@ -34,6 +28,7 @@ torque_n_m = {values = [-90, 140]}
 [keep]
 outputs = ["thrust_amplitude", "thrust_phase_deg"]
 """
+NOT_COMPARED = VERDICTS[-1]
 REVOLUTIONS, SAMPLES = 12, 180
 
 
@@ -148,3 +143,39 @@ def test_a_wrong_table_names_line_and_column(tmp_path, table, message):
 def test_without_a_record_there_is_nothing_to_compare(rig, capsys):
     assert main(["compare", str(rig / "out")]) == 2
     assert "name files, or a --table of them" in capsys.readouterr().err
+
+
+def test_terminal_page_and_csv_have_one_verdict_per_order(rig, tmp_path, capsys):
+    """Regression: an order was "beyond its uncertainty" in the text, which left the model's out, and agreed in the CSV."""
+    point = ["--select", "joint_angle_deg=11", "--select", "torque_n_m=-90", "--reference-angle", "0"]
+    for file in ("same.csv", "more.csv"):
+        assert main(["compare", str(rig / "out"), str(rig / file), *point, "--out", str(tmp_path / file)]) == 0
+        text = capsys.readouterr().out
+        with (tmp_path / file / "overview.csv").open() as stream:
+            verdicts = {int(row["order"]): row["verdict"] for row in csv.DictReader(stream)}
+        table = [line.split() for line in text.splitlines()[-13:]]
+        assert {int(row[0]): " ".join(row[6:-4]) for row in table} == verdicts
+        differing = [order for order, verdict in verdicts.items() if verdict == DIFFERS]
+        first = text.splitlines()[0]
+        assert first.startswith(f"Order{'s' * (len(differing) != 1)} {numbers_in_words(differing or range(1, 13))} ")
+        for line, order in zip(text.splitlines()[1:3], (3, 2), strict=True):
+            assert line.endswith(f"{'beyond' if order in differing else 'within'} both uncertainties together.")
+        page = (tmp_path / file / "index.html").read_text()
+        assert first.partition(";")[0] in page
+        assert page.count(f">{DIFFERS}<") == len(differing)
+    assert differing  # of another friction
+
+
+def test_the_nearest_point_is_named_and_nothing_is_simulated(rig, capsys):
+    words = ["compare", str(rig / "out"), "--table", str(rig / "records.csv"), "--reference-angle", "0", "--nearest"]
+    assert main(words) == 3
+    text = capsys.readouterr().out
+    assert "between.csv: The nearest point of the cube is compared: joint angle 5 deg in place of 8 deg." in text
+    assert "simulated" not in text
+
+
+def test_a_point_that_can_neither_be_taken_nor_simulated_says_what_differs(rig, tmp_path, capsys):
+    """Regression: "the cube has another speed_rpm"."""
+    (tmp_path / "one.csv").write_text(f"file,speed_rpm\n{rig / 'same.csv'},700\n")
+    assert main(["compare", str(rig / "out"), "--table", str(tmp_path / "one.csv")]) == 3
+    assert "the record is at speed 700 rpm, all points of the cube at speed 450 rpm" in capsys.readouterr().out

@@ -37,13 +37,15 @@ def comparison(point):
 
 def test_sentences_say_what_differs_and_what_was_lost(comparison):
     told = find_in_comparison(comparison)
-    assert "third order" in told[0]
-    assert "N (+10 %), beyond its uncertainty" in told[0]
-    assert "second order" in told[1]
-    assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[3]
-    assert told[4].startswith("The speed of the record is 3")
-    assert told[5].startswith("Lost: 2 revolutions left out")
-    assert "401 samples" in told[5]
+    assert told[0].startswith("Order 3 differs by more than the uncertainties of measurement and model together")
+    assert "third order" in told[1]
+    assert "N (+10 %), beyond both uncertainties together" in told[1]
+    assert "second order" in told[2]
+    assert "Error of the model kinetostatic: recorded for similar points" in told[3]
+    assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[5]
+    assert told[6].startswith("The speed of the record is 3")
+    assert told[7].startswith("Lost: 2 revolutions left out")
+    assert "401 samples" in told[7]
 
 
 def test_a_record_at_one_speed_is_no_run_up(comparison):
@@ -57,8 +59,8 @@ def test_a_record_at_one_speed_is_no_run_up(comparison):
 def test_an_order_that_the_model_does_not_have_has_no_phase(comparison):
     for order, row in zip(comparison["order"].values, order_rows(comparison), strict=True):
         there = float(comparison["model_amplitude"].sel(order=order)) > 1e-9
-        assert (row[7] != "-") == there
-        assert row[8] == "-" or there
+        assert (row[9] != "-") == there
+        assert row[10] == "-" or there
 
 
 def test_the_beat_is_told_in_words(comparison):
@@ -114,13 +116,19 @@ def test_the_page_is_written_where_it_is_asked_for(comparison, tmp_path):
         write_comparison(comparison, tmp_path / "file" / "below")
 
 
-def test_the_model_is_named_with_its_known_error(grid_cube):
-    """From a cube: the model and the error of its point."""
+def test_the_error_of_the_model_is_stated_with_its_origin(grid_cube):
+    """From a cube, and without a word on errors from a model that has no records."""
     point = model_point(grid_cube, ["joint_angle_deg=8", "torque_n_m=50"])
     record = Measurement(np.arange(0.0, 3600.0), np.tile(point["thrust"].values, 5), None, "first sample")
-    told = find_in_comparison(compare(record, point, 0.0))
-    error = 100 * float(grid_cube["model_error"].sel(joint_angle_deg=8, torque_n_m=50))
-    assert any(f"Model kinetostatic: typical error of the third order {error:.2g} %" in line for line in told)
+    known = compare(record, point, 0.0)
+    (told,) = [line for line in find_in_comparison(known) if line.startswith("Uncertainties are of 95 %")]
+    third = known.sel(order=3)
+    percent = 100 * float(third["model_amplitude_uncertainty"] / third["model_amplitude"])
+    assert f"{percent:.2g} % of the third order" in told
+    assert "of orders 1, 2 and 4 to 12 none is, and 13 % is assumed" in told
+    assert float(third["amplitude_difference_uncertainty"]) >= float(third["model_amplitude_uncertainty"]) > 0
+    strange = compare(record, point.drop_attrs(), 0.0)
+    assert "is not known here and does not count" in " ".join(find_in_comparison(strange))
 
 
 def test_the_page_names_its_point_with_units(grid_cube):

@@ -91,6 +91,7 @@ def _orders(comparison: xr.Dataset) -> Chart:
         "measured_amplitude",
         "measured_amplitude_uncertainty",
         "model_amplitude",
+        "model_amplitude_uncertainty",
         "amplitude_difference",
         "phase_difference_deg",
         "phase_difference_uncertainty_deg",
@@ -101,15 +102,9 @@ def _orders(comparison: xr.Dataset) -> Chart:
         axes.bar(
             at - width / 2, data["measured_amplitude"], width, color="#f6d9c9", edgecolor=_MEASURED, label="measured"
         )
-        axes.errorbar(
-            at - width / 2,
-            data["measured_amplitude"],
-            data["measured_amplitude_uncertainty"],
-            fmt="none",
-            ecolor=INK,
-            elinewidth=1.2,
-            capsize=2.5,
-        )
+        for side, name in ((-width / 2, "measured_amplitude"), (width / 2, "model_amplitude")):
+            unsure = data[f"{name}_uncertainty"].fillna(0)
+            axes.errorbar(at + side, data[name], unsure, fmt="none", ecolor=INK, elinewidth=1.2, capsize=2.5)
         axes.grid(axis="x", visible=False)
         axes.set_ylim(bottom=0)
         axes.set_xticks(at)
@@ -117,8 +112,8 @@ def _orders(comparison: xr.Dataset) -> Chart:
         axes.set_ylabel("amplitude of the thrust force (N)")
         legend_above(axes, 2)
     caption = (
-        f"Amplitudes of the rotating orders, measured and model; whiskers are the {_percent(comparison)} uncertainty "
-        "from revolution to revolution."
+        f"Amplitudes of the rotating orders, measured and model; whiskers are the {_percent(comparison)} uncertainties "
+        "of each: from the scatter between revolutions, and from the error of the model."
     )
     return Chart("orders", "Rotating orders", caption, figure, data)
 

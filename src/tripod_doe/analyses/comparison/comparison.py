@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,9 +23,10 @@ from tripod_doe.analyses.comparison.model_point import (
     complex_orders,
     model_orders,
     model_point,
-    model_scatter,
+    model_uncertainty,
     model_waveform,
     orders_at_speeds,
+    parameters_of,
 )
 from tripod_doe.analyses.comparison.plausibility import alignment_doubts, record_doubts
 from tripod_doe.analyses.kinds import makes_kind
@@ -39,7 +41,12 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _DECIMALS = 9  # of an angle in deg; what is smaller is rounding
-_NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
+_NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase, and a difference is rounding
+NOT_COMPARED = -1
+"""The verdict of the mean force, which holds the preload of the sensor."""
+AGREES, DIFFERS = "agrees", "differs"
+VERDICTS = {1: AGREES, 0: DIFFERS, NOT_COMPARED: "not compared"}
+"""Verdicts in words: within the uncertainty of measurement and model together, beyond it, or none."""
 
 _LARGEST_ANGLE = 36_000.0  # degrees: a hundred turns; a larger angle has lost its digits, or was none
 
@@ -100,10 +107,10 @@ def compare(
     The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
     with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
     of freedom. The sampling of a tachometer may shift its edges by up to half a sample, in each revolution alike: with
-    a given reference angle, k times this angle is part of the uncertainty of the phase of order k. A model that is not
-    periodic adds the difference between its last two revolutions, thrust_amplitude_scatter, to the uncertainty of the
-    difference as the root of squares. The beat's envelope is |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper
-    3.3).
+    a given reference angle, k times this angle is part of the uncertainty of the phase of order k. The uncertainty of
+    the model is its error on record, with the difference between its last two revolutions and its numerical error, as
+    the root of squares; that of the difference counts measurement and model alike. The beat's envelope is
+    |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
     Args:
         measurement: Thrust force over the rotation angle, or its file, see `read_measurement`.
@@ -119,12 +126,13 @@ def compare(
     Returns:
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
-        amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust about the mean of the
-        model and without drift (attribute ``preload_n``: what was taken off), its deviation
-        measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
-        ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of the cube's speeds.
-        The attribute ``doubts`` holds sentences on units or pulses that are probably wrong, one per line. Phases of
-        orders that do not differ significantly from zero are NaN.
+        amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0). Over
+        ``rotation_deg``: measured_thrust about the mean of the model and without drift (attribute ``preload_n``: what
+        was taken off), its deviation measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty,
+        model_envelope. Over ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of
+        the cube's speeds. The attribute ``model_uncertainty_origin`` says where the model's error comes from (empty
+        where none is known), and ``doubts`` holds sentences on units or pulses that are probably wrong, one per line.
+        Phases of orders that do not differ significantly from zero are NaN.
 
     Raises:
         InputError: If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
@@ -140,6 +148,56 @@ def compare(
         )
     if isinstance(measurement, str | Path):
         measurement = read_measurement(measurement)
+    beside = _beside(measurement, point, reference_angle_deg, speeds_rpm)
+    factor = float(stdtrit(beside.count - 1, (1 + confidence) / 2)) / np.sqrt(beside.count)
+    unsure, origin = model_uncertainty(point, np.abs(beside.model), confidence)
+    shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
+    level, shown = _without_drift(measurement, beside)
+    variables = _order_variables(beside, unsure, factor, shared)
+    variables |= _angle_variables(measurement.rotation_deg + beside.shift, shown, point, beside, factor)
+    attrs = _provenance(measurement, point) | {
+        "alignment": beside.alignment,
+        "shift_deg": beside.shift,
+        "preload_n": level,
+        "confidence_level": confidence,
+        "revolutions_compared": beside.count,
+        "model_uncertainty_origin": origin,
+        "doubts": "\n".join(
+            [
+                *record_doubts(measurement, beside.model),
+                *alignment_doubts(measurement, beside.each, beside.model, reference_angle_deg),
+            ]
+        ),
+    }
+    rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
+    return beside.tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Revolutions of a record beside the model, brought to the same rotation angle."""
+
+    tracked: xr.Dataset  # orders of all revolutions, see `track_orders`
+    revolutions: NDArray[np.int32]  # those compared
+    each: ComplexArray  # their orders, each changed by what the model says of its speed, shape (revolution, order)
+    model: ComplexArray  # shape (order,)
+    shift: float  # added to the angle of the record, deg
+    alignment: str  # where that comes from, in words
+
+    @property
+    def count(self) -> int:
+        """Number of the revolutions compared."""
+        return len(self.each)
+
+    @property
+    def mean(self) -> ComplexArray:
+        """Mean orders of the record, shape (order,)."""
+        return np.asarray(self.each.mean(axis=0), np.complex128)
+
+
+def _beside(
+    measurement: Measurement, point: xr.Dataset, reference: float | None, speeds: tuple[float, float] | None
+) -> _Beside:
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     at_speed = orders_at_speeds(tracked, point)
     if at_speed is not None:
@@ -148,44 +206,32 @@ def compare(
             np.abs(at_speed),
             _attrs("N", "amplitude of the model at the speed of the revolution"),
         )
-    chosen = _of_speed(tracked, common_speeds(point, speeds_rpm), speeds_rpm)
+    chosen = _of_speed(tracked, common_speeds(point, speeds), speeds)
     each = complex_orders(chosen)
     models = None if at_speed is None else at_speed[np.isin(tracked["revolution"], chosen["revolution"])]
     model = model_orders(point) if models is None else models.mean(axis=0)
-    shift, alignment = _alignment(each.mean(axis=0), model, reference_angle_deg, measurement.zero)
+    shift, alignment = _alignment(each.mean(axis=0), model, reference, measurement.zero)
     each = each * np.exp(-1j * np.radians(shift) * ORDERS)
     if models is not None:  # what speed changes is no scatter
         each = each - models + model
-    factor = float(stdtrit(each.shape[0] - 1, (1 + confidence) / 2)) / np.sqrt(each.shape[0])
-    scatter = model_scatter(point)
-    shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
-    variables = _order_variables(each, model, scatter, factor, shared)
-    compared = _within(measurement, chosen["revolution"].values)
-    drift = float(tracked.attrs["drift_n_per_revolution"])
+    return _Beside(tracked, chosen["revolution"].values, each, model, shift, alignment)
+
+
+def _without_drift(measurement: Measurement, beside: _Beside) -> tuple[float, FloatArray]:
+    """How far a record lies above the model before it turns, N, and its force without that and without drift."""
+    drift = float(beside.tracked.attrs["drift_n_per_revolution"])
     turned = (measurement.rotation_deg - measurement.rotation_deg[0]) / 360
-    level = float(each.mean(axis=0)[0].real - model[0].real)  # what was there before the joint turned
-    middle = float(chosen["revolution"].mean()) - 0.5
-    variables |= _angle_variables(
-        measurement.rotation_deg + shift, compared - level - drift * (turned - middle), point, each, model, factor
-    )
-    attrs = _provenance(measurement, point) | {
-        "alignment": alignment,
-        "shift_deg": shift,
-        "preload_n": level,
-        "confidence_level": confidence,
-        "revolutions_compared": each.shape[0],
-        "doubts": "\n".join(
-            [*record_doubts(measurement, model), *alignment_doubts(measurement, each, model, reference_angle_deg)]
-        ),
-    }
-    rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
-    return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
+    level = float(beside.mean[0].real - beside.model[0].real)
+    middle = float(beside.revolutions.mean()) - 0.5
+    compared = np.isin(np.floor(turned).astype(int) + 1, beside.revolutions)
+    force = np.where(compared, measurement.thrust_n, np.nan)
+    return level, np.asarray(force - level - drift * (turned - middle), float)
 
 
 def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
     """Attributes that state which measurement was compared with which point."""
     factors = {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
-    values = json.loads(str(point.attrs.get("fixed_parameters", "{}"))) | factors
+    values = parameters_of(point)
     error = float(point[MODEL_ERROR].max()) if MODEL_ERROR in point else math.nan
     return {
         "title": "measured thrust force against a model",
@@ -248,10 +294,10 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
 
 
 def _order_variables(
-    each: ComplexArray, model: ComplexArray, scatter: FloatArray, factor: float, angle_error_deg: float
+    beside: _Beside, model_unsure: FloatArray, factor: float, angle_error_deg: float
 ) -> dict[str, Any]:
     """Amplitudes, phases and differences with their uncertainties, over ``order``."""
-    mean = each.mean(axis=0)
+    each, mean, model = beside.each, beside.mean, beside.model
     amplitude, phase = amplitude_and_phase(mean)
     direction = np.exp(-1j * np.radians(phase))
     along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
@@ -259,8 +305,9 @@ def _order_variables(
     known = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
     known &= amplitude > _NOTHING * amplitude.max()
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
-    sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
+    sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, model_unsure)
     sure = np.hypot(sure, ORDERS * angle_error_deg)
+    agrees = np.abs(amplitude - model_amplitude) <= both + _NOTHING * model_amplitude.max()
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference = np.round(difference, _DECIMALS) + 0.0
     difference[~(known & model_told)] = np.nan
@@ -269,37 +316,28 @@ def _order_variables(
         "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
         "measured_amplitude_uncertainty": (along, "N", "its uncertainty from the scatter between revolutions"),
         "model_amplitude": (model_amplitude, "N", "amplitude of the model"),
+        "model_amplitude_uncertainty": (model_unsure, "N", "its uncertainty, from errors on record and its own run"),
         "amplitude_difference": (amplitude - model_amplitude, "N", "measured minus model amplitude"),
-        "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
+        "amplitude_difference_uncertainty": (both, "N", "uncertainty of measurement and model together"),
         "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
         "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from scatter and sampled tachometer edges"),
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
         "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
         "agrees": (
-            (np.abs(amplitude - model_amplitude) <= both).astype(np.int8),
+            np.where(ORDERS == 0, NOT_COMPARED, agrees).astype(np.int8),
             "1",
-            "1 where the amplitudes differ by no more than the uncertainty of the difference",
+            "1 where the amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0",
         ),
     }
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}
 
 
-def _within(measurement: Measurement, revolutions: NDArray[np.int32]) -> FloatArray:
-    """The thrust force of these revolutions of the record, NaN in all others."""
-    turn = np.floor((measurement.rotation_deg - measurement.rotation_deg[0]) / 360).astype(int) + 1
-    return np.where(np.isin(turn, revolutions), measurement.thrust_n, np.nan)
-
-
 def _angle_variables(
-    rotation_deg: FloatArray,
-    thrust_n: FloatArray,
-    point: xr.Dataset,
-    each: ComplexArray,
-    model: ComplexArray,
-    factor: float,
+    rotation_deg: FloatArray, thrust_n: FloatArray, point: xr.Dataset, beside: _Beside, factor: float
 ) -> dict[str, Any]:
     """Waveforms and envelopes over one revolution."""
+    each, model = beside.each, beside.model
     wave = np.exp(1j * np.radians(np.arange(CELLS))[:, None] * ORDERS)
     revolutions = resample(rotation_deg, thrust_n)
     count = np.isfinite(revolutions).sum(axis=0)

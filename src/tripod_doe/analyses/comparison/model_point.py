@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.diff.definitions import fixed_parameters
+from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.order_tracking import CELLS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.model_records import MODEL_ERROR
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.query.query import query
 
-_MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
+_UNSURE = ("thrust_amplitude_scatter", "thrust_amplitude_error")
+_MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", *_UNSURE, "thrust")
 _SPEED = "speed_rpm"
 _SPEED_PLAY = 1e-3  # relative: how far from the speeds of a cube a revolution still counts as at their end
 
@@ -106,12 +113,48 @@ def common_speeds(point: xr.Dataset, wanted: tuple[float, float] | None) -> tupl
     return (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
 
 
-def model_scatter(point: xr.Dataset) -> FloatArray:
-    """Difference between the last two revolutions of the model, the mean over speed."""
-    if "thrust_amplitude_scatter" not in point:
-        return np.zeros(ORDERS.size)
-    scatter = point["thrust_amplitude_scatter"]
-    return np.asarray(scatter.mean(_SPEED) if _SPEED in scatter.dims else scatter, float)
+def own_uncertainty(point: xr.Dataset) -> FloatArray:
+    """Change between the last two revolutions and numerical error of the model, N, the mean over speed, (order,)."""
+    parts = np.zeros(ORDERS.size)
+    for name in (name for name in _UNSURE if name in point):
+        part = point[name]
+        parts = np.hypot(parts, np.nan_to_num(part.mean(_SPEED) if _SPEED in part.dims else part))
+    return np.asarray(parts, float)
+
+
+def parameters_of(point: xr.Dataset) -> dict[str, Any]:
+    """Parameters of a point of the joint by name; of points over speed, their mean speed. Empty for other points."""
+    if "parameters" in point.attrs:  # from `simulate`
+        known = dict(point.attrs["parameters"])
+    elif str(point.attrs.get("source", "")).endswith("simulator joint"):
+        known = fixed_parameters(point)
+    else:
+        return {}
+    known |= {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
+    if _SPEED in point.dims:
+        known[_SPEED] = float(point[_SPEED].mean())
+    known = {name: value for name, value in known.items() if name in JOINT_PARAMETERS}
+    return known if "torque_n_m" in known else {}
+
+
+def model_uncertainty(point: xr.Dataset, amplitude: FloatArray, confidence: float) -> tuple[FloatArray, str]:
+    """Half widths of the intervals of the model's amplitudes, N, shape (order,), and where its error comes from.
+
+    The error on record against the finest model, what a run still changes between its revolutions, and its numerical
+    error count as normal deviations. Of a model without records the last two alone count, and no origin is stated.
+    """
+    from scipy.special import ndtri  # quantiles of the normal distribution
+
+    deviation, origin, known = own_uncertainty(point), "", parameters_of(point)
+    if known:
+        simulator = load_simulator("joint")
+        values = simulator.effective(known)
+        columns = {name: np.array([math.nan if value is None else value]) for name, value in values.items()}
+        rotating = ORDERS[1:].tolist()  # the mean force is not compared
+        predicted = amplitude[None, 1:].astype(complex)
+        error = model_error(simulator, columns, rotating, predicted, deviation[None, 1:], "recorded")
+        deviation, origin = np.append(np.nan, error.whole[0]), error.source
+    return np.asarray(float(ndtri((1 + confidence) / 2)) * deviation, float), origin
 
 
 def complex_orders(orders: xr.Dataset) -> ComplexArray:

@@ -5,6 +5,7 @@ import io
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -12,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tripod_doe.analyses.comparison.overview import AGREES, NOT_COMPARED, ComparedRecord, OverviewRow, overview_rows
+from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NOT_COMPARED, VERDICTS
+from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, printable
@@ -21,12 +23,13 @@ from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.orders import agreement, differences
 from tripod_doe.page_parts.responses import ORDINALS, listed, spoken, unit_text
 from tripod_doe.page_parts.templates import render
-from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
+from tripod_doe.quantities import count_of, csv_cell, interval, level, numbers_in_words, with_unit
 
 _SHOWN = (3, 2)
 """Orders in texts and on the page; the CSV file has all."""
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _FOLDER = "records"
+_NOT = VERDICTS[NOT_COMPARED]
 
 
 def overview_csv(rows: Sequence[OverviewRow]) -> str:
@@ -57,7 +60,7 @@ def overview_text(records: Sequence[ComparedRecord]) -> str:
     """Findings, and a line for the second and the third order of each record."""
     lines = overview_sentences(records)
     for row in overview_rows(records):
-        if row.order in _SHOWN and row.verdict != NOT_COMPARED:
+        if row.order in _SHOWN and row.verdict != _NOT:
             measured, computed = (
                 interval(row.measured, row.measured_error),
                 interval(row.computed, row.computed_error),
@@ -70,25 +73,58 @@ def overview_text(records: Sequence[ComparedRecord]) -> str:
 
 def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
     """Number of records that agree in each shown order, and the records that were not compared."""
-    rows, sentences = overview_rows(records), []
+    rows = overview_rows(records)
+    sentences = _differing_orders(rows)
     for order in _SHOWN:
-        own = [row for row in rows if row.order == order and row.verdict != NOT_COMPARED]
+        own = [row for row in rows if row.order == order and row.verdict != _NOT]
         if not own:
             continue
         agreeing = f"{sum(row.verdict == AGREES for row in own) or 'none'} of {count_of(len(own), 'record')}"
         worst = max(own, key=lambda row: abs(row.measured - row.computed))
         sentences.append(
-            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing}; it "
-            f"differs most in {worst.file}: measured {interval(worst.measured, worst.measured_error)} N, computed "
+            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing}; the largest difference is that of "
+            f"{worst.file}: measured {interval(worst.measured, worst.measured_error)} N, computed "
             f"{interval(worst.computed, worst.computed_error)} N."
         )
     simulated = [record.name for record in records if record.simulated]
     if simulated:
         sentences.append(f"The cube lacks the points of {listed(simulated)}, which were simulated.")
-    if any(np.isnan(record.computed_error).all() for record in records if record.comparison is not None):
-        sentences.append("The error of the model is not known here: the verdicts count the measurement's alone.")
+    sentences += [f"{record.name}: {record.replaced}" for record in records if record.replaced]
+    sentences += _origins(records)
     sentences += [f"{record.name} was not compared: {record.problem}" for record in records if record.problem]
     return sentences
+
+
+def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
+    """Which orders differ, and in how many records; which agree in all."""
+    compared = [row for row in rows if row.verdict != _NOT]
+    every = count_of(len(compared) // 12, "record")
+    if not compared:
+        return []
+    differing = Counter(row.order for row in compared if row.verdict == DIFFERS)
+    if not differing:
+        return [f"Orders 1 to 12 all agree within the uncertainties of measurement and model together in {every}."]
+    by_count = {some: [order for order in differing if differing[order] == some] for some in {*differing.values()}}
+    parts = [
+        f"order{'s' * (len(by_count[some]) > 1)} {numbers_in_words(by_count[some])} in {some}"
+        for some in sorted(by_count, reverse=True)
+    ]
+    same = [order for order in range(1, 13) if order not in differing]
+    others = (
+        f"; order{'s' * (len(same) > 1)} {numbers_in_words(same)} agree{'s' * (len(same) == 1)} in all" if same else ""
+    )
+    return [
+        f"Differences beyond the uncertainties of measurement and model together: {listed(parts)} of {every}{others}."
+    ]
+
+
+def _origins(records: Sequence[ComparedRecord]) -> list[str]:
+    """Where the error of the model comes from, once for all records of the same origin."""
+    told = [each.comparison.attrs for each in records if each.comparison is not None]
+    known = dict.fromkeys((attrs["model"], attrs["model_uncertainty_origin"]) for attrs in told)
+    if not all(origin for _, origin in known):
+        return ["The error of the model is not known here: the verdicts count the measurement's alone."]
+    return [f"Error of the model {model}: {origin}." for model, origin in known]
 
 
 def write_record(record: ComparedRecord, output: Path) -> Path:
@@ -154,7 +190,7 @@ def _cells(record: ComparedRecord, rows: Sequence[OverviewRow], differing: Seque
         for name, value in zip(differing, values, strict=True)
     ]
     for row in (row for order in _SHOWN for row in rows if row.order == order):
-        if row.verdict == NOT_COMPARED:
+        if row.verdict == _NOT:
             cells += ["", "", row.verdict]
         else:
             cells += [
@@ -173,7 +209,7 @@ def _differing(records: Sequence[ComparedRecord]) -> list[str]:
 
 def _charts(records: Sequence[ComparedRecord], rows: Sequence[OverviewRow]) -> list[Chart]:
     """Computed over measured amplitudes, and differences over what varies between the records."""
-    data = pd.DataFrame([asdict(row) for row in rows if row.order in _SHOWN and row.verdict != NOT_COMPARED])
+    data = pd.DataFrame([asdict(row) for row in rows if row.order in _SHOWN and row.verdict != _NOT])
     if data.empty:
         return []
     charts = [_agreement(data)]

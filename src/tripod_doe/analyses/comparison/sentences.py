@@ -8,15 +8,18 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tripod_doe.analyses.comparison.comparison import VERDICTS
 from tripod_doe.page_parts.responses import ORDINALS
-from tripod_doe.quantities import interval, level, number, value_range
+from tripod_doe.quantities import interval, level, number, numbers_in_words, value_range
 
 ORDER_HEADS = (
     "order",
     "measured N",
     "+- N",
     "model N",
+    "+- N",
     "difference N",
+    "verdict",
     "measured deg",
     "+- deg",
     "model deg",
@@ -24,8 +27,8 @@ ORDER_HEADS = (
 )
 """Heads of the table of orders."""
 
-_FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")
 _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
+_TOGETHER = "uncertainties of measurement and model together"
 _MOST_DECIMALS = 6
 _CONSTANT = 0.05  # percent about its mean below which no beat can be seen
 _NOTHING = 1e-9  # part of the largest below which a number is rounding
@@ -40,11 +43,12 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
         comparison: From `tripod_doe.analyses.comparison.comparison.compare`.
 
     Returns:
-        Doubts about units and pulses first, then the third order, the second, the run-up, the beat, the alignment, and
-        what was lost.
+        Doubts about units and pulses first, then which orders differ and which agree, the third order and the second,
+        where the error of the model comes from, the run-up, the beat, the alignment, and what was lost.
     """
     sentences = str(comparison.attrs.get("doubts", "")).splitlines()
-    sentences += [_order_sentence(comparison, order) for order in (3, 2)]
+    sentences += [_verdict_sentence(comparison), *(_order_sentence(comparison, order) for order in (3, 2))]
+    sentences.append(_origin_sentence(comparison))
     if "model_amplitude_at_speed" in comparison:
         sentences += _run_up_sentence(comparison)
     measured, model = (_beat(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
@@ -53,19 +57,53 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
     return sentences + _cautions(comparison)
 
 
+def _verdict_sentence(comparison: xr.Dataset) -> str:
+    """Which orders differ, and which agree."""
+    verdicts = dict(zip(comparison["order"].values.tolist(), comparison["agrees"].values.tolist(), strict=True))
+    differ = [order for order, verdict in verdicts.items() if verdict == 0]
+    agree = [order for order, verdict in verdicts.items() if verdict == 1]
+    if not differ:
+        return f"Orders {numbers_in_words(agree)} all agree within the {_TOGETHER}."
+    start = f"{_orders(differ)} {'differ' if len(differ) > 1 else 'differs'} by more than the {_TOGETHER}"
+    if not agree:
+        return f"{start}; none agrees."
+    others = _orders(agree)
+    return f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}."
+
+
+def _orders(orders: list[int]) -> str:
+    return f"Order{'s' * (len(orders) > 1)} {numbers_in_words(orders)}"
+
+
 def _order_sentence(comparison: xr.Dataset, order: int) -> str:
     over_order = [name for name in comparison.data_vars if comparison[name].dims == ("order",)]
     row = {str(name): float(comparison[name].sel(order=order)) for name in over_order}
-    own, unsure = row["measured_amplitude_uncertainty"], row["amplitude_difference_uncertainty"]
+    own, computed = row["measured_amplitude_uncertainty"], row["model_amplitude_uncertainty"]
     model, difference = row["model_amplitude"], row["amplitude_difference"]
     known = model > _NOTHING * float(comparison["model_amplitude"].max())
     sign = "+" if difference > 0 else ""
     part = f" ({sign}{number(100 * difference / model, 2)} %)" if known else ""
-    verdict = f", {'within' if row['agrees'] else 'beyond'} its uncertainty" if math.isfinite(unsure) else ""
+    apart = interval(difference, row["amplitude_difference_uncertainty"])
     return (
-        f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's {number(model)} "
-        f"N: a difference of {interval(difference, unsure)} N{part}{verdict}."
+        f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's "
+        f"{interval(model, computed)} N: a difference of {apart} N{part}, "
+        f"{'within' if row['agrees'] else 'beyond'} both uncertainties together."
     )
+
+
+def _origin_sentence(comparison: xr.Dataset) -> str:
+    """Where the uncertainty of the model comes from, and what it is for the third and the second order."""
+    origin = str(comparison.attrs.get("model_uncertainty_origin", ""))
+    confidence = f"{100 * float(comparison.attrs['confidence_level']):g} %"
+    if not origin:
+        return f"Uncertainties are of {confidence}. The error of the model is not known here and does not count."
+    counted = []
+    for order in (3, 2):
+        model, unsure = (float(comparison[f"model_amplitude{part}"].sel(order=order)) for part in ("", "_uncertainty"))
+        if model > _NOTHING * float(comparison["model_amplitude"].max()):
+            counted.append(f"{number(100 * unsure / model, 2)} % of the {ORDINALS[order]}")
+    counts = f"; {' and '.join(counted)} count for it" if counted else ""
+    return f"Uncertainties are of {confidence}. Error of the model {comparison.attrs['model']}: {origin}{counts}."
 
 
 def _run_up_sentence(comparison: xr.Dataset) -> list[str]:
@@ -116,9 +154,6 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         ("lost_pulses", "pulse", "of the tachometer missing and interpolated"),
         ("extra_pulses", "edge", "of the tachometer, which were bounces or spikes"),
     )
-    if "model_error" in attrs:
-        off = number(100 * attrs["model_error"], 2)
-        sentences.append(f"Model {attrs['model']}: typical error of the third order {off} % against the finest model.")
     drift = attrs.get("drift_n_per_revolution", 0.0)
     if abs(drift) > _DRIFT * float(comparison["measured_amplitude"][1:].max()):
         sentences.append(
@@ -142,15 +177,22 @@ def order_rows(comparison: xr.Dataset) -> list[list[str]]:
     """The orders as text, every number to the digits that its uncertainty leaves; an amplitude of zero has no phase."""
     rows, nothing = [], _NOTHING * float(comparison["model_amplitude"].max())
     for order in comparison["order"].values.tolist():
-        of_order = comparison.sel(order=order)
-        cells = [str(order)]
-        for names, unsure in (_FORCES, "measured_amplitude_uncertainty"), (_PHASES, "measured_phase_uncertainty_deg"):
-            sure = float(of_order[unsure])
-            measured, model, difference = (_rounded(float(of_order[name]), sure) for name in names)
-            if names is _PHASES and float(of_order["model_amplitude"]) <= nothing:
-                model = difference = "-"
-            cells += [measured, _rounded(sure, sure), model, difference]
-        rows.append(cells)
+        of_order = {str(name): float(value) for name, value in comparison.sel(order=order).items() if not value.dims}
+        measured, model, apart = (
+            [_rounded(of_order[name], of_order[unsure]), _rounded(of_order[unsure], of_order[unsure])]
+            for name, unsure in (
+                ("measured_amplitude", "measured_amplitude_uncertainty"),
+                ("model_amplitude", "model_amplitude_uncertainty"),
+                ("amplitude_difference", "amplitude_difference_uncertainty"),
+            )
+        )
+        sure = of_order["measured_phase_uncertainty_deg"]
+        angle, angle_of_model, ahead = (_rounded(of_order[name], sure) for name in _PHASES)
+        if of_order["model_amplitude"] <= nothing:
+            angle_of_model = ahead = "-"
+        verdict = VERDICTS[int(of_order["agrees"])]
+        turned = [angle, _rounded(sure, sure), angle_of_model, ahead]
+        rows.append([str(order), *measured, *model, apart[0], verdict, *turned])
     return rows
 
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Accuracy, Quantity, Simulator
+from tripod_doe.quantities import numbers_in_words
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
@@ -109,6 +110,7 @@ def model_error(
             usual = np.full(len(amplitude), _OTHER)
         relative[:, column] = np.where(finest, _FINEST.get(order, _FINEST_OTHER), usual)
     whole = relative * amplitude
+    recorded = np.zeros(len(amplitude), bool)  # whether the error of the second order is
     if 2 in orders and 3 in orders:
         at, by = list(orders).index(2), list(orders).index(3)
         missed = second * amplitude[:, by]
@@ -117,9 +119,7 @@ def model_error(
     models = set(columns["model"].astype(str).tolist())
     alike = _alike(columns["joint_angle_deg"], max(_LENGTH.get(model, _USUAL_LENGTH) for model in models))
     own, shared = whole.copy(), _each_order(np.sqrt(2) * whole * unit, alike)
-    words = "recorded for similar points"
-    if not known.all():
-        words += f"; at {int((~known).sum())} of {known.size} records none is, and {100 * _ASSUMED:g} % is assumed"
+    second = f"of order 2 at most {100 * _OTHER:g} %" if 2 in orders and recorded.all() else None
     if 2 in orders and needles is not None and models == {_TURNING}:
         parts = _parts_of_grooves(needles, np.stack([columns[f"initial_skew_{at}_deg"] for at in (1, 2, 3)], axis=1))
         if np.isfinite(parts).all():
@@ -130,10 +130,32 @@ def model_error(
             of_grooves[:, at] = by_node.reshape(len(parts), -1)
             shared[:, at] = 0.0
             shared = np.concatenate([shared, of_grooves], axis=2)
-            words += (
-                "; of the second order, parts of what each groove gives and of what the turning of its needles adds"
-            )
+            second = "of the second order, parts of what each groove gives and of what the turning of its needles adds"
+    words = _origin(orders, bool(finest.all()), known, second)
     return ModelError(np.hypot(own, reported), shared, words)
+
+
+def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None) -> str:
+    """Where the errors come from, in words.
+
+    Args:
+        orders: The orders.
+        finest: Whether all points are of the finest model.
+        third: Whether an error of the third order is on record, shape (record,).
+        second: What is known of the second order, in words; None where nothing is.
+    """
+    if finest:
+        words, known, assumed = "from two implementations of this model", {*_FINEST}, _FINEST_OTHER
+    else:
+        known, assumed = {3, 2 if second else 3}, _OTHER
+        words = "recorded for similar points"
+        if not third.all():
+            words += f"; at {int((~third).sum())} of {third.size} records none is, and {100 * _ASSUMED:g} % is assumed"
+        words += f"; {second}" if second else ""
+    if others := sorted(set(orders) - known):
+        which = f"order{'s' * (len(others) > 1)} {numbers_in_words(others)}"
+        words += f"; of {which} none is, and {100 * assumed:g} % is assumed"
+    return words
 
 
 def _alike(angles: FloatArray, length: float) -> FloatArray:

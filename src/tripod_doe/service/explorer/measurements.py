@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
+from tripod_doe.analyses.comparison.comparison import VERDICTS, compare, parse_speeds
 from tripod_doe.analyses.comparison.model_point import model_point
-from tripod_doe.analyses.comparison.overview import RecordRow, with_stated_values
+from tripod_doe.analyses.comparison.record_point import RecordRow, with_stated_values
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
 from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.headings import OPERATING, ROLES, roles_of
 from tripod_doe.measurements.measurement import read_measurement
 from tripod_doe.measurements.record_file import read_table_of
-from tripod_doe.quantities import interval, number
+from tripod_doe.quantities import interval
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
 from tripod_doe.study.results.result_cube import opened_cube
@@ -123,15 +123,14 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
 def _third_of(compared: xr.Dataset) -> list[str]:
     """The point, and the third order in a row of the overview of several files."""
     third = compared.sel(order=3)
-    measured, model, unsure = (
-        float(third[name]) for name in ("measured_amplitude", "model_amplitude", "amplitude_difference_uncertainty")
-    )
+    measured, model = float(third["measured_amplitude"]), float(third["model_amplitude"])
     point = ", ".join(f"{name} {value}" for name, value in json.loads(str(compared.attrs["point"])).items())
     return [
         point,
-        interval(measured, unsure),
-        number(model),
+        interval(measured, float(third["measured_amplitude_uncertainty"])),
+        interval(model, float(third["model_amplitude_uncertainty"])),
         f"{100 * (measured / model - 1):+.1f} %" if model else "-",
+        VERDICTS[int(third["agrees"])],
     ]
 
 

@@ -86,7 +86,7 @@ function overview() {
     button.addEventListener("click", () => show(answer));
     return [button, ...answer.third];
   });
-  at("overview").replaceChildren(table(["File", "Point", "Measured third order (N)", "Model (N)", "Difference"], rows));
+  at("overview").replaceChildren(table(["File", "Point", "Measured third order (N)", "Model (N)", "Difference", "Verdict"], rows));
 }
 
 at("table")?.addEventListener("change", preview);
