@@ -20,6 +20,7 @@ from tripod_doe.quantities import (
     rounded_up,
     size,
     squared,
+    text_range,
     value_range,
     value_with_ends,
 )
@@ -132,6 +133,8 @@ def test_numbers_that_differ_look_different():
 def test_ends_of_a_range_look_different():
     assert value_range(1.0131, 1.0142, "N") == "1.013 to 1.014 N"
     assert value_range(2.0, 2.0, "N") == "2 N"
+    assert text_range("22", "22", "mm") == "22 mm"
+    assert text_range("21", "22", "mm") == "21 to 22 mm"
     assert value_range(1.0, 1.0 + 1e-9) == "1"
     assert value_with_ends(1.0136, 1.0131, 1.0142, "N") == "1.014 N (1.013 to 1.014)"
 

@@ -104,9 +104,13 @@ def interval(value: float, half: float) -> str:
 def value_range(low: float, high: float, unit: str = "") -> str:
     """Two ends with the digits in which they differ: ``1.012 to 1.014 N``; one number where they are alike."""
     digits = digits_apart(low, high)
-    if digits > _MOST_APART:
-        return with_unit(number(high), unit)
-    return f"{number(low, digits)} to {with_unit(number(high, digits), unit)}"
+    digits = _DIGITS if digits > _MOST_APART else digits
+    return text_range(number(low, digits), number(high, digits), unit)
+
+
+def text_range(low: str, high: str, unit: str = "") -> str:
+    """Two ends that are text already: ``5 to 10 N``; one of them where they read alike."""
+    return with_unit(high if low == high else f"{low} to {high}", unit)
 
 
 def value_with_ends(value: float, low: float, high: float, unit: str = "") -> str:

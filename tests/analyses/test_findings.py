@@ -523,3 +523,21 @@ def test_a_quantile_says_how_far_the_points_bound_it():
         "10 % below 1 N (0.5 to 1.5), 20 % below 2 N (at most 2.5), 90 % below 3 N (at least 2), 99 % below 4 N (too few "
         "points for an interval)"
     )
+
+
+def test_a_torque_of_two_signs_is_drive_and_coast(make_cube):
+    """Regression: "Torque changes the third order by at most 5 %" of its two signs."""
+    text = """
+[study]
+name = "t"
+[base]
+model = "equilibrium"
+[factors]
+joint_angle_deg = {values = [3, 6, 9]}
+torque_n_m = {values = [-60, 60]}
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+    said = " ".join(find(make_cube(text)))
+    assert "Drive in place of coast changes the third order by at most " in said
+    assert "Torque changes" not in said

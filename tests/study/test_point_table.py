@@ -65,5 +65,20 @@ def test_outputs_without_a_number_are_named_and_fill_no_table():
     """Regression: a roller that lifts off had a warning of NumPy and forty lines of "not known"."""
     message = point_table(simulate_point(model="kinetostatic", joint_angle_deg=21, torque_n_m=-6, speed_rpm=2900))
     assert message.startswith("outcome  out_of_range: a roller lifts off its groove")
-    assert "\nnot known  groove_thrust_amplitude, " in message
+    assert "\nNo value of groove_thrust_amplitude, " in message
+    assert message.splitlines()[-2].endswith(": the point did not finish.")
     assert "[N]" not in message
+
+
+def test_a_waveform_says_which_revolutions_it_holds(table):
+    assert re.search(
+        r"\nthrust  -[\d.]+ to [\d.]+ N over the last 2 of 4 revolutions \(rotation_deg 0 to 719\)\n", table
+    )
+
+
+def test_an_output_without_a_value_says_why():
+    """Regression: "not known  vibrates"."""
+    message = point_table(simulate_point(model="kinetostatic", joint_angle_deg=7, torque_n_m=180))
+    assert (
+        "\nNo value of vibrates: whether the joint vibrates by itself, 1 or 0; not looked for by a balance" in message
+    )

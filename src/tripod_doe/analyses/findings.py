@@ -30,7 +30,7 @@ from tripod_doe.page_parts.responses import (
     waiting,
 )
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
-from tripod_doe.quantities import digits_apart, level, number, with_unit
+from tripod_doe.quantities import digits_apart, level, number, text_range, with_unit
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
@@ -166,7 +166,7 @@ def _dominant_order(cube: xr.Dataset) -> str:
     if len(models) > 1:  # a mean over models belongs to no joint
         least, most = min(models.values()), max(models.values())
         digits = min(digits_apart(least, most), _MOST_DIGITS)
-        size, over = f"{number(least, digits)} to {number(most, digits)}", f"{over}, depending on the model"
+        size, over = text_range(number(least, digits), number(most, digits)), f"{over}, depending on the model"
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
     beyond = rotating.max("order") - rotating.sel(order=first)
     other = int(((beyond > _left_over(cube)) & finished(cube)).sum())

@@ -174,6 +174,7 @@ ANALYSES: dict[str, Analysis] = {
             ("ablation",),
             crossed=True,
             sentences="contribution.sentences:find_in_contribution",
+            table="contribution.sentences:contribution_table",
             figures={"contribution": "contribution.charts:contribution_figures"},
         ),
         Analysis(

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
-from tripod_doe.quantities import count_of, digits_apart, in_words, number, with_unit
+from tripod_doe.quantities import count_of, digits_apart, in_words, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import RESPONSES
 
 _MOST = 4  # outputs of a function
@@ -79,7 +79,7 @@ def quantile_text(answers: xr.Dataset, unit: str) -> str:
 def _bounds(low: float, high: float, digits: int) -> str:
     """Value and interval of a quantile from the points."""
     if np.isfinite(low) and np.isfinite(high):
-        return f"{number(low, digits)} to {number(high, digits)}"
+        return text_range(number(low, digits), number(high, digits))
     if np.isfinite(low):
         return f"at least {number(low)}"
     return f"at most {number(high)}" if np.isfinite(high) else "too few points for an interval"

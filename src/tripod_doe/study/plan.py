@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.quantities import duration, size
+from tripod_doe.quantities import duration, size, text_range
 from tripod_doe.study.cube.model_records import model_records
 from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import Points, make_points, most_points, point_bytes
@@ -79,7 +79,7 @@ class Plan:
             lines.append("price        not known: nothing was timed")
         else:
             low, mean, high = (duration(hours * 3600) for hours in self.cpu_hours)
-            source = f"{low} to {high}, from {self.timed} timed points" if self.timed else RECORDED
+            source = f"{text_range(low, high)}, from {self.timed} timed points" if self.timed else RECORDED
             lines.append(f"blocks       about {self.blocks:,}")
             lines.append(f"CPU time     {mean} ({source})")
             busy = min(workers, self.blocks or 1)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.model_interface import Value, Values
-from tripod_doe.quantities import count_of, duration, level, number, with_unit
+from tripod_doe.model_interface import Outcome, Value, Values
+from tripod_doe.quantities import count_of, duration, level, number, value_range, with_unit
 from tripod_doe.study.simulate import SimulatedPoint
 
 _NOTHING = 1e-9  # part of the largest amplitude below which an amplitude is rounding, and has no phase
@@ -32,20 +32,34 @@ def point_table(point: SimulatedPoint) -> str:
             continue
         unit = point.simulator.outputs[name].unit_text
         if "rotation_deg" in values.dims:
-            low, high = number(float(np.nanmin(values.data))), number(float(np.nanmax(values.data)))
-            lines.append(f"{name}  {with_unit(f'{low} to {high}', unit)} over the rotation angle")
+            ends = value_range(float(np.nanmin(values.data)), float(np.nanmax(values.data)), unit)
+            lines.append(f"{name}  {ends} over {_turns(point)}")
         elif values.data.ndim == 0:
             lines.append(f"{name}  {with_unit(number(float(values.data)), unit)}")
         else:
             lines += [f"{name} [{unit or '-'}]", *_rows(point, values, _texts(name, values, point.outputs))]
-    if unknown:
-        lines.append(f"not known  {', '.join(unknown)}")
+    lines += _without_value(point, unknown)
     cost = point.cost
     lines.append(
         f"cost  CPU {duration(cost['cpu_seconds'])}, wall {duration(cost['wall_seconds'])}, "
         f"{count_of(int(cost['steps']), 'step')}, {count_of(int(cost['force_evaluations']), 'force evaluation')}"
     )
     return "\n".join(lines)
+
+
+def _turns(point: SimulatedPoint) -> str:
+    """Over which revolutions a waveform reaches: ``the last 2 of 4 revolutions (rotation_deg 0 to 719)``."""
+    angle = np.asarray(point.coordinates["rotation_deg"], float)
+    turns, every = round((angle[-1] - angle[0] + angle[1] - angle[0]) / 360), point.parameters.get("cycles")
+    whole = f"the last {turns} of {every:g} revolutions" if isinstance(every, int | float) else f"{turns} revolutions"
+    return f"{whole} (rotation_deg {level(float(angle[0]))} to {level(float(angle[-1]))})"
+
+
+def _without_value(point: SimulatedPoint, unknown: list[str]) -> list[str]:
+    """Why outputs have no value; those of a point that did not finish are only named."""
+    if point.outcome is not Outcome.FINISHED:
+        return [f"No value of {', '.join(unknown)}: the point did not finish."] if unknown else []
+    return [f"No value of {name}: {point.simulator.outputs[name].meaning}." for name in unknown]
 
 
 def _place(point: SimulatedPoint) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from tripod_doe.analyses.fit.exploration import place_count
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.rig import RigFit
-from tripod_doe.quantities import count_of, duration
+from tripod_doe.quantities import count_of, duration, text_range
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.plan import RECORDED, Plan, plan
 
@@ -43,7 +43,7 @@ class FitPlan:
         else:
             low, mean, high = map(duration, self.seconds)
             timed = sum(each.timed for each in self.plans)
-            source = f"{low} to {high}, from {timed} timed points" if timed else RECORDED
+            source = f"{text_range(low, high)}, from {timed} timed points" if timed else RECORDED
             lines.append(f"CPU time     {mean} ({source})")
             lines.append(f"wall time    {duration(self.seconds[1] / max(workers, 1))} on {workers} workers, or more")
         lines += [f"model        {text.removeprefix('Model ')}" for each in self.plans for text in each.models]

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from tripod_doe.analyses.optimisation.optimisation_file import SearchTable, load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, make_problem
 from tripod_doe.analyses.optimisation.search import population_of
-from tripod_doe.quantities import duration, number
+from tripod_doe.quantities import duration, number, text_range
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, plan
@@ -37,7 +37,7 @@ class PlannedPart:
         facts = [f"{self.candidates:,} candidates", f"{self.points:,} points"] if self.candidates else []
         if self.cpu_hours:
             low, likely, high = (duration(3600 * hours, 2) for hours in self.cpu_hours)
-            facts.append(f"CPU time {likely} ({low} to {high})")
+            facts.append(f"CPU time {likely} ({text_range(low, high)})")
         return f"{self.what:<24} {', '.join(facts)}"
 
 

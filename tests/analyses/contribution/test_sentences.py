@@ -12,7 +12,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes
+from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes, contribution_table
 from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows
 from tripod_doe.analyses.findings import find
 from tripod_doe.model_interface import Outcome
@@ -138,6 +138,14 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     assert " to " in share_rows(third)[1][2][1]
     assert third.like_paper.tolist() == [False, True]
     assert ", at 10 deg, closest to those by switching off" in contribution_findings(third)[2]
+    heads, table = contribution_table(contribution_shares(cube))
+    assert [row[:2] for row in table] == [
+        [f"the {each} order", at] for each in ("third", "second") for at in third.labels
+    ]
+    assert [row[2] for row in table[:2]] == third.amplitudes
+    assert [row[3] for row in table[:2]] == [percent(third.shares[third.leading][at : at + 1, 0]) for at in (0, 1)]
+    assert len(heads) == len(table[0])
+    assert not any("furthest" in sentence for sentence in contribution_findings(third))
     off = contribution_findings(third)[1]
     assert off.endswith(f"; they add up to {percent(100 - third.closure)} (analysis c).")
     assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2

@@ -90,7 +90,7 @@ def test_a_factor_of_one_study_alone_is_matched_with_the_base_of_the_other(runs)
     assert found.points == {"a": 3, "b": 6, "shared": 2}
     assert [one.difference for one in found.results] == []
     assert found.equal == 13
-    assert "equal at all shared points" in diff_text(found)
+    assert "thrust_amplitude (13 numbers a point): equal at all 2 shared points" in diff_text(found)
 
 
 def test_studies_without_a_shared_point(runs, tmp_path):

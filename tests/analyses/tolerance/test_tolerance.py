@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import xarray as xr
-from scipy.stats import norm
+from scipy.stats import binom, binomtest, norm
 
-from tripod_doe.analyses.tolerance.chances import exceeding
+from tripod_doe.analyses.tolerance.chances import exceeding, points_to_decide
 from tripod_doe.analyses.tolerance.sentences import find_in_tolerance
 from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
@@ -175,12 +177,39 @@ def test_few_points_propose_nothing_and_say_how_many_do():
     assert few["shift_to_keep"].isnull().all()
     needed = int(few["samples_to_resolve"])
     said = " ".join(find_in_tolerance(few, "t"))
-    assert f"resolve no smaller scatter of one factor or two that is enough; set samples = {needed} in [design]" in said
+    assert "resolve no smaller scatter of one factor or two that is enough." in said
+    assert said.count("set samples = ") == 1
+    (asked,) = map(int, re.findall(r"set samples = (\d+)", said))
+    assert asked >= needed
     assert "To confirm" not in said
+    assert "too few points lie where a moved scatter would have most of them" in said
     more = tolerance(
-        cube_of(total, TEXT.replace("4096", str(2 * needed))), ToleranceSettings(outputs=["y"], limits={"y": 61})
+        cube_of(total, TEXT.replace("4096", str(asked))), ToleranceSettings(outputs=["y"], limits={"y": 61})
     )
     assert more["scale_to_keep"].notnull().any()
+    assert np.isnan(more["samples_to_resolve"])  # all is resolved
+    assert "set samples = " not in " ".join(find_in_tolerance(more, "t"))
+
+
+@pytest.mark.parametrize(
+    ("limit", "reason"), [(70, "y keeps its limit"), (59, "resolve no change that keeps the limit")]
+)
+def test_a_confirmation_without_anything_to_confirm_says_so(limit, reason):
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed, TEXT.replace("4096", "256"))
+    result = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": limit}, confirm=64))
+    said = " ".join(find_in_tolerance(result, "t"))
+    assert "No other points ran to confirm a change: " in said
+    assert reason in said
+
+
+@pytest.mark.parametrize(("chance", "allowed"), [(0.002, 0.01), (0.02, 0.01), (0.0, 0.01), (0.008, 0.01)])
+def test_as_many_points_decide_in_nineteen_of_twenty_runs(chance, allowed):
+    """Exact: over all counts that a run may have, Wilson's interval lies on one side with a chance of 95 % or more."""
+    points = points_to_decide(chance, allowed, 128)
+    counts = np.arange(binom.ppf(0.0001, points, chance), binom.ppf(0.9999, points, chance) + 1)
+    ends = [binomtest(int(count), points).proportion_ci(0.95, method="wilson") for count in counts]
+    decided = np.array([end.high <= allowed or end.low > allowed for end in ends])
+    assert (binom.pmf(counts, points, chance) * decided).sum() >= 0.94
 
 
 def test_how_far_a_nominal_value_must_move_to_keep_a_limit():

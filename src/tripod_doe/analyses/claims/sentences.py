@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
 from tripod_doe.page_parts.responses import unit_text
-from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.quantities import level, number, text_range, with_unit
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
@@ -104,7 +104,7 @@ def claim_limits(row: xr.Dataset) -> str:
     low, high = float(row["low"]), float(row["high"])
     unit = unit_text(str(row["unit"].item()))
     if math.isfinite(low) and math.isfinite(high):
-        return with_unit(level(low) if low == high else f"{level(low)} to {level(high)}", unit)
+        return text_range(level(low), level(high), unit)
     return with_unit(f"at least {level(low)}" if math.isfinite(low) else f"at most {level(high)}", unit)
 
 
@@ -128,7 +128,7 @@ def find_over_skew(claims: xr.Dataset, name: str = "") -> list[str]:
                 f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
                 f"{row['quantity'].item()}: {_course(row, known)}."
             )
-    ends = f"{level(skews.min())} to {level(skews.max())} deg"
+    ends = text_range(level(skews.min()), level(skews.max()), "deg")
     decided = bool((claims["verdict"].values != Verdict.NOT_DECIDED).all())
     first = (
         f"The paper does not print its skews. With {ends} in cases 2 to 4, and half of that in case 1, "

@@ -109,7 +109,7 @@ def compare(
     of freedom. The sampling of a tachometer may shift its edges by up to half a sample, in each revolution alike: with
     a given reference angle, k times this angle is part of the uncertainty of the phase of order k. The uncertainty of
     the model is its error on record, with the difference between its last two revolutions and its numerical error, as
-    the root of squares; that of the difference counts measurement and model alike. The beat's envelope is
+    the root of squares; the difference has both. The beat's envelope is
     |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
     Args:

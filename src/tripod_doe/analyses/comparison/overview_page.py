@@ -82,7 +82,7 @@ def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
         agreeing = f"{sum(row.verdict == AGREES for row in own) or 'none'} of {count_of(len(own), 'record')}"
         worst = max(own, key=lambda row: abs(row.measured - row.computed))
         sentences.append(
-            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing}; the largest difference is that of "
+            f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing}; the largest difference is in "
             f"{worst.file}: measured {interval(worst.measured, worst.measured_error)} N, computed "
             f"{interval(worst.computed, worst.computed_error)} N."
         )

@@ -25,6 +25,7 @@ _AGREE = 4.0  # percentage points within which two shares count as agreeing
 _ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
 _HALF = 1.0  # percentage points within which a Shapley value counts as half of the share by switching off
 _MOST_LOST = 3  # operating points whose missing combinations are named
+_FEW = 4  # operating points of which each has its row in a table, and none is remarkable
 _REMOTE = 5.0  # percentage points from the median from which a share at one point is worth a sentence
 
 
@@ -45,6 +46,24 @@ def contribution_findings(part: Contribution) -> list[str]:
         *_furthest(part),
         *_nearest_to_paper(part),
     ]
+
+
+def contribution_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]] | None:
+    """Amplitude, shares and change of each operating point, where they are few, a row for each; else None."""
+    heads: list[str] = []
+    rows = []
+    for part in contributions({"": result}):
+        if part.missing or not 1 < len(part.labels) <= _FEW:
+            continue
+        change = next((key for key in CHANGES if key in part.changes), "")
+        meaning = {"change_halved": "with half of it", "change_off": "without it"}.get(change, "")
+        heads = ["of", "operating point", "amplitude", *(f"{spoken(name)}: share" for name in part.mechanisms)]
+        heads += [f"{spoken(name)}: change {meaning}" for name in part.mechanisms] if change else []
+        for at, label in enumerate(part.labels):
+            shares = [percent(part.shares[part.leading][at : at + 1, k]) for k in range(len(part.mechanisms))]
+            changes = part.changes[change][at] if change else np.empty(0)
+            rows.append([part.what, label, part.amplitudes[at], *shares, *(signed(np.array([c])) for c in changes)])
+    return (heads, rows) if rows else None
 
 
 def contribution_notes(part: Contribution) -> list[str]:
@@ -149,7 +168,7 @@ def _uncertain(part: Contribution) -> list[str]:
 def _furthest(part: Contribution) -> list[str]:
     """The operating point at which a share is furthest from its median, if it is far."""
     values = part.shares[part.leading]
-    if not part.many or not np.isfinite(values).any():
+    if not any(np.isfinite(values[rows]).all(axis=1).sum() > _FEW for rows in part.sides.values()):
         return []
     usual = np.full_like(values, np.nan)  # of drive and of coast by itself
     for rows in part.sides.values():

@@ -13,7 +13,7 @@ from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.page_parts.responses import ORDINALS, factor_label, factor_unit, spoken, unit_text
-from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.quantities import level, number, text_range, with_unit
 
 DEFINITIONS = {
     "share_off": "switching off",
@@ -63,6 +63,7 @@ class Contribution:
     interaction: FloatArray
     pairs: list[str]  # the pairs with that interaction
     amplitude: str  # with all mechanisms on, as text with its unit
+    amplitudes: list[str]  # at each operating point
     # at which operating points the amplitude is zero within its error, so that there are no shares
     zero: NDArray[np.bool_]
     # at which other operating points the error of the amplitude is so large that shares there say little
@@ -173,6 +174,9 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         none=points["share_none"].values,
         interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
         pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
+        amplitudes=[
+            _amplitude(each[None], unit_text(str(points["amplitude"].attrs.get("units", "1")))) for each in amplitude
+        ],
         amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
         zero=zero,
         uncertain=~zero & (_error(points) > _UNSURE * amplitude),
@@ -220,7 +224,7 @@ def _amplitude(values: FloatArray, unit: str) -> str:
     if values.size == 0:
         return ""
     low, high = number(float(values.min())), number(float(values.max()))
-    return with_unit(low if low == high else f"{low} to {high}", unit)
+    return text_range(low, high, unit)
 
 
 def percent(values: FloatArray) -> str:
@@ -243,7 +247,7 @@ def spread(values: FloatArray) -> str:
     low, middle, high = (_one_digit(value) for value in np.quantile(known, (0.25, 0.5, 0.75)))
     if known.size < _MANY:
         low, middle, high = (_one_digit(value) for value in (known.min(), np.nan, known.max()))
-        return low if low == high else f"{low} to {high}"
+        return text_range(low, high)
     return middle if low == high else f"{middle} ({low} to {high})"
 
 

@@ -77,6 +77,7 @@ class Diff:
     results: list[ResultDifference] = field(default_factory=list)  # the largest first
     one_sided: list[OneSided] = field(default_factory=list)
     equal: int = 0  # parts of variables that are equal at all shared points
+    compared: list[str] = field(default_factory=list)  # the variables
     others: list[str] = field(default_factory=list)  # further variables that both have, which were not compared
     note: str = ""  # why results were not compared
 
@@ -131,7 +132,7 @@ def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], vari
     changed = sorted((part for part in parts if part.weight > _ROUNDING), key=lambda part: -part.weight)
     note = "" if len(at) else "no point of A has the same factor values as a point of B"
     equal = len(parts) - len(changed)
-    return Diff(study, parameters, program, points, outcomes, changed, one_sided, equal, others, note)
+    return Diff(study, parameters, program, points, outcomes, changed, one_sided, equal, names, others, note)
 
 
 def _compared_variables(a: xr.Dataset, b: xr.Dataset, wanted: Collection[str]) -> tuple[list[str], list[str]]:

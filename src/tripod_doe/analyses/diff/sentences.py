@@ -48,7 +48,8 @@ def _points_lines(found: Diff) -> list[str]:
         lines.append("largest differences of results at shared points, A -> B")
         lines += _first((f"  {_result(one)}" for one in found.results), len(found.results))
     elif found.equal and not found.one_sided:
-        lines.append(f"{count_of(found.equal, 'result')} compared, equal at all shared points")
+        names, numbers = ", ".join(found.compared), count_of(found.equal, "number")
+        lines.append(f"{names} ({numbers} a point): equal at all {count_of(counts['shared'], 'shared point')}")
     elif not found.equal:
         lines.append("no result has a number on both sides")
     lines += _first(

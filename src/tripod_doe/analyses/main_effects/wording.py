@@ -13,8 +13,9 @@ from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.analyses.output_table import is_level
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.responses import Response, factor_label, factor_text, factor_unit, listed
-from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, with_unit
+from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, text_range, with_unit
 
+_DRIVE = "drive in place of coast"  # what a torque of one size and both signs changes
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
 _INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
@@ -32,8 +33,17 @@ _MOST_HELD = 3  # values of other factors that a sentence can list
 
 def at_head(cube: xr.Dataset, names: Sequence[str]) -> str:
     """Factors at the head of a sentence; an argument of a user's function keeps its spelling."""
-    labels = [factor_label(cube, name) for name in names]
+    return _at_head([factor_label(cube, name) for name in names], names)
+
+
+def _at_head(labels: Sequence[str], names: Sequence[str]) -> str:
     return listed([labels[0] if labels[0] == names[0] else _capital(labels[0]), *labels[1:]])
+
+
+def _only_sign(cube: xr.Dataset, name: str) -> bool:
+    """Whether a study has one size of the torque, and both signs of it."""
+    levels = np.unique(cube[name].values) if name == "torque_n_m" else np.empty(0)
+    return levels.size == 2 and bool(levels[0] == -levels[1])
 
 
 def _both_signs(effect: FactorEffect) -> bool:
@@ -183,7 +193,7 @@ class EffectWording:
         # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
         step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
         written = number if effect.ground is Ground.REGRESSION else level
-        over = with_unit(f"{written(float(levels[0]))} to {written(float(levels[-1]))}", own) + self.where(effect)
+        over = text_range(written(float(levels[0])), written(float(levels[-1])), own) + self.where(effect)
         exact = straight > _EXACT
         fit = "R2 of these means" if effect.ground is Ground.REGRESSION else "R2"
         fit += f" > {_EXACT}" if exact else f" = {math.floor(straight * 1e4) / 1e4:.4f}"
@@ -333,7 +343,9 @@ class EffectWording:
 
     def weak(self, effects: list[FactorEffect]) -> str:
         """Factors that change the response little, or not at all, at every setting of the others."""
-        head = at_head(self.cube, [effect.factor for effect in effects])
+        names = [effect.factor for effect in effects]
+        changed = [_DRIVE if _only_sign(self.cube, name) else factor_label(self.cube, name) for name in names]
+        head = _at_head(changed, names)
         largest, several = max(effect.largest for effect in effects), len(effects) > 1
         if largest <= self._rounding:
             verb = f"{'have' if several else 'has'} no effect on {self.name}"

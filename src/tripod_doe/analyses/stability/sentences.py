@@ -8,7 +8,7 @@ import xarray as xr
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.responses import spoken, unit_text
-from tripod_doe.quantities import count_of, duration, level, number, with_unit
+from tripod_doe.quantities import count_of, duration, level, number, text_range, with_unit
 
 _HEADS = [
     "Varied",
@@ -159,7 +159,7 @@ def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:
         return f"none up to {border_text(borders, low)}" if math.isfinite(low) else "not known"
     if math.isnan(low):
         return f"below {border_text(borders, high)}"
-    return f"{border_text(borders, low)} to {border_text(borders, high)}"
+    return text_range(border_text(borders, low), border_text(borders, high))
 
 
 def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:

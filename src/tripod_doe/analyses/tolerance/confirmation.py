@@ -45,7 +45,7 @@ def changes_to_confirm(result: xr.Dataset) -> list[Change]:
         place = dict(zip(map(str, limit.dims), at.tolist(), strict=False))
         part = result.isel(place)
         if float(part["exceedance"]) > 1 - keep and (factors := _first(part, tables)):
-            changes.append(Change(place, label_of(part), factors))
+            changes.append(Change(place, limit_key(part), factors))
     return list({change.label: change for change in reversed(changes)}.values())[::-1]
 
 
@@ -54,7 +54,7 @@ def factor_tables(result: xr.Dataset) -> dict[str, FactorTable]:
     return {name: FactorTable(**table) for name, table in json.loads(str(result.attrs["factor_tables"])).items()}
 
 
-def label_of(part: xr.Dataset) -> str:
+def limit_key(part: xr.Dataset) -> str:
     """The component of a part of a result, as its limit is written: ``thrust_amplitude_3``."""
     output = str(part["output"].values) if "output" in part.coords else str(part.attrs["outputs"]).split(", ")[0]
     is_response = output in str(part.attrs.get(RESPONSES, "")).split(", ")

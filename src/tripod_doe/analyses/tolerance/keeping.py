@@ -52,7 +52,7 @@ def scale_to_keep(
         scale_excluded : ndarray, shape (factor, factor, component)
             1 where all scales are resolved to break it.
         samples_to_resolve : ndarray, shape (component,)
-            Points with which one of them would be resolved; infinite where the points name none.
+            Points with which one of them would be resolved; infinite where the points name none, NaN where one is.
     """
     weights = [scaled_weights(table, np.asarray(sample.columns[name]), SCALES) for name, table in sample.tables.items()]
     count = len(weights)
@@ -72,9 +72,10 @@ def scale_to_keep(
             excluded[first, second, wanted] = excluded[second, first, wanted] = never
             times[wanted] = np.minimum(times[wanted], points_to_resolve(chances, 1 - keep, confident))
     names = ("scale_to_keep", *(_at("scale", end) for end in _ENDS))
+    count_of_points = sample.design.samples or sample.rows.size
     return dict(zip(names, answers, strict=True)) | {
         "scale_excluded": excluded,
-        "samples_to_resolve": np.where(wanted, times * (sample.design.samples or sample.rows.size), np.nan),
+        "samples_to_resolve": np.where(wanted & (times > 1), times * count_of_points, np.nan),
     }
 
 

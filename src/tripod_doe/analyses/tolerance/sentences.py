@@ -8,12 +8,13 @@ from statistics import NormalDist
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, label_of
+from tripod_doe.analyses.tolerance.chances import points_to_decide
+from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, limit_key
 from tripod_doe.analyses.tolerance.keeping import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.responses import listed, spoken, unit_text
-from tripod_doe.quantities import count_of, interval, number, with_unit
-from tripod_doe.study.definition.distributions import scaled_table, shifted_table
+from tripod_doe.quantities import count_of, interval, number, text_range, with_unit
+from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_file import FactorTable
 
 _MOST_NAMED = 3
@@ -21,7 +22,6 @@ _AMPLITUDE = "thrust_amplitude"
 _NOTABLE = 0.1  # of the largest order, from which on another one is stated
 _MOST_ORDERS = 6
 _WIDER = 1.2  # times an interval, from which on the error of the model is worth a sentence
-_MOST_DOUBLINGS = 10  # of the points of a run that is proposed
 
 
 def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
@@ -85,7 +85,7 @@ def _of_model(part: xr.Dataset) -> str:
 def _chance(part: xr.Dataset, key: str) -> str:
     """A chance in per cent with its interval: ``0.4 % (0.2 to 0.8 %)``."""
     low, value, high = (100 * float(part[name]) for name in (f"{key}_low", key, f"{key}_high"))
-    return f"{number(value, 2)} % ({number(low, 2)} to {number(high, 2)} %)"
+    return f"{number(value, 2)} % ({text_range(number(low, 2), number(high, 2))} %)"
 
 
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
@@ -133,11 +133,11 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     low, value, high = (float(part[f"exceedance{end}"]) for end in ("_low", "", "_high"))
     within = f"within {with_unit(number(float(part['limit'])), unit)}"
     said = []
-    if low <= 1 - keep < high:
-        more = _times_as_many(value, 1 - keep, int(part.attrs["samples_of_points"]))
-        said = [f"Whether {what} stays {within} with {100 * keep:g} % is not resolved by these points{more}."]
+    resolved = low > 1 - keep or high <= 1 - keep
+    if not resolved:
+        said = [f"Whether {what} stays {within} with {100 * keep:g} % is not resolved by these points."]
     if not value > 1 - keep:
-        return said
+        return said + _run_more(part, keep, resolved) + _nothing_to_confirm(part, f"{what} keeps its limit")
     names = [str(name) for name in part["factor"].values]
     tables = factor_tables(part)
     aim = f"To keep {what} {within} with {100 * keep:g} %"
@@ -146,9 +146,28 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     return [
         *said,
         *([f"{aim}, {ways[0][0]}"] if ways[0][1] else [_unresolved(aim, part)]),
-        *(sentence for sentence, each in ways[1:] if each),
+        *(sentence for sentence, _ in ways[1:] if sentence),
+        *_run_more(part, keep, resolved or bool(chances)),
         *(_confirmed(part, tables, keep) or (_confirmation(part, max(chances), 1 - keep) if chances else [])),
+        *([] if chances else _nothing_to_confirm(part, "these points resolve no change that keeps the limit")),
     ]
+
+
+def _run_more(part: xr.Dataset, keep: float, resolved: bool) -> list[str]:
+    """How many points resolve what these leave open: whether the limit is kept, and by which smaller scatter."""
+    used = int(part.attrs["samples_of_points"])
+    needed = [float(part["samples_to_resolve"])]
+    if not resolved and (points := points_to_decide(float(part["exceedance"]), 1 - keep, used)):
+        needed.append(float(points))
+    known = [points for points in needed if np.isfinite(points)]
+    if not known:
+        return []
+    return [f"To resolve this, set samples = {int(max(known))} in [design] and run the study again."]
+
+
+def _nothing_to_confirm(part: xr.Dataset, reason: str) -> list[str]:
+    """Why a confirmation that was asked for ran no points."""
+    return [f"No other points ran to confirm a change: {reason}."] if part.attrs.get("confirm") else []
 
 
 def _changed(name: str, table: FactorTable, now: FactorTable) -> str:
@@ -196,13 +215,11 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
 
 
 def _unresolved(aim: str, part: xr.Dataset) -> str:
-    """Why no smaller scatter is proposed, and how many points would be needed."""
+    """Why no smaller scatter is proposed."""
     if bool(part["scale_excluded"].values.astype(bool).all()):
         return f"{aim}, no smaller scatter of one factor or two is enough."
-    needed = float(part["samples_to_resolve"])
     points = f"{int(part.attrs['points_used']):,} points"
-    more = f"; set samples = {int(needed)} in [design] and run the study again" if np.isfinite(needed) else ""
-    return f"{aim}, these {points} resolve no smaller scatter of one factor or two that is enough{more}."
+    return f"{aim}, these {points} resolve no smaller scatter of one factor or two that is enough."
 
 
 def _cheapest(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> _Way:
@@ -225,7 +242,7 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     shifts = part["shift_to_keep"].values
     moved = [at for at in range(len(names)) if np.isfinite(shifts[at])][:_MOST_NAMED]
     if not moved:
-        return "", []
+        return _no_shift(names, tables), []
     ways = []
     for at in moved:
         name, shift = names[at], float(shifts[at])
@@ -236,23 +253,43 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
 
 
+def _no_shift(names: list[str], tables: Mapping[str, FactorTable]) -> str:
+    """Why no nominal value is proposed to be moved."""
+    listed_values = [name for name in names if scatter_density(tables[name]) is None]
+    bounded = [name for name in names if name not in listed_values and tables[name].high is not None]
+    reasons = []
+    if bounded:
+        reasons.append(f"these points lie between the bounds of {listed(list(map(spoken, bounded)))}, which would move")
+    if listed_values:
+        reasons.append(f"{listed(list(map(spoken, listed_values)))} has listed values")
+    if len(bounded) + len(listed_values) < len(names):
+        reasons.append("too few points lie where a moved scatter would have most of them")
+    return (
+        f"Whether the limit is kept by moving one nominal value is not resolved: {', and '.join(reasons)}; "
+        "a run with that value moved answers it."
+    )
+
+
 def _confirmed(part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float) -> list[str]:
     """What the points of another run say of the first change; nothing where there was none."""
     if CONFIRMED not in part or not np.isfinite(part[CONFIRMED]):
         return []
-    run = json.loads(str(part.attrs[RUNS]))[label_of(part)]
+    run = json.loads(str(part.attrs[RUNS]))[limit_key(part)]
     keys = listed([_changed(name, FactorTable(**table), tables[name]) for name, table in run["factors"].items()])
     low, high = (float(part[f"{CONFIRMED}_{end}"]) for end in ("low", "high"))
     verdict = "confirmed" if high <= 1 - keep else "refuted" if low > 1 - keep else "neither confirmed nor refuted"
     points, more = count_of(int(run["points"]), "other point"), ""
     if low <= 1 - keep < high:
-        more = f"; confirm = {_enough(float(part[CONFIRMED]), 1 - keep, int(run['points']))} would decide"
+        needed = points_to_decide(float(part[CONFIRMED]), 1 - keep, int(run["points"]))
+        more = f"; confirm = {needed} would decide" if needed else ""
     return [f"By {points} the change of {keys} is {verdict}: {_chance(part, CONFIRMED)} exceed the limit{more}."]
 
 
 def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     """The run that confirms a proposal: other points, and enough of them for the chance that is expected."""
-    samples = _enough(chance, allowed, int(part.attrs["samples_of_points"]))
+    samples = points_to_decide(chance, allowed, int(part.attrs["samples_of_points"]))
+    if samples is None:
+        return []
     return [
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
         f"study, with seed = {int(part.attrs['seed_of_points']) + 1} and samples = {samples} in [design], and run it: "
@@ -266,25 +303,6 @@ def _finer(part: xr.Dataset) -> str:
     return '; with model = "rollers" or "needles" in [base], since the error of this model counts here' * bool(
         _of_model(part)
     )
-
-
-def _enough(chance: float, allowed: float, least: int) -> int:
-    """Points, `least` times a power of two, whose interval of a chance lies on one side of what is allowed."""
-    points, z = least, NormalDist().inv_cdf(0.975)
-    for _ in range(_MOST_DOUBLINGS):
-        spread = z * math.sqrt(chance * (1 - chance) / points + (z / (2 * points)) ** 2)
-        middle, norm = chance + z**2 / (2 * points), 1 + z**2 / points
-        if not middle - spread <= allowed * norm < middle + spread:
-            return points
-        points *= 2
-    return points
-
-
-def _times_as_many(chance: float, allowed: float, used: int) -> str:
-    points = _enough(chance, allowed, used)
-    if points >= used * 2**_MOST_DOUBLINGS:
-        return ""
-    return f"; set samples = {points} in [design] and run the study again"
 
 
 def _percent(value: float, half: float) -> str:

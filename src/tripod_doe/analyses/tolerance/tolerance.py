@@ -279,6 +279,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         keep=settings.keep,
+        confirm=settings.confirm,
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
         **({"model_error_limit": float(np.nanmax(limit))} if (limit := _limit_of_model(cube, sample)).size else {}),
         seed_of_points=sample.design.seed,
