@@ -119,7 +119,7 @@ def model_error(
     models = set(columns["model"].astype(str).tolist())
     alike = _alike(columns["joint_angle_deg"], max(_LENGTH.get(model, _USUAL_LENGTH) for model in models))
     own, shared = whole.copy(), _each_order(np.sqrt(2) * whole * unit, alike)
-    second = f"of order 2 at most {100 * _OTHER:g} %" if 2 in orders and recorded.all() else None
+    of_second = f"of order 2 at most {100 * _OTHER:g} %" if 2 in orders and recorded.all() else None
     if 2 in orders and needles is not None and models == {_TURNING}:
         parts = _parts_of_grooves(needles, np.stack([columns[f"initial_skew_{at}_deg"] for at in (1, 2, 3)], axis=1))
         if np.isfinite(parts).all():
@@ -130,8 +130,10 @@ def model_error(
             of_grooves[:, at] = by_node.reshape(len(parts), -1)
             shared[:, at] = 0.0
             shared = np.concatenate([shared, of_grooves], axis=2)
-            second = "of the second order, parts of what each groove gives and of what the turning of its needles adds"
-    words = _origin(orders, bool(finest.all()), known, second)
+            of_second = (
+                "of the second order, parts of what each groove gives and of what the turning of its needles adds"
+            )
+    words = _origin(orders, bool(finest.all()), known, of_second)
     return ModelError(np.hypot(own, reported), shared, words)
 
 
