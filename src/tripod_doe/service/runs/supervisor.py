@@ -450,11 +450,8 @@ class Supervisor:
             steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
             if run.is_search and state is State.FINISHED:  # as many points as it took
                 counts = replace(counts, total=counts.finished + counts.failed)
-            self._put(
-                run.changed(
-                    state=state, message=message, counts=counts, steps=steps, eta_seconds=None, retry_failed=False
-                )
-            )
+            ended = run.changed(eta_seconds=None, retry_failed=False)
+            self._put(ended.changed(state=state, message=message, counts=counts, steps=steps))
             self._forget_work(run_id)
 
     def _read_annotations(self) -> None:
