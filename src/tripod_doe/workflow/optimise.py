@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.optimisation.candidates import FINDINGS
-from tripod_doe.analyses.optimisation.correction import corrected
-from tripod_doe.analyses.optimisation.front import Archive, front_rows, knee, spread
+from tripod_doe.analyses.optimisation.correction import Correction
+from tripod_doe.analyses.optimisation.front import Archive, apart, front_rows, knee, spread
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.neighbours import Neighbours, around, places_of
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
@@ -26,7 +26,7 @@ from tripod_doe.analyses.optimisation.result import (
     found_candidates,
     front_dataset,
 )
-from tripod_doe.analyses.optimisation.search import Polish, Search, polish_share, population_of
+from tripod_doe.analyses.optimisation.search import Polish, Search, first_generation, last_share, leading, population_of
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.quantities import number
@@ -85,6 +85,11 @@ class _Run:
         self._feasible = 0
         self._shown = time.monotonic()
         self.ended: list[float] = []  # the best first objective, to minimise, of each search that came to its end
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether a better model has the last word."""
+        return self.problem.confirm != self.problem.model
 
     @property
     def left(self) -> int:
@@ -162,21 +167,33 @@ class _Run:
     def search(self) -> float:
         """Try candidates until none is left, or all are known; returns the last step of a polish."""
         self._stages.begin("search")
-        kept = int(polish_share(len(self.problem.signs)) * self.table.evaluations)
+        kept = int(last_share(len(self.problem.signs), self.is_corrected) * self.table.evaluations)
         generation, known = 0, -1
         while self.left > kept and len(self._units) > known:  # until all candidates are known
             known = len(self._units)
             generation = self._search_once(generation, kept)
-        return self._polish(generation) if len(self.problem.signs) == 1 else np.nan
+        return self._polish(generation) if len(self.problem.signs) == 1 and not self.is_corrected else np.nan
 
     def _search_once(self, generation: int, kept: int) -> int:
         """Search until the candidates but those kept are tried, or nothing new comes; returns the generation."""
         problem, table, again = self.problem, self.table, len(self.ended)
         population = population_of(table.evaluations, table.population)
         start = problem.start_unit if not again else None
-        search = Search(
-            problem.variables, problem.signs, len(problem.constraints), population, table.seed + again, start
-        )
+        first = first_generation(problem.variables, population, table.seed + again, start)
+        search = Search(problem.variables, problem.signs, len(problem.constraints), first, table.seed + again)
+        generation, best = self._evolve(search, generation, kept, self.judged_at)
+        if search.is_over or not again:
+            self.ended.append(best)
+        return generation
+
+    def _evolve(
+        self, search: Search, generation: int, kept: int, judgement: Callable[[IntArray], Judged]
+    ) -> tuple[int, float]:
+        """Let a search propose generations; returns the next one's number, and the best first objective, to minimise.
+
+        Args:
+            judgement: How candidates are judged, by their rows.
+        """
         best = np.inf
         while self.left > kept and not search.is_over:
             units = search.ask()
@@ -186,14 +203,34 @@ class _Run:
             rows = self.try_out(units, generation)
             if (rows < 0).any():
                 break
-            judged = self.judged_at(rows)
+            judged = judgement(rows)
             search.tell(judged, before - self.left)
-            values = (judged.objectives[:, 0] * problem.signs[0])[judged.feasible]
+            values = (judged.objectives[:, 0] * self.problem.signs[0])[judged.feasible]
             best = min(best, float(values.min(initial=np.inf)))
             generation += 1
-        if search.is_over or not again:
-            self.ended.append(best)
-        return generation
+        return generation, best
+
+    def _search_corrected(self, correction: Correction, rounds: int) -> None:
+        """Search on the model as the better one corrects it, with its part of the candidates that are left.
+
+        Limits that it moves are not where the search before has looked for candidates.
+
+        Args:
+            rounds: Number of such searches, this one included.
+        """
+        problem, archive = self.problem, self.archive()
+        kept = self.left - self.left // rounds
+        population = min(population_of(self.table.evaluations, self.table.population), max(self.left // rounds // 2, 4))
+        better = correction(archive)
+        first = archive.units[leading(better.objectives * problem.signs, better, population)]
+        if len(first) < 4 or self.left == kept:
+            return
+        search = Search(problem.variables, problem.signs, len(problem.constraints), first, self.table.seed + rounds)
+
+        def judgement(rows: IntArray) -> Judged:
+            return correction.at(rows, np.array([self._units[row] for row in rows]), self.judged_at(rows))
+
+        self._evolve(search, int(archive.generation[-1]) + 1, kept, judgement)
 
     def _polish(self, generation: int) -> float:
         """Step around the best candidate of a single objective; returns the step at which none was better, or NaN."""
@@ -244,11 +281,15 @@ class _Run:
             "confirmation", f"the best candidates once more{f' by {problem.confirm}' * bool(problem.confirm)}"
         )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
-        chosen = self._leading(archive.judged)
+        chosen = self._first_confirmed(archive) if self.is_corrected else self._leading(archive.judged)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
-        for _ in range(_ROUNDS if fine else 0):
+        for rounds in range(_ROUNDS if fine else 0, 0, -1):
             assert fine is not None
-            better = corrected(archive, chosen, fine)
+            correction = Correction.of(archive, chosen, fine)
+            if self.left and self.is_corrected:
+                self._search_corrected(correction, rounds)
+                archive = self.archive()
+            better = correction(archive)
             new = np.array([row for row in self._leading(better, True) if row not in chosen], int)
             if not new.size:
                 break
@@ -284,6 +325,14 @@ class _Run:
             judged.take(np.arange(centres.size, len(judged.reasons))),
         )
         return Neighbours(centres, centre, variable, units, beside, at_centre)
+
+    def _first_confirmed(self, archive: Archive) -> IntArray:
+        """Candidates from which the difference of two models is learned: leading ones, far apart from each other."""
+        aims, most = archive.judged.objectives * self.problem.signs, self.table.confirmed
+        if aims.shape[1] > 1 and archive.judged.feasible.any():
+            return self._leading(archive.judged)
+        rows = leading(aims, archive.judged, max(len(aims) // 4, most))
+        return rows[apart(archive.units[rows], most)]
 
     def _leading(self, judged: Judged, is_corrected: bool = False) -> IntArray:
         """The candidates to confirm: some of the front far apart, or the best ones of a single objective.

@@ -65,8 +65,7 @@ def plan_optimisation(
     how = timing, recorded
     parts = [_part(problem, f"search{by}", table.evaluations, joints, problem.model, how)]
     if sampled or problem.confirm != problem.model:
-        count = 1 if len(problem.objectives) > 1 else 0
-        most = table.confirmed + 3 * max(table.confirmed // 2, 1) + count
+        most = table.confirmed + 3 * max(table.confirmed // 2, 1) + 1  # and the start
         by = f" by {problem.confirm}" if problem.confirm else ""
         joints = table.confirm_samples if sampled else 1
         parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, how))

@@ -1,7 +1,10 @@
 """Correction of one model by another: a Gaussian process of their difference, from few candidates."""
 
+from __future__ import annotations
+
 import warnings
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,51 +14,86 @@ from tripod_doe.array_types import FloatArray, IntArray
 
 _FEWEST = 4  # candidates from which on the difference is a process, and not its mean
 
+_Difference = Callable[[FloatArray], FloatArray]  # candidates on the unit cube -> difference, shape (candidate,)
 
-def corrected(archive: Archive, rows: IntArray, fine: Judged) -> Judged:
-    """All candidates of a search as the better model would judge them.
+
+@dataclass(frozen=True)
+class Correction:
+    """What a better model changes in the judgement of a search.
 
     Args:
-        rows: Those that the better model judged, too.
+        rows: Candidates of an archive that the better model judged, too.
         fine: Its judgement, in the order of `rows`.
-
-    Returns:
-        Of candidates that were judged its own judgement, of the others that of the search with the predicted
-        difference; reasons follow from the corrected violations.
+        objectives, violations: The difference that it makes, one of each objective and constraint.
     """
-    own = archive.judged
-    objectives = _shifted(archive.units, own.objectives, rows, fine.objectives)
-    violations = _shifted(archive.units, own.violations, rows, fine.violations)
-    reasons = list(own.reasons)
-    for at in range(len(reasons)):
-        broken = not np.isfinite(own.objectives[at]).all()
-        if not broken:
-            reasons[at] = (
-                "" if (violations[at] <= 0).all() else own.reasons[at] or "a limit, as the correction predicts"
-            )
-    for at, row in enumerate(rows.tolist()):
-        reasons[row] = fine.reasons[at]
-    return replace(own, objectives=objectives, violations=violations, reasons=reasons)
+
+    rows: IntArray
+    fine: Judged
+    objectives: list[_Difference]
+    violations: list[_Difference]
+
+    @classmethod
+    def of(cls, archive: Archive, rows: IntArray, fine: Judged) -> Correction:
+        """Learn the difference from the candidates that both models judged."""
+        own, places = archive.judged.take(rows), archive.units[rows]
+        both = ((fine.objectives, own.objectives), (fine.violations, own.violations))
+        learned = [[_learned(places, change) for change in (better - coarse).T] for better, coarse in both]
+        return cls(rows, fine, *learned)
+
+    def __call__(self, archive: Archive) -> Judged:
+        """All candidates of the archive, and of what was added to it, as the better model would judge them."""
+        return self.at(np.arange(len(archive.units)), archive.units, archive.judged)
+
+    def at(self, rows: IntArray, units: FloatArray, own: Judged) -> Judged:
+        """Some candidates as the better model would judge them.
+
+        Args:
+            rows: Their rows in the archive.
+            units: On the unit cube, shape (candidate, variable).
+            own: As the search judges them.
+
+        Returns:
+            Of candidates that were judged its own judgement, of the others that of the search with the predicted
+            difference; reasons follow from the corrected violations.
+        """
+        objectives = _shifted(units, own.objectives, self.objectives)
+        violations = _shifted(units, own.violations, self.violations)
+        reasons = list(own.reasons)
+        for at in np.flatnonzero(np.isfinite(own.objectives).all(axis=1)).tolist():
+            is_kept = (violations[at] <= 0).all()
+            reasons[at] = "" if is_kept else own.reasons[at] or "a limit, as the correction predicts"
+        places = {row: at for at, row in enumerate(self.rows.tolist())}
+        for at, row in enumerate(rows.tolist()):
+            if row in places:
+                _take_known(objectives[at], self.fine.objectives[places[row]])
+                _take_known(violations[at], self.fine.violations[places[row]])
+                reasons[at] = self.fine.reasons[places[row]]
+        return replace(own, objectives=objectives, violations=violations, reasons=reasons)
 
 
-def _shifted(units: FloatArray, values: FloatArray, rows: IntArray, fine: FloatArray) -> FloatArray:
-    """Values of the search with the difference that the better model makes, shape (candidate, quantity)."""
-    moved = values.copy()
-    for at in range(values.shape[1]):
-        difference = fine[:, at] - values[rows, at]
-        known = np.isfinite(difference)
-        if not known.any():
-            continue
-        moved[:, at] += _predicted(units[rows[known]], difference[known], units)
-        moved[rows[known], at] = fine[known, at]
-    return moved
+def _take_known(values: FloatArray, better: FloatArray) -> None:
+    """Put in what the better model says where it says something."""
+    np.copyto(values, better, where=np.isfinite(better))
 
 
-def _predicted(places: FloatArray, difference: FloatArray, units: FloatArray) -> FloatArray:
-    """The difference at all candidates, shape (candidate,)."""
-    spread = float(np.ptp(difference))
+def _shifted(units: FloatArray, values: FloatArray, differences: list[_Difference]) -> FloatArray:
+    """Values of the search with the differences, shape (candidate, quantity)."""
+    return values + np.stack([each(units) for each in differences], axis=1) if differences else values.copy()
+
+
+def _learned(places: FloatArray, difference: FloatArray) -> _Difference:
+    """The difference at any candidates, from those at which it is known; nothing where it is known at none.
+
+    Args:
+        places: Candidates on the unit cube, shape (candidate, variable).
+        difference: Shape (candidate,); NaN where it is not known.
+    """
+    known = np.isfinite(difference)
+    places, difference = places[known], difference[known]
+    spread = float(np.ptp(difference)) if known.any() else 0.0
     if len(difference) < _FEWEST or spread == 0:
-        return np.full(len(units), difference.mean())
+        mean = float(difference.mean()) if known.any() else 0.0
+        return lambda units: np.full(len(units), mean)
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, WhiteKernel
@@ -65,6 +103,5 @@ def _predicted(places: FloatArray, difference: FloatArray, units: FloatArray) ->
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound: the difference is even, or rough
         process.fit(places, difference)
-    predicted = process.predict(units)
-    # not further than the differences that were seen
-    return np.asarray(np.clip(predicted, difference.min() - spread, difference.max() + spread))
+    low, high = difference.min() - spread, difference.max() + spread  # not further than the differences that were seen
+    return lambda units: np.asarray(np.clip(process.predict(units), low, high))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from tripod_doe.analyses.optimisation.variables import Variables
 from tripod_doe.array_types import FloatArray, IntArray
 
 _NEAR = 0.01  # of a range, or of a limit: from here on it binds
+_TOUCHED = 0.001  # of a limit: from here on a value is at it
 
 
 @dataclass(frozen=True)
@@ -63,14 +65,23 @@ def knee(aims: FloatArray) -> int:
 
 def spread(aims: FloatArray, count: int) -> IntArray:
     """Some candidates of a front far apart from each other: the best in each aim, the knee, then the farthest ones."""
-    places = scaled(aims)
-    chosen = list(dict.fromkeys([*(int(k) for k in aims.argmin(axis=0)), knee(aims)]))[:count]
-    while len(chosen) < min(count, len(aims)):
+    first = list(dict.fromkeys([*(int(k) for k in aims.argmin(axis=0)), knee(aims)]))[:count]
+    return np.sort(apart(scaled(aims), count, first))
+
+
+def apart(places: FloatArray, count: int, first: Sequence[int] = (0,)) -> IntArray:
+    """Some points far apart from each other, shape (point,): the first ones, then always the farthest from all before.
+
+    Args:
+        places: Shape (point, dimension).
+    """
+    chosen = list(first)[: min(count, len(places))]
+    while len(chosen) < min(count, len(places)):
         distance = np.min([((places - places[k]) ** 2).sum(axis=1) for k in chosen], axis=0)
         if distance.max() == 0:
             break
         chosen.append(int(np.argmax(distance)))
-    return np.array(sorted(chosen))
+    return np.array(chosen, int)
 
 
 def binding(unit: FloatArray, violation: FloatArray, variables: Variables, constraints: list[str]) -> list[str]:
@@ -84,5 +95,7 @@ def binding(unit: FloatArray, violation: FloatArray, variables: Variables, const
             texts.append(f"{variable.name} at its lower bound")
         elif value >= 1 - edge - _NEAR * (not variable.levels):
             texts.append(f"{variable.name} at its upper bound")
-    texts += [f"{name} at its limit" for name, far in zip(constraints, violation.tolist(), strict=True) if far > -_NEAR]
+    for name, far in zip(constraints, violation.tolist(), strict=True):
+        if far > -_NEAR:
+            texts.append(f"{name} {'at' if far > -_TOUCHED else f'within {100 * _NEAR:g} % of'} its limit")
     return texts

@@ -121,6 +121,8 @@ def _check(request: OptimisationRequest) -> None:
             raise request.fail(where, "give low and high, or values = [...], or a formula by which it follows others")
         if given[0] and (variable.low is None or variable.high is None or variable.low >= variable.high):
             raise request.fail(where, f"low = {variable.low} must be below high = {variable.high}")
+        if "scale" in variable.model_fields_set and not given[0]:
+            raise request.fail(where, "scale belongs to a range: leave it out, or give low and high")
         if variable.scale == "log" and (variable.low or 0) <= 0:
             raise request.fail(where, f'low = {variable.low}: must be above 0 with scale = "log"')
     if all(variable.formula for variable in file.variables.values()):

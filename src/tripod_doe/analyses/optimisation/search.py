@@ -11,7 +11,7 @@ import numpy as np
 
 from tripod_doe.analyses.optimisation.measures import Judged
 from tripod_doe.analyses.optimisation.variables import Variables
-from tripod_doe.array_types import FloatArray
+from tripod_doe.array_types import FloatArray, IntArray
 
 _FEWEST, _MOST = 20, 100  # candidates of a generation
 _GENERATIONS = 100  # of a search, where that leaves enough candidates in each: more are better than larger ones
@@ -19,6 +19,7 @@ _FAILED = 10.0  # violation of a candidate that cannot be computed: more than li
 _IDLE = 10  # generations with hardly a new candidate, or with equal ones, after which a search is over
 _EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
 _POLISHED = 0.15  # share of the candidates with which a single objective is polished
+_CORRECTED = 0.5  # share of the candidates that a single objective searches on the model as a better one corrects it
 _WIDEST, _NARROWEST = 0.05, 1e-3  # step of the polish, as part of a range
 
 
@@ -33,30 +34,21 @@ class Search:
     Args:
         signs: 1 for an objective to minimise, -1 for one to maximise.
         constraints: Number of constraints.
-        start: A candidate of the first generation, on the unit cube; None without one.
+        first: The first generation on the unit cube, shape (candidate, variable).
     """
 
-    def __init__(
-        self,
-        variables: Variables,
-        signs: FloatArray,
-        constraints: int,
-        population: int,
-        seed: int,
-        start: FloatArray | None,
-    ) -> None:
+    def __init__(self, variables: Variables, signs: FloatArray, constraints: int, first: FloatArray, seed: int) -> None:
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
 
         self._variables, self._signs = variables, signs
         count = len(variables.chosen)
         self._problem = Problem(n_var=count, n_obj=len(signs), n_ieq_constr=constraints + 1, xl=0.0, xu=1.0)
-        first = _first_generation(variables, population, seed, start)
-        self._algorithm = _algorithm(len(signs), population, first, variables)
+        self._algorithm = _algorithm(len(signs), first, variables)
         self._algorithm.setup(self._problem, termination=NoTermination(), seed=seed, verbose=False)
         self._asked: Any = None
         self._worst: FloatArray | None = None
-        self._population, self._idle = population, 0
+        self._population, self._idle = len(first), 0
 
     def ask(self) -> FloatArray:
         """The next generation on the unit cube, shape (candidate, variable); empty where nothing new is left."""
@@ -93,8 +85,8 @@ class Search:
         self._idle = self._idle + 1 if alone or 10 * new <= self._population else 0
 
 
-def _first_generation(variables: Variables, population: int, seed: int, start: FloatArray | None) -> FloatArray:
-    """First candidates: the start, if there is one, and a latin hypercube."""
+def first_generation(variables: Variables, population: int, seed: int, start: FloatArray | None) -> FloatArray:
+    """First candidates of a search: the start, if there is one, and a latin hypercube."""
     from scipy.stats import qmc
 
     units = qmc.LatinHypercube(len(variables.chosen), rng=seed).random(population)
@@ -103,9 +95,25 @@ def _first_generation(variables: Variables, population: int, seed: int, start: F
     return variables.snapped(units)
 
 
-def _algorithm(objectives: int, population: int, first: FloatArray, variables: Variables) -> Any:
+def leading(aims: FloatArray, judged: Judged, count: int) -> IntArray:
+    """Candidates with which a search goes on: those nearest to feasible, of these the ones that fewest dominate.
+
+    Args:
+        aims: Objectives to minimise, shape (candidate, objective).
+    """
+    from moocore import pareto_rank
+
+    far = np.maximum(judged.violations, 0).sum(axis=1)
+    able = np.flatnonzero(np.isfinite(far) & np.isfinite(aims).all(axis=1))
+    rank = pareto_rank(aims[able]) if able.size else able
+    return np.asarray(able[np.lexsort((rank, far[able]))][:count])
+
+
+def _algorithm(objectives: int, first: FloatArray, variables: Variables) -> Any:
     """Differential evolution for one objective, NSGA-II for two, SMS-EMOA for more."""
     from pymoo.core.repair import Repair
+
+    population = len(first)
 
     class Snap(Repair):  # type: ignore[misc]
         """Candidates on the middles of their levels, so that equal ones are known as such."""
@@ -174,6 +182,11 @@ class Polish:
         return self.step >= _NARROWEST
 
 
-def polish_share(objectives: int) -> float:
-    """Share of the candidates that are kept for polishing."""
-    return _POLISHED if objectives == 1 else 0.0
+def last_share(objectives: int, is_corrected: bool) -> float:
+    """Share of the candidates that are kept for the end: of one objective, to polish it, or to search it as corrected.
+
+    The front of several has candidates on both sides of a limit; of one, all are drawn to where it was.
+    """
+    if objectives > 1:
+        return 0.0
+    return _CORRECTED if is_corrected else _POLISHED

@@ -80,9 +80,12 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     if touched:
         sentences.append(f"Binding: {listed(touched)}.")
     if np.isfinite(solved.polished):
+        has = [bool(variable.levels) for variable in problem.variables.chosen]
+        ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(has)) + ["to its next value"] * any(
+            has
+        )
         sentences.append(
-            f"No change of a single variable by {number(100 * solved.polished, 2)} % of its range, or to its next "
-            "value, improves the candidate on which the search ended."
+            f"No change of a single variable {', or '.join(ways)} improves the candidate on which the search ended."
         )
     if len(solved.ended) > 1:
         best = min(solved.ended)
@@ -93,7 +96,7 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     course = best_so_far(solved.archive, float(problem.signs[0]))
     final = course[-1]
     near = np.flatnonzero(np.abs(course - final) <= _LAST * abs(final))
-    if near.size:
+    if near.size and problem.confirm == problem.model:  # else the answer is not the last value of the search
         first, all_ = int(near[0]) + 1, len(course)
         sentences.append(
             f"The search came within 1 % of its last value after {first:,} of {all_:,} candidates; "

@@ -153,10 +153,12 @@ def make_variables(request: OptimisationRequest, simulator: Simulator, base: Map
 
 def _variable(parameter: Parameter, table: VariableTable) -> Variable:
     if table.values is not None:
-        levels = tuple(dict.fromkeys(parameter.check(value) for value in table.values))
+        levels = list(dict.fromkeys(parameter.check(value) for value in table.values))
         if len(levels) < 2:
             raise InputError("values: at least two different ones are needed")
-        return Variable(parameter, levels=levels)
+        if all(map(_is_number, levels)):  # neighbours in size are next to each other
+            levels.sort(key=lambda level: float(level or 0))
+        return Variable(parameter, levels=tuple(levels))
     low, high = float(table.low or 0), float(table.high or 0)
     if parameter.kind == "choice":
         raise InputError(f"give values = [...] from {', '.join(parameter.choices)}")
