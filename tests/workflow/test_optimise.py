@@ -76,6 +76,7 @@ def volume(front, names):
     return hypervolume(np.stack([front[name].values for name in names], axis=1), ref=np.full(len(names), 1.1))
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_front_of_zdt1(solve):
     """Published: Zitzler, Deb and Thiele 2000; its front f2 = 1 - sqrt(f1) has the hypervolume 1.21 - 1/3 to (1.1, 1.1)."""
     aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
@@ -84,6 +85,7 @@ def test_the_front_of_zdt1(solve):
     assert (front["f_2"].values >= 1 - np.sqrt(front["f_1"].values) - 1e-12).all()
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_front_of_dtlz2(solve):
     """Published: Deb and others 2002; its front is an octant of the unit sphere. With 10,000 candidates 2 % are left."""
     aims = {f"f_{k}": {"output": f"f{k}"} for k in (1, 2, 3)}
@@ -92,6 +94,7 @@ def test_the_front_of_dtlz2(solve):
     assert (sum(front[name].values ** 2 for name in aims) >= 1 - 1e-12).all()
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_million_joints_by_brute_force(solve):
     """Exact: the global optimum of a grid of 100^3 with many local ones, within 1 % for 0.2 % of its price."""
     i, j, k = (axis / 99 for axis in np.meshgrid(*[np.arange(100)] * 3, indexing="ij"))
@@ -178,6 +181,7 @@ def test_nothing_feasible_says_what_is_nearest(solve):
     assert "The nearest one is x = 0" in summary.lines[1]
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_kill_changes_nothing(solve, monkeypatch):
     """Invariance: a search that was stopped twice ends with the same front, and computes each point once."""
     aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
@@ -201,6 +205,7 @@ def test_a_kill_changes_nothing(solve, monkeypatch):
     assert parts.front.drop_attrs().identical(whole.front.drop_attrs())
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_quantile_of_a_scatter(solve):
     """Exact: scatter about x has its quantile of (x - 1)^2 smallest at x = 1, and s adds 1.645 deviations."""
     summary = solve(
@@ -290,6 +295,7 @@ def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
     assert "not known" not in page
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_limit_that_the_better_model_moves_is_used_up(tmp_path):
     """Brute force by `kinetostatic`, 29 x 17 joints with a cubic between: 71.75 mm. Its pressures are 24 % above those of
     the search. Regression: 3 to 4 % above it, and a pressure of 1,768 to 1,777 MPa."""
@@ -351,6 +357,7 @@ evaluations = 36
 """
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_whole_numbers_a_catalogue_and_a_value_that_follows_by_brute_force(tmp_path):
     """Exact: all 36 joints, and the pitch diameter that follows each; the front and the best one within a limit."""
     joints = [(count, size) for count in range(23, 32) for size in (1.6, 1.8, 2.0, 2.2)]
@@ -388,6 +395,7 @@ def test_whole_numbers_a_catalogue_and_a_value_that_follows_by_brute_force(tmp_p
     assert "No change of a single variable to its next value improves" in " ".join(best.lines)
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_listed_numbers_are_searched_by_size(solve):
     """Regression: the last one of the list, 0.3, was its upper bound, and 0.1 and 0.6 next to each other."""
     best = solve("hole", {"x": {"values": [0.6, 0.1, 0.3]}}, {"s": {"output": "stress"}}, search={"evaluations": 9})
