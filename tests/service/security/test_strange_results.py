@@ -160,7 +160,7 @@ class BusyPool(WorkerPool):
     def __init__(self):
         pass
 
-    def ask(self, question, seconds, as_json=False, **arguments):
+    def ask(self, question, seconds, as_json=False, left=None, **arguments):
         raise AllBusyError
 
 
