@@ -367,9 +367,7 @@ class Supervisor:
 
     def _look_after(self) -> None:
         while not self._ended.wait(_PERIOD):
-            with self._lock:
-                active = [run for run in self._runs.values() if run.state.alive]
-            for run in active:
+            for run in [run for run in self.all() if run.state.alive]:
                 self._for_one(run, self._look_at)
             if self.settings.read_only:
                 with _logged("the table of runs"):
@@ -456,13 +454,11 @@ class Supervisor:
 
     def _read_annotations(self) -> None:
         """Take over what the command line wrote about runs."""
-        with self._lock:
-            places = {run_id: self.directory(run_id) for run_id in self._runs}
-        for run_id, annotation in self._annotation_files.changed(places.items()):
-            with self._lock:
+        files = self._annotation_files
+        for run_id, annotation in files.changed([(run.id, self.directory(run.id)) for run in self.all()]):
+            with self._lock:  # `annotate` may have been first
                 run = self._runs.get(run_id)
-                current = self._annotation_files.is_current(run_id, places[run_id])  # else `annotate` was first
-                if run is not None and current and annotation != run.annotation:
+                if run and run.annotation != annotation and files.is_current(run_id, self.directory(run_id)):
                     self._put(with_annotation(run, annotation))
 
     def _interrupt(self, run_id: str) -> None:
