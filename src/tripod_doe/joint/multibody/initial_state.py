@@ -11,14 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from tripod_doe.array_types import FloatArray
 
 GROOVE_ANGLES = np.radians([0.0, 120.0, 240.0])
 _STEP = 1e-4  # rad; the differences' error is below 1e-8 of a velocity
-_X, _Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+_Z = np.array([0.0, 0.0, 1.0])
+_OUTWARD = np.stack([np.cos(GROOVE_ANGLES), np.sin(GROOVE_ANGLES), 0.0 * GROOVE_ANGLES])
+"""Of the trunnions in the shaft's axes and the grooves in the housing's, as columns."""
+_TRUNNIONS = Rotation.from_euler("ZY", np.column_stack([GROOVE_ANGLES, np.full(3, np.pi / 2)]))
+"""Attitudes of the trunnions in the shaft's axes: their z axis points outward."""
+_NEWTON, _NO_TURN = 50, 1e-12
+"""Iterations at most, and the last turn in rad: what is left is its square."""
 
 
 @dataclass(frozen=True)
@@ -41,40 +46,55 @@ class InitialState:
     rollers: tuple[Pose, Pose, Pose]  # of the rollers' centres; their z axes are the trunnions', outward
 
 
-def _frame(axis: FloatArray, fork: FloatArray) -> Rotation:
-    """Attitude with a given z axis and, across it, a y axis perpendicular to the `fork` of the other body."""
-    across = np.cross(axis, fork)
-    across /= np.linalg.norm(across)
-    return Rotation.from_matrix(np.column_stack([np.cross(across, axis), across, axis]))
+def _shaft_attitudes(ideal: FloatArray, end: FloatArray, length: float, passed: FloatArray) -> FloatArray:
+    """Attitude of the shaft whose trunnion axes pass given points of the groove axes, by Newton's method.
+
+    Args:
+        ideal: To start from, shape (angle, 3, 3).
+        end: Of the shaft, outboard, shape (angle, 3).
+        length: Of the shaft in mm.
+        passed: Point of every groove axis in the plane of the housing, as columns, shape (3, groove).
+
+    Returns:
+        Attitudes, shape (angle, 3, 3).
+
+    Raises:
+        ValueError: If the trunnions cannot pass these points.
+    """
+    attitude = ideal
+    for _ in range(_NEWTON):
+        trunnions, arm = attitude @ _OUTWARD, length * attitude[..., 2]
+        away = passed - (end - arm)[..., None]
+        away[:, 2] = 0.0  # rollers may stand anywhere along their groove
+        missed = trunnions[:, 0] * away[:, 1] - trunnions[:, 1] * away[:, 0]
+        # a turn w changes a trunnion's axis t by w x t, and what is missing to the groove by w x arm
+        slopes = trunnions[:, 2, None] * away - arm[:, 2, None, None] * trunnions
+        slopes[:, 2] += (trunnions * (arm[..., None] - away)).sum(axis=1)
+        turn = np.linalg.solve(slopes.swapaxes(1, 2), -missed[..., None])[..., 0]
+        attitude = Rotation.from_rotvec(turn).as_matrix() @ attitude
+        if np.abs(turn).max() < _NO_TURN:
+            return attitude
+    raise ValueError("the trunnions cannot pass the groove axes at this distance")
 
 
-def _attitudes(
-    angle: float, theta: float, outboard: float, length: float, pitch: float, lag: float
-) -> tuple[list[FloatArray], list[Rotation]]:
-    """Points (spider, outboard end, three roller centres) and attitudes (shaft, output, three trunnions)."""
-    turned = Rotation.from_rotvec([0.0, 0.0, -angle])
+def _places(
+    angles: FloatArray, theta: float, outboard: float, length: float, pitch: float, lag: float
+) -> tuple[FloatArray, Rotation, Rotation]:
+    """Points (spider, outboard end, three roller centres), shape (point, angle, 3); attitudes of shaft and output."""
+    turned = Rotation.from_rotvec(np.multiply.outer(-angles, _Z))
     end = turned.apply(length * np.array([np.sin(theta), 0.0, np.cos(theta)]))
-    ideal = turned * Rotation.from_rotvec([0.0, theta, 0.0]) * Rotation.from_rotvec([0.0, 0.0, angle])
-    outward = np.column_stack([np.cos(GROOVE_ANGLES), np.sin(GROOVE_ANGLES), np.zeros(3)])
-    behind = -lag * np.cross(_Z, outward)
-
-    def gaps(unknown: FloatArray) -> FloatArray:
-        shaft = Rotation.from_rotvec(unknown[:3]) * ideal
-        on_trunnion = end - length * shaft.apply(_Z) + unknown[3:6, None] * shaft.apply(outward)
-        in_groove = pitch * outward + behind + unknown[6:, None] * _Z
-        difference: FloatArray = (on_trunnion - in_groove).ravel()
-        return difference
-
-    guess = np.concatenate([np.zeros(3), np.full(3, pitch), -pitch * np.tan(theta) * np.cos(GROOVE_ANGLES + angle)])
-    solution = root(gaps, guess, tol=1e-14).x
-    shaft = Rotation.from_rotvec(solution[:3]) * ideal
-    centres = list(pitch * outward + behind + solution[6:, None] * _Z)
-    trunnions = [
-        shaft * Rotation.from_rotvec(a * _Z) * Rotation.from_rotvec([0.0, np.pi / 2, 0.0]) for a in GROOVE_ANGLES
-    ]
+    ideal = turned * Rotation.from_rotvec([0.0, theta, 0.0]) * turned.inv()
+    passed = pitch * _OUTWARD - lag * np.cross(_Z, _OUTWARD, axisb=0, axisc=0)
+    shaft = _shaft_attitudes(ideal.as_matrix(), end, length, passed)
+    trunnions, spider = shaft @ _OUTWARD, end - length * shaft[..., 2]
+    level, away = trunnions[:, :2], passed[:2] - spider[:, :2, None]
+    climbed = trunnions[:, 2] * (level * away).sum(axis=1) / (level * level).sum(axis=1)
+    rollers = passed.T[:, None] + _Z * (spider[:, 2, None] + climbed).T[..., None]
     axis = turned.apply([np.sin(theta - outboard), 0.0, np.cos(theta - outboard)])
-    output = _frame(axis, shaft.apply(_X))
-    return [end - length * shaft.apply(_Z), end, *centres], [shaft, output, *trunnions]
+    across = np.cross(axis, shaft[..., 0])  # the fork of the output shaft is square to the shaft's
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    output = np.stack([np.cross(across, axis), across, axis], axis=2)
+    return np.stack([spider, end, *rollers]), Rotation.from_matrix(shaft), Rotation.from_matrix(output)
 
 
 def initial_state(
@@ -92,13 +112,16 @@ def initial_state(
     Raises:
         ValueError: If the trunnions cannot pass the groove axes so.
     """
-    at, before, after = (
-        _attitudes(angle, joint_angle, outboard_angle, shaft_length, pitch_radius, lag)
-        for angle in (0.0, -_STEP, _STEP)
+    angles = _STEP * np.array([-1.0, 0.0, 1.0])
+    points, shaft, output = _places(angles, joint_angle, outboard_angle, shaft_length, pitch_radius, lag)
+    per_second = speed / (2 * _STEP)
+    velocities = (points[:, 2] - points[:, 0]) * per_second
+    turns, turns_of_output = ((each[2] * each[0].inv()).as_rotvec() * per_second for each in (shaft, output))
+    rollers = [
+        Pose(points[2 + k, 1], shaft[1] * _TRUNNIONS[k], velocities[2 + k], turns) for k in range(GROOVE_ANGLES.size)
+    ]
+    return InitialState(
+        Pose(points[0, 1], shaft[1], velocities[0], turns),
+        Pose(points[1, 1], output[1], velocities[1], turns_of_output),
+        (rollers[0], rollers[1], rollers[2]),
     )
-    poses = []
-    for i in range(5):
-        velocity = (after[0][i] - before[0][i]) * (speed / (2 * _STEP))
-        turn = (after[1][i] * before[1][i].inv()).as_rotvec() * (speed / (2 * _STEP))
-        poses.append(Pose(at[0][i], at[1][i], velocity, turn))
-    return InitialState(poses[0], poses[1], (poses[2], poses[3], poses[4]))
