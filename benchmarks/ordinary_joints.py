@@ -29,6 +29,13 @@ ORDINARY = {
 ALL = 2000
 
 
+def drawn_joints(count: int) -> dict[str, np.ndarray]:
+    """Columns of the first of all ordinary joints."""
+    low, high = np.transpose(list(ORDINARY.values()))
+    unit = qmc.LatinHypercube(len(ORDINARY), rng=np.random.default_rng(34)).random(ALL)[:count]
+    return dict(zip(ORDINARY, qmc.scale(unit, low, high).T, strict=True))
+
+
 def stated_limits(drawn: dict[str, np.ndarray]) -> np.ndarray:
     """Limits with and without a look at vibrations, told with the price of each; those with it, shape (joint,)."""
     count = len(drawn["torque_n_m"])
@@ -67,9 +74,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=ALL)
     parser.add_argument("--held", type=int, default=0)
     arguments = parser.parse_args()
-    low, high = np.transpose(list(ORDINARY.values()))
-    unit = qmc.LatinHypercube(len(ORDINARY), rng=np.random.default_rng(34)).random(ALL)[: arguments.count]
-    drawn = dict(zip(ORDINARY, qmc.scale(unit, low, high).T, strict=True))
+    drawn = drawn_joints(arguments.count)
     limit = stated_limits(drawn)
     if arguments.held:
         held(drawn, limit, arguments.held)

@@ -159,6 +159,7 @@ def test_which_model_computes_which_output():
         "thrust_amplitude_error",
         "thrust_amplitude_by_cycle",
         "thrust_amplitude_settled",
+        "thrust_amplitude_step_error",
     }
     computed = {name: set(thrust) for name in MODELS}
     for outputs, _, *cells in table("reference/outputs.md", "outputs"):

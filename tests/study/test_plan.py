@@ -10,6 +10,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
+from tripod_doe.joint.outputs import CYCLE_OUTPUTS
 from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
@@ -63,8 +64,7 @@ SMALL = {
 @pytest.mark.parametrize("scene", SCENES)
 def test_planned_bytes_are_those_of_the_cube(scene):
     """Exact: whatever becomes of a point, its cube holds every output at the length that the plan counts."""
-    of_kinetostatic = ("thrust_amplitude_by_cycle", "thrust_amplitude_settled")  # optional: no other model has them
-    outputs = [name for name in load_simulator(scene).outputs if name not in of_kinetostatic]
+    outputs = [name for name in load_simulator(scene).outputs if name not in CYCLE_OUTPUTS]  # of kinetostatic alone
     base = "\n".join(f"{name} = {value!r}" for name, value in SMALL[scene].items())
     study = parse_study(
         f'[study]\nname = "b"\nscene = "{scene}"\n[base]\n{base}\n[keep]\noutputs = {outputs}\n[factors.replicate]\nvalues = [0]\n'

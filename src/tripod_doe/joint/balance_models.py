@@ -102,10 +102,11 @@ def _balance_chunk(
     outputs: dict[str, FloatArray] = {}
     each, turns_on = solution.groove_thrust[:, None], np.zeros(straight.size, bool)
     if solution.revolutions is not None:
-        each, repeating, repeat = solution.revolutions.each, solution.revolutions.repeating, solution.revolutions.repeat
-        each[straight], repeating[straight], repeating[~repeat] = 0.0, 0.0, np.nan
+        revolutions = solution.revolutions
+        each, repeating, repeat, finer = revolutions.each, revolutions.repeating, revolutions.repeat, revolutions.finer
+        each[straight], repeating[straight], finer[straight], repeating[~repeat] = 0.0, 0.0, 0.0, np.nan
         turns_on = (points.settled_needles > 0) & ~repeat
-        outputs = cycle_outputs(each, repeating, keep)
+        outputs = cycle_outputs(each, repeating, finer, keep)
     outputs |= thrust_outputs(each[:, -2:], keep)
     if not set(PART_OUTPUTS).isdisjoint(keep):
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)

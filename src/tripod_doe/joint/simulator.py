@@ -20,7 +20,7 @@ from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_erro
 from tripod_doe.joint.model import Model
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.order_accuracy import OrderAccuracy
-from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATES, VIBRATION_VERDICT
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes
@@ -126,9 +126,10 @@ class JointSimulator(Simulator):
 
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
         """Relative numerical error of the third order, where the run reports it; zero of an order that is zero."""
-        if not {"thrust_amplitude", "thrust_amplitude_error"} <= outputs.keys():
+        known = [outputs[name][:, 3] for name in ("thrust_amplitude_error", STEP_ERROR) if name in outputs]
+        if "thrust_amplitude" not in outputs or not known:
             return None
-        size, error = (outputs[name][:, 3] for name in ("thrust_amplitude", "thrust_amplitude_error"))
+        size, error = outputs["thrust_amplitude"][:, 3], np.fmax.reduce(known)
         return np.asarray(np.divide(error, size, out=np.zeros_like(error), where=size > 0))
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:

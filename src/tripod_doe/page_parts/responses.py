@@ -37,7 +37,7 @@ ORDINALS = (
 """Orders in words."""
 
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
-ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
+ERRORS = ("thrust_amplitude_error", "thrust_amplitude_step_error", "thrust_amplitude_scatter")
 """Outputs with the numerical error of the orders."""
 
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence

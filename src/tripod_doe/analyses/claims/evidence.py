@@ -72,7 +72,7 @@ class Point:
         """Amplitude of an order of the thrust, with the larger of its numerical error and its scatter."""
         errors = [
             float(self.data[name].sel(order=order))
-            for name in ("thrust_amplitude_error", "thrust_amplitude_scatter")
+            for name in ("thrust_amplitude_error", "thrust_amplitude_step_error", "thrust_amplitude_scatter")
             if name in self.data
         ]
         known = [error for error in errors if math.isfinite(error)]

@@ -66,7 +66,7 @@ from tripod_doe.joint.geometry.roller_inertia import roller_inertia
 from tripod_doe.joint.needle_dynamics.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needle_dynamics.needle_constants import needle_constants
 from tripod_doe.joint.needle_dynamics.needle_contact import FARTHEST
-from tripod_doe.joint.outputs import BY_CYCLE, SETTLED
+from tripod_doe.joint.outputs import BY_CYCLE
 from tripod_doe.joint.values import JointValues
 
 _ON_AVERAGE = 2 / math.pi
@@ -157,5 +157,5 @@ def solve_kinetostatic(
     record = reader is not None and reader.of_needles
     count = int(points.cycles[0]) if BY_CYCLE in names else 2
     followers = Followers.of(points, needle_constants(points), skews, samples, needles_move, count, record)
-    revolutions = Revolutions.of(points.torque.size, count, samples, SETTLED in names)
+    revolutions = Revolutions.of(points.torque.size, count, samples, names)
     return solve_balance(points, columns, penetration, samples, followers, reader, revolutions)

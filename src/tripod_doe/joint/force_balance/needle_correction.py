@@ -143,7 +143,8 @@ class Followers:
     _table: FloatArray
     _initial: FloatArray
     _memory: NeedleMemory
-    _carrying: dict[int, tuple[NeedleLoads, NeedleRing]]  # memory by blocks of eight needles that carry
+    # memory by blocks of eight needles that carry, and by steps of a revolution
+    _carrying: dict[tuple[int, int], tuple[NeedleLoads, NeedleRing]]
     _move: bool
     _records: NDArray[np.void]  # of every needle of the last point, shape (trunnion, 2 x sample, needle), or empty
 
@@ -186,8 +187,8 @@ class Followers:
                 held, place = ring.held[k].reshape(-1), ring.forces.places[0, k]
                 _add_swing(row, memory, k, (held, held), (place, place))
             return
-        ring.blocks[0] = -(-press_needles(table, ring.motions, ring.steps) // WIDTH)
-        self._turn(i, tilt, table, self.skews[i])
+        self._press(ring.steps, table)
+        self._turn(i, tilt, table, self.skews[i], ring.steps)
         _add_needles(row, memory, ring, self.revolutions - 2, self.revolutions - 1)
 
     def add(self, row: FloatArray, memory: Memory, revolution: int) -> None:
@@ -197,16 +198,29 @@ class Followers:
     def follow_on(self, row: FloatArray, memory: Memory, i: int) -> None:
         """As `follow` along the same motion, until needles repeat."""
         table = np.array(NeedleConstants._make(self._table[i])._replace(settles=1.0))
-        self._turn(i, row[TILT] / PointConstants._make(row).roller_radius, table, self.skews[i].copy())
+        self._follow_again(row, memory, i, table, self._memory.steps)
+
+    def follow_in_half_steps(self, row: FloatArray, memory: Memory, i: int) -> None:
+        """As `follow` along the same motion, in steps of half the size."""
+        steps, table = NeedleSteps.for_samples(self._memory.motions.samples, finer=2), self._table[i]
+        self._press(steps, table)
+        self._follow_again(row, memory, i, table, steps)
+
+    def _follow_again(self, row: FloatArray, memory: Memory, i: int, table: FloatArray, steps: NeedleSteps) -> None:
+        self._turn(i, row[TILT] / PointConstants._make(row).roller_radius, table, self.skews[i].copy(), steps)
         _add_needles(row, memory, self._memory, self.revolutions - 2, self.revolutions - 1)
 
-    def _turn(self, i: int, tilt: float, table: FloatArray, skews: FloatArray) -> None:
+    def _press(self, steps: NeedleSteps, table: FloatArray) -> None:
+        """Find the shifts of the rollers at these steps of the motion that was read."""
+        self._memory.blocks[0] = -(-press_needles(table, self._memory.motions, steps) // WIDTH)
+
+    def _turn(self, i: int, tilt: float, table: FloatArray, skews: FloatArray, steps: NeedleSteps) -> None:
         """Move the needles of point i along the motion that was read."""
-        ring, blocks = self._memory, int(self._memory.blocks[0])
-        if blocks not in self._carrying:
-            self._carrying[blocks] = NeedleLoads.for_blocks(blocks, ring.steps.steps), NeedleRing.for_blocks(blocks)
-        needles = self._carrying[blocks]
-        follow_rollers(table, self._initial[i], tilt, ring.steps, *needles, ring.forces, skews, self._records)
+        size = int(self._memory.blocks[0]), steps.steps
+        if size not in self._carrying:
+            self._carrying[size] = NeedleLoads.for_blocks(*size), NeedleRing.for_blocks(size[0])
+        needles, forces = self._carrying[size], self._memory.forces
+        follow_rollers(table, self._initial[i], tilt, steps, *needles, forces, skews, self._records)
 
     def moves(self, i: int) -> bool:
         """Whether the needles of point i moved."""

@@ -7,6 +7,7 @@ last but one is as far from their mean as the last: the thrust is all but linear
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import PointConstants
 from tripod_doe.joint.force_balance.samples import Memory
 from tripod_doe.joint.force_balance.thrust_and_power import thrust_alone
+from tripod_doe.joint.outputs import SETTLED, STEP_ERROR
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
 
 _DIFFERS, _SETTLES = 1e2, 1e1
@@ -32,20 +34,26 @@ class Revolutions:
     # once needles repeat, shape (point, groove, sample), NaN where that was not asked; and whether they do
     repeating: FloatArray
     repeat: NDArray[np.bool_]
-    asked: bool  # whether `repeating` was asked
+    # mean of the last two with needles in steps of half the size, shape (point, groove, sample), NaN where not asked
+    finer: FloatArray
+    asked: frozenset[str]  # outputs that need more than each revolution
 
     @classmethod
-    def of(cls, points: int, count: int, samples: int, asked: bool) -> Revolutions:
-        """No thrust in a number of revolutions."""
-        shape = (points, 3, samples)
-        repeating = np.full(shape, 0.0 if asked else np.nan)
-        return cls(np.zeros((points, count, 3, samples)), repeating, np.ones(points, bool), asked)
+    def of(cls, points: int, count: int, samples: int, names: Collection[str]) -> Revolutions:
+        """No thrust in a number of revolutions, with what these outputs need."""
+        asked = frozenset(names).intersection((SETTLED, STEP_ERROR))
+        repeating, finer = (
+            np.full((points, 3, samples), 0.0 if name in asked else np.nan) for name in (SETTLED, STEP_ERROR)
+        )
+        return cls(np.zeros((points, count, 3, samples)), repeating, np.ones(points, bool), finer, asked)
 
     def all_alike(self, i: int, thrust: FloatArray) -> None:
         """Let all revolutions of point i have the same thrust."""
         self.each[i] = thrust
-        if self.asked:
+        if SETTLED in self.asked:
             self.repeating[i] = thrust
+        if STEP_ERROR in self.asked:
+            self.finer[i] = thrust
 
     def follow(self, i: int, row: FloatArray, memory: Memory, followers: Followers, mean: FloatArray) -> None:
         """Solve the revolutions of point i, whose balance with the mean of the last two stands in `memory`.
@@ -63,10 +71,13 @@ class Revolutions:
             followers.add(row, memory, revolution)
             self.each[i, revolution] = _thrust(row, memory, mean, _DIFFERS)
         self.each[i, -2] = 2 * mean - self.each[i, -1]
-        if self.asked and not followers.settles(i):
+        if SETTLED in self.asked and not followers.settles(i):
             followers.follow_on(row, memory, i)
             self.repeating[i] = _thrust(row, memory, mean, _SETTLES)
         self.repeat[i] = followers.repeat
+        if STEP_ERROR in self.asked:
+            followers.follow_in_half_steps(row, memory, i)
+            self.finer[i] = _thrust(row, memory, mean, _SETTLES)
 
 
 def _thrust(row: FloatArray, memory: Memory, otherwise: FloatArray, loose: float) -> FloatArray:

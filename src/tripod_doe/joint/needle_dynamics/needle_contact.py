@@ -14,12 +14,12 @@ from tripod_doe.mechanics.laws.contact import contact_secant
 
 FARTHEST = 0.35
 """Place of a load along a needle over its length, at most."""
-PLACE, SKEW, TRUNNION, BORE, STOP = 0, 1, 2, 5, 8
-"""Rows of the state of eight needles: along the trunnion from the middle in mm, psi in rad, contacts, and
-the force of the outer stop in N, negative at the inner one."""
+PLACE, SKEW, TRUNNION, BORE, STOP, SIDE = 0, 1, 2, 5, 8, 9
+"""Rows of the state of eight needles: along the trunnion from the middle in mm, psi in rad, contacts, the force of the
+outer stop in N, negative at the inner one, and 1 at the outer stop, -1 at the inner one, 0 between them."""
 DEPTH, LEAN, VARIANCE = range(3)
 """Rows of a contact: compression in the middle and its slope, and <(x - x_f)^2> of the stations."""
-ROWS = 9
+ROWS = 10
 _ONE = 1e-9
 """Determinant over the largest, below which one sphere carries alone."""
 

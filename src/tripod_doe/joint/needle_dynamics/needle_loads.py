@@ -75,9 +75,9 @@ class NeedleSteps(ByReference):
     carried: FloatArray  # sum of all needles' loads
 
     @classmethod
-    def for_samples(cls, samples: int) -> NeedleSteps:
-        """Memory for a number of samples per revolution."""
-        parts = -(-_LEAST_STEPS // samples)
+    def for_samples(cls, samples: int, finer: int = 1) -> NeedleSteps:
+        """Memory for a number of samples per revolution, and steps that are so many times finer than usual."""
+        parts = finer * -(-_LEAST_STEPS // samples)
         steps = samples * parts
         shape = (3, -(-steps // WIDTH), WIDTH)
         reals, wholes = (lambda: np.zeros(shape)), (lambda: np.zeros(shape, np.int64))

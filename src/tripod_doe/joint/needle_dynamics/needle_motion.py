@@ -63,6 +63,7 @@ from tripod_doe.joint.needle_dynamics.needle_contact import (
     LEAN,
     PLACE,
     ROWS,
+    SIDE,
     SKEW,
     STOP,
     TRUNNION,
@@ -74,6 +75,7 @@ from tripod_doe.joint.needle_dynamics.needle_contact import (
 from tripod_doe.joint.needle_dynamics.needle_loads import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, station
 from tripod_doe.mechanics.arithmetic.simd_lanes import (
     WIDTH,
+    everywhere,
     exponential,
     load,
     logarithm,
@@ -92,7 +94,8 @@ RECORD = np.dtype([(name, float) for name in ("load", "angle", "place", "skew", 
 """State of a needle that is recorded: its angle from the load, largest load per length on the trunnion, and others."""
 
 _REFRESHED = 4
-"""Steps for which the loads' spread along a needle is kept."""
+"""Steps for which the loads' spread along a straight needle is kept. That along a crowned one is followed in each step:
+it changes more with the load, and with it all resistance to yaw."""
 _FIRST_LOOKS = 3
 """Newton steps towards the spread along a needle that comes under load."""
 _MOST_SLIP = 300.0
@@ -134,21 +137,31 @@ def _move(c, state, carried, motion, gap, turned, duration):
     # thrown as far as friction on trunnion and bore can hold it
     slope = tilt * turned[0] + yaw * turned[1] - min(c.thrown / max(carried, 1e-30), 2.0 * c.sliding)
     free = _free_slip(c, total, slope)
-    wanted = place + (free + turning) / cosine * duration
+    moved = (free + turning) / cosine * duration
+    wanted = place + moved
     reach = c.reach + 0.5 * c.length * (1.0 - cosine)
     stopped = abs(wanted) > reach
     side = select(wanted > 0.0, spread(1.0), spread(-1.0))
+    # the part of the step in which a needle is stopped: the rest of that in which it comes to its stop
+    rest = min((abs(wanted) - reach) / max(abs(moved), 1e-30), 1.0)
+    share = select(stopped, select(side * load(state, SIDE) > 0.0, 1.0, rest), 0.0)
+    store(state, SIDE, select(stopped, side, 0.0))
     new_place = select(stopped, side * reach, wanted)
     on_trunnion = select(stopped, -turning, free)
     steepest = 1.0 / c.transition
     over_t, over_b = steepest * on_trunnion, steepest * (total - on_trunnion)
     hold_t, hold_b = relative_tangent(abs(over_t)), relative_tangent(abs(over_b))
     drag_t, drag_b = c.sliding * over_t * hold_t, c.sliding * over_b * hold_b
+    yields = on_t * hold_t + on_b * hold_b
+    if not everywhere(share * (1.0 - share) <= 0.0):
+        hold_t, hold_b = relative_tangent(abs(steepest * free)), relative_tangent(abs(steepest * (total - free)))
+        yields = share * yields + (1.0 - share) * (on_t * hold_t + on_b * hold_b)
     stop = select(stopped, max(side * (drag_b - drag_t - slope), 0.0), 0.0)
     store(state, STOP, side * stop * carried)
+    stop = share * stop
     rubbing = rubs * stop
     wedge = (1.0 / c.pitch_radius) * (on_t - on_b)
-    held = c.sliding / c.transition * (on_t * hold_t + on_b * hold_b)
+    held = c.sliding / c.transition * yields
     lever = 0.5 * c.length - side * load_centre(c, offset, new_place)
     moments = wedge * skew + lever * (stop * sine + side * rubbing)
     # the wedge grows with the cube of the skew: implicit in it, so that it never overshoots
@@ -188,6 +201,7 @@ def _come_under_load(c, state, deep, slots, number, other):
     """Put a needle at its outer stop, along the one next to it."""
     block, lane, of = number % slots // WIDTH, number % slots % WIDTH, other % slots
     state[block, PLACE, lane], state[block, SKEW, lane] = c.reach, state[of // WIDTH, SKEW, of % WIDTH]
+    state[block, SIDE, lane] = 1.0
     state[block, TRUNNION + DEPTH, lane] = state[block, BORE + DEPTH, lane] = deep
     state[block, TRUNNION + LEAN, lane] = state[block, BORE + LEAN, lane] = 0.0
 
@@ -224,7 +238,7 @@ def step_on(c, tilt, at, needles, ring, k, step, duration):
     lean = tilt * (offset - roller[PLACED])
     gap = (lean, yaw, (lean - roller[TILTED]) / duration, (yaw - roller[YAWED]) / duration)
     roller[TILTED], roller[YAWED] = lean, yaw
-    looks = _FIRST_LOOKS if new else 1 if step % _REFRESHED == 0 else 0
+    looks = _FIRST_LOOKS if new else 1 if c.drop > 0.0 or step % _REFRESHED == 0 else 0
     placed, skewed, force, moment = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
     for b in range(needles.blocks):
         carried = load(needles.loads[k, b], step)
