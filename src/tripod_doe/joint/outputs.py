@@ -34,7 +34,7 @@ followed through them."""
 
 _STEP_ERROR_OVER_CHANGE = 3.0
 """Error of the steps of needles over what half of them change. Twice were enough if errors went with the step: where
-crowned needles turn over, they fall more slowly. Three times hold 97 % of second orders over the whole field."""
+crowned needles turn over, they fall more slowly. Three times hold nine in ten of the errors over the whole field."""
 
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
