@@ -252,17 +252,14 @@ class Supervisor:
 
     def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
         """Put an upload in place of the one of a run, and queue it."""
-        own = self.directory(run.id) / UPLOAD
-        before = own.with_name(f".{UPLOAD}.old")
+        own, before = (self.directory(run.id) / name for name in (UPLOAD, f".{UPLOAD}.old"))
         shutil.rmtree(before, ignore_errors=True)  # left by a kill
         if own.exists():
             own.rename(before)
         upload.rename(own)
         shutil.rmtree(before, ignore_errors=True)
-        counts = replace(run.counts, total=plan["unique"])
-        head = {key: plan[key] for key in ("name", "question")}
-        taken = bool(run.place)
-        return self._put(run.changed(state=State.QUEUED, message="", plan=plan, counts=counts, taken=taken, **head))
+        new = {"counts": replace(run.counts, total=plan["unique"]), "name": plan["name"], "question": plan["question"]}
+        return self._put(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
         """The run, unless its study may not grow (409): it waits or runs."""
