@@ -1,6 +1,11 @@
-"""Every command and every Python block of tutorials and cookbook runs and prints what the page shows."""
+"""Every command and every Python block of tutorials and cookbook runs and prints what the page shows.
+
+Pictures of the tutorials hold the numbers of the reports that they come from.
+"""
 
 from __future__ import annotations
+
+import runpy
 
 import matplotlib
 import pytest
@@ -10,6 +15,7 @@ from executed_page import ROOT, difference, execute_page, near
 PAGES = sorted(page for folder in ("tutorials", "cookbook") for page in (ROOT / "docs" / folder).glob("[0-9]*.md"))
 
 
+REPORTS = runpy.run_path(str(ROOT / "docs" / "pictures" / "tutorial_reports.py"))
 SLOW = ("3_first_question", "4_from_records_to_frictions", "5_from_tolerances_to_a_decision")
 
 
@@ -24,6 +30,16 @@ def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(matplotlib, "use", lambda *args, **settings: None)
     execute_page(page)
+    for picture, (report, figure) in REPORTS["PICTURES"].get(page.stem, {}).items():
+        drawn = (ROOT / "docs" / "pictures" / f"{picture}.svg").read_text(encoding="utf-8")
+        if figure:
+            drawn, there = (
+                drawn.partition("<!--\n")[2].partition("-->")[0],
+                REPORTS["numbers"](tmp_path / report, figure),
+            )
+        else:
+            there = REPORTS["picture"](tmp_path / report, figure)
+        assert difference(drawn.replace(",", " "), there.replace(",", " ")) == "", picture
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from pathlib import Path
 
@@ -108,6 +109,9 @@ def test_an_optimisation_is_a_run(api, optimised, settings, tmp_path):
     assert course[-1]["candidates"] == 120
     (tmp_path / "joint.toml").write_text(JOINT)
     front = td.optimise(tmp_path / "joint.toml", tmp_path / "out", workers=0, progress=False).front
+    steps = re.findall(r"= (\S+)(?: mm)? in place of ([^\s,]+)", front.attrs["findings"])
+    assert steps
+    assert all(new != old for new, old in steps)  # regression: 1.03 in place of 1.03
     records = api.get(f"/runs/{optimised}/query", params={"variable": "third"}).json()
     assert [record["third"] for record in records] == front["third"].values.tolist()
     assert min(course[-1]["best"]["third"], course[-1]["best"]["bore"]) > 0

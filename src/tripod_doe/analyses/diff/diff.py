@@ -130,7 +130,7 @@ def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], vari
     one_sided: list[OneSided] = []
     parts = [part for name in names for part in _parts(a, b, name, at, (rows_a, rows_b), one_sided)]
     changed = sorted((part for part in parts if part.weight > _ROUNDING), key=lambda part: -part.weight)
-    note = "" if len(at) else "no point of A has the same factor values as a point of B"
+    note = "" if len(at) else "No point of A has the same factor values as a point of B."
     equal = len(parts) - len(changed)
     return Diff(study, parameters, program, points, outcomes, changed, one_sided, equal, names, others, note)
 

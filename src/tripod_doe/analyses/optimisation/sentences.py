@@ -11,9 +11,8 @@ from tripod_doe.analyses.optimisation.neighbours import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values, best_so_far
 from tripod_doe.array_types import FloatArray
-from tripod_doe.model_interface import Value
 from tripod_doe.page_parts.responses import listed, spoken, unit_text
-from tripod_doe.quantities import count_of, digits_apart, interval, level, number, with_unit
+from tripod_doe.quantities import count_of, digits_apart, interval, level, levels_apart, number, with_unit
 from tripod_doe.study.failure_summary import Failure
 
 _MOST_ROWS = 40
@@ -326,12 +325,10 @@ def _step_text(problem: Problem, solved: Solved, neighbour: int) -> str:
     name = problem.variables.chosen[int(own.variable[neighbour])].name
     unit = unit_text(problem.simulator.parameters[name].unit)
     ends = (own.units[neighbour], solved.front.units[own.centres[own.centre[neighbour]]])
-    new, old = (with_unit(_shown(base_values(problem, each)[name]), unit) for each in ends)
+    values = [base_values(problem, each)[name] for each in ends]
+    words = [str(value) for value in values] if isinstance(values[0], str) else levels_apart(values)
+    new, old = (with_unit(word, unit) for word in words)
     return f"{_spoken(problem, name)} = {new} in place of {old}"
-
-
-def _shown(value: Value) -> str:
-    return number(float(value), 4) if isinstance(value, int | float) else str(value)
 
 
 def sensitivity_table(problem: Problem, solved: Solved) -> Table:

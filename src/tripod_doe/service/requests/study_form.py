@@ -6,7 +6,6 @@ the end for a logarithmic scale. What a field cannot say, as a distribution, is 
 """
 
 from collections.abc import Mapping
-from itertools import groupby
 from typing import Any
 
 import tomlkit
@@ -39,6 +38,9 @@ def study_form(text: str) -> Any:
     head, base, factors, design = (_table(study, name) for name in ("study", "base", "factors", "design"))
     scene = str(head.get("scene", "joint"))
     known = load_simulator(scene).parameters.values() if scene in SCENES else ()
+    groups: dict[str, list[Parameter]] = {}
+    for parameter in known:
+        groups.setdefault(parameter.group, []).append(parameter)
     return {
         "head": {name: str(head.get(name, "")) for name in ("name", "question")},
         "scene": scene,
@@ -47,7 +49,7 @@ def study_form(text: str) -> Any:
         "designs": list(DesignTable.model_json_schema()["properties"]["kind"]["enum"]),
         "groups": [
             {"title": title, "fields": [_field(parameter, base, factors) for parameter in members]}
-            for title, members in groupby(known, key=lambda parameter: parameter.group)
+            for title, members in groups.items()
         ],
     }
 

@@ -111,7 +111,8 @@ function paintAxis(pen, state, axis, at) {
   pen.fillStyle = colour("--ink");
   pen.font = `12px ${getComputedStyle(document.body).fontFamily}`;
   pen.textAlign = "center";
-  folded(pen, axis.label, LEAST + 10).forEach((line, row, lines) => pen.fillText(line, x, TOP - 12 - 14 * (lines.length - 1 - row)));
+  const room = state.left.length > 1 ? state.left[1] - state.left[0] - 6 : 2 * SIDE;
+  folded(pen, axis.label, room).forEach((line, row, lines) => pen.fillText(line, x, TOP - 12 - 14 * (lines.length - 1 - row)));
   pen.fillStyle = colour("--muted");
   pen.textAlign = "left";
   for (const [value, word] of marksOf(axis).slice(0, 12)) write(pen, word, x, heightOf(state, axis, value));
