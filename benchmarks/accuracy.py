@@ -25,7 +25,7 @@ from tripod_doe.joint.multibody_run import run_limits
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration.onset import growing_vibration
+from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 

@@ -32,7 +32,7 @@ from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.plan import plan
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.results.result_directory import ResultDirectory
+from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.study_points import StudyPoints
 
 SAMPLED = """

@@ -40,7 +40,7 @@ from tripod_doe.joint.multibody_run import follow
 from tripod_doe.joint.order_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.joint.vibration.onset import growing_vibration
+from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.integrators.monitor import Settings

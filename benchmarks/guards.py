@@ -20,7 +20,7 @@ random methods and settings, the third order of the thrust, and the second where
 second counts as called good where its reported error is below 5 %. The truth of a point is adaptive-euler at 2.5e-4.
 For rollers generalized-alpha at 1e-5 s, which damps little, must agree with it to 1 % and pass its own checks (where an
 iteration of it does not converge, as at steep transitions, bdf2 at this step): else the joint vibrates by itself there, which the damping of implicit Euler hides at any affordable tolerance and
-`joint.vibration.onset` has to notice. The undamped run is the truth then; such points have rows of their own. No run counts
+`joint.vibration.growing_vibration` has to notice. The undamped run is the truth then; such points have rows of their own. No run counts
 as good where the truth itself reports an error above 1 %, as it does where it rattles: nobody knows whether it is. Four
 revolutions are short for a vibration that grows slowly: where growth is 1.1 to 1.3 a revolution, both truths may still
 be smooth, and a run refused for it, or vibrating already, is right.

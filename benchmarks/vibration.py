@@ -21,7 +21,7 @@ from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Wanted
 from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.joint.vibration.onset import growing_vibration
+from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits

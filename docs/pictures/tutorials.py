@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.patches import Arc, FancyArrowPatch, FancyBboxPatch, Polygon, Rectangle
 
 import tripod_doe as td
-from tripod_doe.motion.drawing import joint_drawing
+from tripod_doe.motion_page.drawing import joint_drawing
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
 
 BLUE, ORANGE, GREEN, *_ = COLOURS

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.measurements.measurement import read_measurement
     from tripod_doe.model_interface import Outcome, Output, Parameter
-    from tripod_doe.motion.page import view
+    from tripod_doe.motion_page.page import view
     from tripod_doe.reports.study import write_report
     from tripod_doe.study.definition.schema import study_schema
     from tripod_doe.study.definition.study import Study, load_study
     from tripod_doe.study.plan import Plan, plan
     from tripod_doe.study.query.query import query
-    from tripod_doe.study.results.result_cube import open_cube
+    from tripod_doe.study.result_directory.result_cube import open_cube
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
     from tripod_doe.workflow.derive import derive
@@ -63,7 +63,7 @@ _HOME = {
     "load_study": "study.definition.study",
     "model_point": "analyses.comparison.model_point",
     "morris_effects": "analyses.sensitivity.morris",
-    "open_cube": "study.results.result_cube",
+    "open_cube": "study.result_directory.result_cube",
     "optimise": "workflow.optimise",
     "plan": "study.plan",
     "query": "study.query.query",
@@ -73,7 +73,7 @@ _HOME = {
     "simulate": "study.simulate",
     "sobol_indices": "analyses.sensitivity.sobol",
     "study_schema": "study.definition.schema",
-    "view": "motion.page",
+    "view": "motion_page.page",
     "WorkflowSummary": "workflow.chain",
     "workflow_schema": "workflow.workflow_file",
     "write_report": "reports.study",

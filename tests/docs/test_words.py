@@ -65,7 +65,7 @@ PLAIN = [
     *(path for path in PAGES if path.name != "CHANGELOG.md"),
     *(
         path
-        for folder in ("cli", "motion", "page_parts", "reports")
+        for folder in ("cli", "motion_page", "page_parts", "reports")
         for path in sorted((ROOT / "src" / "tripod_doe" / folder).rglob("*.*"))
         if path.suffix in (".py", ".html", ".toml", ".js")
     ),

@@ -12,7 +12,7 @@ from service_client import COAST
 from tripod_doe.cli.main import main
 from tripod_doe.service.limits import Limits
 from tripod_doe.study.journal import Journal
-from tripod_doe.study.results.stored_study import DERIVED
+from tripod_doe.study.result_directory.stored_study import DERIVED
 
 
 @pytest.fixture(scope="module")

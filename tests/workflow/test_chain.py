@@ -23,7 +23,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.cli import main
 from tripod_doe.study.cube.file_digest import is_damaged
-from tripod_doe.study.results import result_cube
+from tripod_doe.study.result_directory import result_cube
 from tripod_doe.workflow.definition import load_workflow
 from tripod_doe.workflow.steps_file import found_sentences
 

@@ -22,7 +22,7 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import dask_cluster
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import Journal
-from tripod_doe.study.results.result_directory import ResultDirectory
+from tripod_doe.study.result_directory.directory import ResultDirectory
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -273,7 +273,7 @@ def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
 
 def test_a_disk_that_is_too_small_is_reported_before_anything_starts(write_study, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
-    monkeypatch.setattr("tripod_doe.study.results.result_directory.shutil.disk_usage", lambda path: usage)
+    monkeypatch.setattr("tripod_doe.study.result_directory.directory.shutil.disk_usage", lambda path: usage)
     with pytest.raises(td.InputError, match=r"1 MB free, but journal and cube need 20 MB"):
         run(write_study(GRID), tmp_path / "out")
     assert not (tmp_path / "out" / "study.toml").exists()

@@ -19,7 +19,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.results.annotation import annotated, read_annotation, write_annotation
+    from tripod_doe.study.result_directory.annotation import annotated, read_annotation, write_annotation
 
     changes = {key: getattr(options, key) for key in ("name", "owner", "note") if getattr(options, key) is not None}
     if options.tags is not None:

@@ -14,7 +14,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.results.check import check_files
+    from tripod_doe.study.result_directory.check import check_files
 
     files = check_files(options.path)
     if options.format == "json":

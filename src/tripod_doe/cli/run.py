@@ -54,7 +54,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
     if options.export:
-        from tripod_doe.study.results.zarr_store import export_zarr, refuse_without_zarr
+        from tripod_doe.study.result_directory.zarr_store import export_zarr, refuse_without_zarr
 
         refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)

@@ -148,7 +148,7 @@ def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:
 def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoint:
     """Simulate the point, and write its page if it finishes."""
     from tripod_doe.model_interface import Outcome
-    from tripod_doe.motion.page import motion_page, viewed_point, write_page
+    from tripod_doe.motion_page.page import motion_page, viewed_point, write_page
 
     if options.scene != "joint":
         raise InputError(f"--view {options.view}: only the scene joint can be viewed, not {options.scene}")

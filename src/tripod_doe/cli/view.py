@@ -18,7 +18,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.motion.page import write_page
+    from tripod_doe.motion_page.page import write_page
 
     write_page(moved_points(options), options.output, "--output")
     print(f"view    {options.output}", file=sys.stderr)
@@ -27,8 +27,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def moved_points(options: argparse.Namespace) -> str:
     """The page that moves one or two points of a study, which are simulated again."""
-    from tripod_doe.motion.page import motion_page, viewed_point
-    from tripod_doe.motion.stored_point import points_in
+    from tripod_doe.motion_page.page import motion_page, viewed_point
+    from tripod_doe.motion_page.stored_point import points_in
 
     points, changes = points_in(options.directory, options.select, options.nearest), against(options.against)
     if changes and len(points) > 1:

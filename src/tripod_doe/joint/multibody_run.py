@@ -5,9 +5,9 @@ that is asked for (`refinement`). With a given tolerance or step the last revolu
 instead, for the numerical error (`numerical_error`).
 
 Halving steps cannot reveal motions that all affordable steps damp: many joints vibrate by themselves. So each joint is
-tested for that first (`vibration.onset`). If one vibrates, runs by the models' own method follow the vibration, and
-others are compared with it (`vibration.answer`). So do `rollers` without a result otherwise: some vibrate only after a
-kick, such as their start.
+tested for that first (`vibration.growing_vibration`). If one vibrates, runs by the models' own method follow the
+vibration, and others are compared with it (`vibration.vibrating_run`). So do `rollers` without a result otherwise: some
+vibrate only after a kick, such as their start.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration.onset import Vibration, growing_vibration
+from tripod_doe.joint.vibration.growing_vibration import Vibration, growing_vibration
 from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices

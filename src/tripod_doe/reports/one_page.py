@@ -10,8 +10,8 @@ from tripod_doe.page_parts.responses import asked, finished
 from tripod_doe.page_parts.templates import render, typeset
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study import answered, read_analyses
-from tripod_doe.study.results.annotation import read_annotation
-from tripod_doe.study.results.result_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.annotation import read_annotation
+from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.analyses.optimisation.charts import optimisation_charts
-from tripod_doe.analyses.optimisation.front import knee
+from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem, pasted
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.analyses.optimisation.sentences import (

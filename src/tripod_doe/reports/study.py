@@ -56,8 +56,8 @@ from tripod_doe.reports.joint import drawn_joint
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
-from tripod_doe.study.results.annotation import Annotation, read_annotation
-from tripod_doe.study.results.result_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
+from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
 
 _MOST_FAILED = 50
 _SECTIONS = {

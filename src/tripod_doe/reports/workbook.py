@@ -14,8 +14,8 @@ from tripod_doe.page_parts.responses import factor_names, factor_unit, unit_text
 from tripod_doe.page_parts.tables import factor_rows, fixed_rows
 from tripod_doe.page_parts.xlsx_file import MOST_COLUMNS, Sheet, workbook
 from tripod_doe.reports.study import read_analyses
-from tripod_doe.study.results.annotation import read_annotation
-from tripod_doe.study.results.result_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.annotation import read_annotation
+from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
 
 _KNOWN = ("title", "question", "source", "study_hash", "kernel_source_hash", "model_notes", "design_notes", "history")
 _MOST_PARTS = 60  # numbers of a variable at a point that are columns; waveforms have more, and stay in the cube

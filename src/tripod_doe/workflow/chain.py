@@ -31,9 +31,9 @@ from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
-from tripod_doe.study.results.found import FOUND, found_in
-from tripod_doe.study.results.result_cube import opened_cube
-from tripod_doe.study.results.result_directory import make_directory
+from tripod_doe.study.result_directory.directory import make_directory
+from tripod_doe.study.result_directory.look_for import FOUND, found_in
+from tripod_doe.study.result_directory.result_cube import opened_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.run import run_on
 from tripod_doe.workflow.steps_file import write_steps

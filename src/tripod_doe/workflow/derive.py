@@ -6,9 +6,9 @@ from collections.abc import Collection
 from pathlib import Path
 
 from tripod_doe.errors import InputError, option
-from tripod_doe.study.results.result_cube import points_of
-from tripod_doe.study.results.result_directory import ResultDirectory
-from tripod_doe.study.results.stored_study import with_responses
+from tripod_doe.study.result_directory.directory import ResultDirectory
+from tripod_doe.study.result_directory.result_cube import points_of
+from tripod_doe.study.result_directory.stored_study import with_responses
 from tripod_doe.workflow.run import RunSummary, summary_of
 
 

@@ -28,8 +28,8 @@ from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure
-from tripod_doe.study.results.result_cube import FIT_FILE
-from tripod_doe.study.results.result_directory import ResultDirectory, make_directory
+from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
+from tripod_doe.study.result_directory.result_cube import FIT_FILE
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 

@@ -14,10 +14,10 @@ import xarray as xr
 
 from tripod_doe.analyses.optimisation.candidates import FINDINGS
 from tripod_doe.analyses.optimisation.correction import Correction
-from tripod_doe.analyses.optimisation.front import Archive, apart, front_rows, knee, spread
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.neighbours import Neighbours, around, places_of
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
+from tripod_doe.analyses.optimisation.pareto_front import Archive, apart, front_rows, knee, spread
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import (
     Solved,
@@ -36,7 +36,7 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure
-from tripod_doe.study.results.result_directory import ResultDirectory, make_directory
+from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 

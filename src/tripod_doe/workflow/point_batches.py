@@ -25,7 +25,7 @@ from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure, common_failures
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.results.result_directory import ResultDirectory
+from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.progress import Progress, work_of
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import StorageError, printable
-from tripod_doe.study.results.found import FOUND, found_in
+from tripod_doe.study.result_directory.look_for import FOUND, found_in
 
 STEPS = "steps.json"
 """File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs.

@@ -6,8 +6,8 @@ from scipy.stats import t
 
 from tripod_doe.analyses.fit.error_size import estimate_error_size
 from tripod_doe.analyses.fit.identifiability import covariance_of
+from tripod_doe.analyses.fit.least_squares import Descent
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
-from tripod_doe.analyses.fit.search import Descent
 
 RECORDS, NOISE = 10, 0.01
 PRIOR = np.full(2, 0.5), np.full(2, np.inf)

@@ -10,7 +10,7 @@ import pytest
 
 from tripod_doe.joint.multibody.run_result import Readings, StoppedError, Wanted
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.joint.vibration.onset import Vibration
+from tripod_doe.joint.vibration.growing_vibration import Vibration
 from tripod_doe.joint.vibration.vibrating_run import FollowedVibration
 from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
 from tripod_doe.mechanics.checks.floquet import Growth

@@ -13,7 +13,7 @@ from tripod_doe.joint.known_errors.vibration_record import SHARE
 from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import internal_values
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.joint.vibration.onset import growing_vibration
+from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.model_interface import Accuracy, Outcome, Quantity, counted_time
 
 JOINTS = {"torque_n_m": [50.0, 5.0, 50.0], "speed_rpm": [600.0, 300.0, 600.0], "joint_angle_deg": [10.0, 10.0, 0.0]}

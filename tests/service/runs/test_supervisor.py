@@ -29,7 +29,7 @@ from tripod_doe.service.runs.result_directory import ending_of, remove_report
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.runs.table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.settings import Settings
-from tripod_doe.study.results.annotation import Annotation, read_annotation
+from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
 from tripod_doe.workflow.steps_file import STEPS
 
 PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}

@@ -24,7 +24,7 @@ from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.query import arrays, query, selection
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.results import result_cube
+from tripod_doe.study.result_directory import result_cube
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

@@ -15,7 +15,7 @@ from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, damage, journal_path
 from tripod_doe.study.journal.rows import PAGE_BYTES
-from tripod_doe.study.results.result_directory import ResultDirectory
+from tripod_doe.study.result_directory.directory import ResultDirectory
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.fit.identifiability import covariance_of
+from tripod_doe.analyses.fit.least_squares import Descent
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
-from tripod_doe.analyses.fit.search import Descent
 from tripod_doe.array_types import FloatArray
 
 _SPREAD = 0.7

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from tripod_doe.analyses.fit.search import Descent, Predict, Problem, distinct
+from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct
 from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.fit.fit import Solution, solve
 from tripod_doe.analyses.fit.fit_file import FitRequest
+from tripod_doe.analyses.fit.least_squares import Descent, Predict
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError, Needles, model_error
 from tripod_doe.analyses.fit.next_record import CandidateRows, Gain, Next, gains
 from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
-from tripod_doe.analyses.fit.search import Descent, Predict
 from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table

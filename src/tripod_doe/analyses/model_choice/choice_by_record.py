@@ -27,7 +27,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.results.stored_choice import auto_model_of
+from tripod_doe.study.result_directory.stored_choice import auto_model_of
 
 CONFIRMING = 4
 """Points of the smallest pilot that confirms a record: it would be confirmed by a chance of 6 % if every other point

@@ -21,7 +21,13 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.results.stored_choice import CHOICE, auto_model_of, chosen_points, frozen_choice, key_texts
+from tripod_doe.study.result_directory.stored_choice import (
+    CHOICE,
+    auto_model_of,
+    chosen_points,
+    frozen_choice,
+    key_texts,
+)
 
 
 def make_choice(

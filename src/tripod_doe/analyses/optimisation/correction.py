@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tripod_doe.analyses.optimisation.front import Archive
 from tripod_doe.analyses.optimisation.measures import Judged
+from tripod_doe.analyses.optimisation.pareto_front import Archive
 from tripod_doe.array_types import FloatArray, IntArray
 
 _FEWEST = 4  # candidates from which on the difference is a process, and not its mean

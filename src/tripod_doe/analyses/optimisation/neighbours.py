@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from tripod_doe.analyses.optimisation.front import Archive, knee
 from tripod_doe.analyses.optimisation.measures import Judged
+from tripod_doe.analyses.optimisation.pareto_front import Archive, knee
 from tripod_doe.analyses.optimisation.search import steps_around
 from tripod_doe.analyses.optimisation.variables import Variables
 from tripod_doe.array_types import FloatArray, IntArray

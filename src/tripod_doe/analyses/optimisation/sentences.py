@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tripod_doe.analyses.optimisation.front import binding, front_rows, knee
 from tripod_doe.analyses.optimisation.neighbours import places_of
+from tripod_doe.analyses.optimisation.pareto_front import binding, front_rows, knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values, best_so_far
 from tripod_doe.array_types import FloatArray

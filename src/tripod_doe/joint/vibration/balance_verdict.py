@@ -1,8 +1,9 @@
 """Does a joint whose motion was balanced vibrate by itself? What its lumped joint says, for models without vibration.
 
 A balance knows no departures from its motion. So the joint with lumped bearings is followed through a smooth motion,
-and departures from that are tested for growth (`onset`), as before each run of `rollers`: both say the same. This costs
-as much as several balances: it is done on request, and where joints on record do not say that such a joint is calm.
+and departures from that are tested for growth (`growing_vibration`), as before each run of `rollers`: both say the
+same. This costs as much as several balances: it is done on request, and where joints on record do not say that such a
+joint is calm.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def undecided_rows(points: JointValues[FloatArray], rows: IntArray) -> IntArray:
 
 def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
     """Whether joints vibrate, 1 or 0, of the first of those that may; NaN at others, shape (point,)."""
-    from tripod_doe.joint.vibration.onset import growing_vibration  # 0.6 s, which most processes do not need
+    from tripod_doe.joint.vibration.growing_vibration import (
+        growing_vibration,  # 0.6 s, which most processes do not need
+    )
 
     found = np.full(points.torque.size, np.nan)
     for row in undecided_rows(points, np.flatnonzero(_in_motion(points)))[:_MOST].tolist():
@@ -55,7 +58,7 @@ def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: Blo
     """
     verdicts = np.full((1 + len(VIBRATION_VERDICT), block.count), np.nan)
     if rows.size:
-        from tripod_doe.joint.vibration.onset import growing_vibration
+        from tripod_doe.joint.vibration.growing_vibration import growing_vibration
     for row in map(int, rows):
         vibration = growing_vibration(points.point(row))
         if vibration is None:

@@ -23,7 +23,7 @@ from tripod_doe.joint.multibody.run_result import JointRun, StoppedError, Vibrat
 from tripod_doe.joint.order_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration.onset import Vibration, damping_against
+from tripod_doe.joint.vibration.growing_vibration import Vibration, damping_against
 from tripod_doe.joint.vibration.vibrating_run import FollowedVibration, follow_vibration, undamped
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation

@@ -12,7 +12,7 @@ import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
-from tripod_doe.motion.page import motion_page, viewed_point
+from tripod_doe.motion_page.page import motion_page, viewed_point
 from tripod_doe.page_parts.responses import factor_names, unit_text
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.reports.joint import drawing_of

@@ -198,7 +198,7 @@ def plan_stored(path: Path, limits: Limits) -> dict[str, Any]:
     Raises:
         InputError: If its study can no longer be read, or names a function.
     """
-    from tripod_doe.study.results.stored_study import stored_study
+    from tripod_doe.study.result_directory.stored_study import stored_study
 
     study = stored_study(path, limits.points)
     if study.file.study.function is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.runs.table import Run
-from tripod_doe.study.results.annotation import FILE, Annotation, read_annotation
+from tripod_doe.study.result_directory.annotation import FILE, Annotation, read_annotation
 
 _PAUSE = 2.0  # seconds between two looks
 

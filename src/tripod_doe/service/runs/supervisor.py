@@ -28,7 +28,7 @@ from tripod_doe.service.runs.result_directory import ending_of, remove_report, r
 from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
-from tripod_doe.study.results.annotation import annotated, write_annotation
+from tripod_doe.study.result_directory.annotation import annotated, write_annotation
 
 _PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
 _PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
-from tripod_doe.study.results.annotation import Annotation
+from tripod_doe.study.result_directory.annotation import Annotation
 
 TABLE = "service.sqlite"
 """File of the folder that holds the table."""
@@ -83,7 +83,7 @@ class Run:
     # key, digest: the client's Idempotency-Key, and the hash of what it submitted
     key: str | None = None
     digest: str = ""
-    # label, owner, tags, note: what people wrote about it, see `study.results.annotation`
+    # label, owner, tags, note: what people wrote about it, see `study.result_directory.annotation`
     label: str = ""
     owner: str = ""
     tags: tuple[str, ...] = ()

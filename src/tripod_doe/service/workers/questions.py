@@ -91,7 +91,7 @@ def derive(body: bytes, folder: str, path: str, texts: Mapping[str, str], limits
 
 def note_derived(body: bytes, path: str, limits: Limits) -> None:
     """Remember variables by formula, which `derive` has checked, with the results in a directory."""
-    from tripod_doe.study.results.result_directory import ResultDirectory
+    from tripod_doe.study.result_directory.directory import ResultDirectory
 
     asked = read_form(body, Derivation, limits.nesting)
     with ResultDirectory(path) as directory:
@@ -111,7 +111,7 @@ def plan_extension(body: bytes, path: str, texts: Mapping[str, str], limits: Lim
 
 def _with_responses(texts: Mapping[str, str], tables: Mapping[str, Any], drop: Collection[str] = ()) -> dict[str, str]:
     """The texts of an upload, its study with responses, or without some."""
-    from tripod_doe.study.results.stored_study import text_with_responses
+    from tripod_doe.study.result_directory.stored_study import text_with_responses
 
     return {**texts, STUDY: text_with_responses(texts[STUDY], tables, drop)}
 
@@ -268,7 +268,7 @@ def _without_formula(value: Any) -> Any:
 
 def cube(path: str, folder: str) -> None:
     """Write the cube of a run so far into a folder, with its costs."""
-    from tripod_doe.study.results.result_cube import write_cube_so_far
+    from tripod_doe.study.result_directory.result_cube import write_cube_so_far
 
     write_cube_so_far(Path(path), Path(folder))
 
@@ -283,7 +283,7 @@ def check_file(path: str) -> None:
 def describe(path: str) -> Any:
     """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
     from tripod_doe.service.explorer.descriptions import describe_cube
-    from tripod_doe.study.results.result_cube import opened_cube
+    from tripod_doe.study.result_directory.result_cube import opened_cube
 
     with opened_cube(path) as cube:
         return describe_cube(cube)
@@ -388,7 +388,7 @@ def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
     from tripod_doe.study.definition.study import parse_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.plan import plan as plan_study
-    from tripod_doe.study.results.result_directory import ResultDirectory
+    from tripod_doe.study.result_directory.directory import ResultDirectory
     from tripod_doe.study.study_points import StudyPoints
 
     study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, StudyFolder(folder, trusted=False))

@@ -21,7 +21,7 @@ from tripod_doe.study.cube import file_checks
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.netcdf import write_dataset
-from tripod_doe.study.results.check import check_files
+from tripod_doe.study.result_directory.check import check_files
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

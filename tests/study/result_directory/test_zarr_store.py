@@ -10,7 +10,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import StorageError
-from tripod_doe.study.results.zarr_store import export_zarr
+from tripod_doe.study.result_directory.zarr_store import export_zarr
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 

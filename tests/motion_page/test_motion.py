@@ -14,10 +14,10 @@ from reference import spider
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.motion.drawing import joint_drawing
-from tripod_doe.motion.page import motion_data, motion_page, viewed_point
-from tripod_doe.motion.poses import needle_poses, poses_of
-from tripod_doe.motion.stored_point import points_in
+from tripod_doe.motion_page.drawing import joint_drawing
+from tripod_doe.motion_page.page import motion_data, motion_page, viewed_point
+from tripod_doe.motion_page.poses import needle_poses, poses_of
+from tripod_doe.motion_page.stored_point import points_in
 from tripod_doe.reports.joint import drawing_of
 
 FRICTIONLESS = {

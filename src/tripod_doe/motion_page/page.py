@@ -22,8 +22,8 @@ from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.model_interface import Outcome, Value
-from tripod_doe.motion.drawing import joint_drawing
-from tripod_doe.motion.poses import Poses, poses_of
+from tripod_doe.motion_page.drawing import joint_drawing
+from tripod_doe.motion_page.poses import Poses, poses_of
 from tripod_doe.study.simulate import SimulatedPoint, simulate_point
 
 _MOST_BYTES = 1_000_000
@@ -89,7 +89,7 @@ def motion_page(*points: SimulatedPoint) -> str:
             raise InputError("there is no motion to show: no forces of the grooves are known, as without torque_n_m")
         data.append(motion_data(point.parameters, outputs))
         blocks.append(_block(which, point, _own(point, points)))
-    source = files("tripod_doe.motion")
+    source = files("tripod_doe.motion_page")
     replaced = {
         "@title@": html.escape(" beside ".join(_title(point.parameters) for point in points)),
         "@points@": "".join(blocks),

@@ -11,7 +11,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.journal import KERNELS, STUDY, Journal, text_digest
-from tripod_doe.study.results.stored_study import STORED, stored_study
+from tripod_doe.study.result_directory.stored_study import STORED, stored_study
 from tripod_doe.study.study_points import StudyPoints
 
 

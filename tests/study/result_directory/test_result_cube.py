@@ -18,9 +18,9 @@ from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.query.arrays import opened_arrays
-from tripod_doe.study.results import result_cube
-from tripod_doe.study.results.result_cube import is_shown
-from tripod_doe.study.results.result_directory import ResultDirectory
+from tripod_doe.study.result_directory import result_cube
+from tripod_doe.study.result_directory.directory import ResultDirectory
+from tripod_doe.study.result_directory.result_cube import is_shown
 from tripod_doe.study.study_points import StudyPoints
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")

@@ -181,7 +181,7 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and the places of its results."""
     from tripod_doe.study.cube.writing import StoredResults
-    from tripod_doe.study.results.stored_study import stored_study
+    from tripod_doe.study.result_directory.stored_study import stored_study
 
     refuse_changed_study(path, journal)
     asked = points_of(stored_study(path), path)
@@ -191,7 +191,7 @@ def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredRes
 def points_of(study: Study, path: Path) -> StudyPoints:
     """A study of a result directory with its points, and the models that are chosen there."""
     from tripod_doe.study.designs import make_points
-    from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
+    from tripod_doe.study.result_directory.stored_choice import chosen_points, frozen_choice
     from tripod_doe.study.study_points import StudyPoints
 
     points = make_points(study)

@@ -7,7 +7,7 @@ from typing import Any
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.results.stored_study import stored_study
+from tripod_doe.study.result_directory.stored_study import stored_study
 
 
 def points_in(directory: Path, select: Sequence[str] = (), nearest: bool = False) -> list[dict[str, Any]]:

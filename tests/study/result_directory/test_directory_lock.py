@@ -14,7 +14,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study.results.directory_lock import DirectoryLock
+from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 
 STUDY = '[study]\nname = "h"\n[base]\nmodel = "equilibrium"\n[factors.joint_angle_deg]\nvalues = [2.5, 17]\n'
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
-from tripod_doe.motion.page import motion_page, viewed_point
+from tripod_doe.motion_page.page import motion_page, viewed_point
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
-from tripod_doe.study.results.annotation import FILE, Annotation, annotated, read_annotation, write_annotation
+from tripod_doe.study.result_directory.annotation import FILE, Annotation, annotated, read_annotation, write_annotation
 
 LINE = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=30).map(str.strip)
 NOTE = st.lists(LINE).map("\n".join).map(str.strip)

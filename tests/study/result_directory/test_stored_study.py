@@ -13,7 +13,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.results.stored_study import stored_study
+from tripod_doe.study.result_directory.stored_study import stored_study
 
 FUNCTION = """
 def f(x, scale=0.5, mode="sum", often=3, strict=True):

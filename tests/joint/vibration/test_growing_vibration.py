@@ -14,7 +14,7 @@ from tripod_doe.joint.multibody.run_result import Wanted
 from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.vibration.onset import Vibration, damping_against, growing_vibration
+from tripod_doe.joint.vibration.growing_vibration import Vibration, damping_against, growing_vibration
 from tripod_doe.mechanics.checks.floquet import Growth
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
