@@ -564,3 +564,33 @@ def test_the_end_of_a_run_is_told_once_and_not_that_of_results_that_were_there(t
     facts = [json.loads(line) for line in told.read_text().splitlines()]
     assert [(fact["id"], fact["state"], fact["text"]) for fact in facts] == [("a", "finished", "name: finished")]
     assert set(facts[0]) == {"text", "state", "name", "message", "id", "kind", "points"}
+
+
+@pytest.mark.parametrize(
+    "stranger",
+    [
+        {"id": "../outside"},
+        {"id": "", "binned": "2020-01-01T00:00:00.000Z"},
+        {"id": "../outside", "binned": "2020-01-01T00:00:00.000Z"},
+        {"id": "a" * 16, "place": "../outside", "taken": True},
+        {"id": "a" * 16, "place": "{outside}", "taken": True},
+    ],
+)
+def test_a_table_of_a_stranger_leads_nowhere_else(tmp_path, stranger):
+    """Security: its rows named directories to read, to fill and to remove anywhere."""
+    outside, folder = tmp_path / "outside", tmp_path / "runs"
+    for directory in (outside, folder, folder / "kept"):
+        directory.mkdir()
+        (directory / "run.log").write_text("as it was")
+    values = {name: value.format(outside=outside) if name == "place" else value for name, value in stranger.items()}
+    queued = Run("b" * 16, "study", "n", "", State.QUEUED, counts=PointCounts(1))
+    RunTable(folder).put(replace(queued, **values))
+    supervisor = Supervisor(Settings(folder))
+    supervisor.start()
+    time.sleep(1)  # it would look after them
+    supervisor.close()
+    for directory in (outside, folder / "kept"):
+        assert [path.name for path in directory.iterdir()] == ["run.log"]
+        assert (directory / "run.log").read_text() == "as it was"
+    for run in supervisor.all():
+        assert supervisor.directory(run.id).parent == folder

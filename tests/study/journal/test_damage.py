@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import shutil
 import sqlite3
+import struct
 from contextlib import closing
 
 import numpy as np
@@ -271,3 +272,24 @@ def test_a_note_that_must_be_a_number_and_is_none_costs_no_block(out, capsys, ke
     with Journal(out) as journal:
         assert numbers(journal) == list(range(BLOCKS))
         assert journal.state() == str(BLOCKS)
+
+
+def name_in_rollback_journal(path, victim):
+    """Give an SQLite file the rollback journal of a transaction over several files: without pages, but with a name."""
+    magic, name = bytes.fromhex("d9d505f920a163d7"), str(victim).encode()
+    head = (magic + struct.pack(">5I", 0, 1, path.stat().st_size // PAGE_BYTES, 512, PAGE_BYTES)).ljust(PAGE_BYTES, b"\0")
+    tail = struct.pack(">I", 2**30 // PAGE_BYTES + 1) + name + struct.pack(">2I", len(name), sum(name)) + magic
+    path.with_name(f"{path.name}-journal").write_bytes(head + tail)
+
+
+def test_a_journal_that_names_another_file_deletes_none(out, tmp_path):
+    """Security: SQLite deletes the file that a rollback journal of several files names, wherever it is."""
+    victim = tmp_path / "victim"
+    victim.touch()
+    name_in_rollback_journal(journal_path(out), victim)
+    with pytest.raises(CubeError, match=r"names another file, which SQLite would delete"):
+        Journal(out, read_only=True)
+    assert victim.exists()
+    with Journal(out) as journal:  # a writer keeps what is whole
+        assert numbers(journal) == list(range(BLOCKS))
+    assert victim.exists()

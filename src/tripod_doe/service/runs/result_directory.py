@@ -66,13 +66,18 @@ def _report(directory: Path) -> Path:
     return directory / "report" / "index.html"
 
 
+def is_directory(path: Path) -> bool:
+    """Whether a directory is there itself, and no link that may lead out of the folder."""
+    return path.is_dir() and not path.is_symlink()
+
+
 def result_directories(folder: Path, known: Collection[str]) -> list[Path]:
     """Result directories of studies in a folder, without those of known names."""
     return [
         path
         for path in sorted(folder.iterdir())
         if path.name not in known
-        and not path.is_symlink()
+        and is_directory(path)
         and (path / "study.toml").is_file()
         and journal_path(path).is_file()
     ]

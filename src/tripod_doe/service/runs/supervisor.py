@@ -24,7 +24,7 @@ from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
-from tripod_doe.service.runs.result_directory import ending_of, remove_report, remove_stages
+from tripod_doe.service.runs.result_directory import ending_of, is_directory, remove_report, remove_stages
 from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
@@ -69,7 +69,7 @@ class Supervisor:
         rows = self._table.all()
         self._bin.show(run for run in rows if run.binned)
         for run in [run for run in rows if not run.binned]:
-            if not run.place or self.settings.folder.joinpath(run.place).is_dir():
+            if not run.place or is_directory(self.settings.folder / run.place):
                 self._runs[run.id] = run
                 self.events.publish(run)
             elif not self.settings.read_only:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 import threading
 from collections.abc import Mapping
@@ -13,10 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
+from tripod_doe.names import path_within
+from tripod_doe.study.journal.damage import DamagedRowError, refuse_journal_of_several_files
 from tripod_doe.study.result_directory.annotation import Annotation
 
 TABLE = "service.sqlite"
 """File of the folder that holds the table."""
+
+_ID = re.compile(r"[0-9a-f]{16}")
 
 
 class State(StrEnum):
@@ -181,8 +186,9 @@ class RunTable:
         self._lock = threading.Lock()
         self._version = -1
         try:
+            refuse_journal_of_several_files(self.path)
             self._connection = _opened_for_reading(self.path) if read_only else _opened(self.path)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, DamagedRowError) as error:
             raise InputError(
                 f"{self.path}: cannot use this table of runs ({error}); choose another "
                 f"{option('folder')}, or move this file away"
@@ -194,10 +200,13 @@ class RunTable:
             self._connection.close()
 
     def all(self) -> list[Run]:
-        """All runs, in the order in which they were submitted; one whose row is damaged has failed, and says so."""
+        """All runs, in the order in which they were submitted; one whose row is damaged has failed, and says so.
+
+        Rows of other ids than a service gives are left out: an id names a directory, and the table may be a stranger's.
+        """
         with self._lock:
             rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
-        return [_from_row(*row) for row in rows]
+        return [_from_row(*row) for row in rows if _ID.fullmatch(str(row[0]))]
 
     def is_changed(self) -> bool:
         """Whether another process has changed the table since this was asked last."""
@@ -263,6 +272,10 @@ def _to_text(run: Run) -> str:
 def _from_row(id: str, key: str | None, text: str) -> Run:
     try:
         run = _from_text(text)
+        if run.id != id:
+            raise ValueError(f"it is of {run.id}")
+        if run.place:
+            path_within(Path(), run.place)
         json.dumps(run.record(), allow_nan=False)  # as it is shown
     except Exception as error:  # whatever stands there: the other runs are to be shown
         message = (

@@ -46,6 +46,7 @@ _WITHOUT_ACCESS = {
 }
 _HEADER = b"SQLite format 3\0" + PAGE_BYTES.to_bytes(2, "big")
 _VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # the next fields of the header
+_JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
 _MOST_DIGITS = 18  # of a number in a note
 _COMMIT = 0.5  # seconds that a commit may take between its log and its end
 _BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
@@ -63,15 +64,38 @@ def is_damage(error: sqlite3.Error) -> bool:
     return getattr(error, "sqlite_errorcode", 0) & 0xFF not in _WITHOUT_ACCESS
 
 
+def refuse_journal_of_several_files(path: Path) -> None:
+    """Refuse an SQLite file whose rollback journal belongs to a transaction over several files.
+
+    Such a journal ends with the name of another file, which SQLite deletes as it takes the transaction back, wherever
+    that file is. Ours never write one: it is a stranger's. See "The Super-Journal" in SQLite's description of its file
+    format.
+
+    Raises:
+        DamagedRowError: If it does.
+    """
+    journal = path.with_name(f"{path.name}-journal")
+    try:
+        with journal.open("rb") as stream:
+            stream.seek(-len(_JOURNAL_MAGIC), os.SEEK_END)
+            ending = stream.read()
+    except OSError:  # none is there, or it is too short for a name
+        return
+    if ending == _JOURNAL_MAGIC:
+        raise DamagedRowError(f"{journal.name} names another file, which SQLite would delete: remove {journal.name}")
+
+
 def connected(path: Path, mode: str) -> sqlite3.Connection:
     """Open an existing journal, to read ("ro") or to write ("rw"); each statement is a transaction of its own.
 
     Where a kill has left a half-written page, SQLite takes it back before anything is read: that needs a file to write.
 
     Raises:
-        DamagedRowError: If it has other tables, or views or triggers, which would run whenever it is read or written.
+        DamagedRowError: If it has other tables, or views or triggers, which would run whenever it is read or written,
+            or see `refuse_journal_of_several_files`.
         sqlite3.Error: If it cannot be opened.
     """
+    refuse_journal_of_several_files(path)
     uri = f"{path.absolute().as_uri()}?mode={mode}"
     connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
     try:

@@ -182,7 +182,7 @@ def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, st
                 if notes:
                     put_notes(connection, notes)
                 connection.execute("COMMIT")
-            for log in ("-wal", "-shm"):  # of the old file; beside the new one they would damage it
+            for log in ("-wal", "-shm", "-journal"):  # of the old file; beside the new one they would damage it
                 path.with_name(path.name + log).unlink(missing_ok=True)
         except sqlite3.Error as error:
             raise OSError(str(error)) from error
