@@ -67,5 +67,5 @@ def test_the_first_change_is_run_with_other_points(study, tmp_path, capsys):
 def test_a_limit_that_is_kept_needs_no_other_points(study, tmp_path):
     study.write_text(STUDY.replace("17.1", "25"))
     summary = td.run(study, tmp_path / "out", workers=0, progress=False)
-    assert not any("other points" in line for line in summary.answers)
+    assert not any("By 4,096 other points" in line for line in summary.answers)
     assert not (tmp_path / "out" / "confirmation").exists()

@@ -98,7 +98,7 @@ def test_studies_without_a_shared_point(runs, tmp_path):
     td.run(tmp_path / "c.toml", out=tmp_path / "c", progress=False, workers=0)
     found = diff(runs / "a", tmp_path / "c")
     assert found.points["shared"] == 0
-    assert "no point of A has the same factor values" in diff_text(found)
+    assert "No point of A has the same factor values" in diff_text(found)
 
 
 def test_a_phase_differs_by_half_a_turn_at_most(runs):
