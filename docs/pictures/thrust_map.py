@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 import tripod_doe as td
-from tripod_doe.page_parts.charts.chart import Chart, effect_charts
+from tripod_doe.analyses.main_effects.charts import effect_charts
+from tripod_doe.page_parts.charts.chart import Chart
 
 
 def chart(directory: Path) -> Chart:

@@ -165,7 +165,7 @@ def test_the_reported_error_covers_the_real_one(simulated, given):
     reported, left = (result["thrust_amplitude_error"].values[3] for result in (rough, fine))
     real = abs(order(rough, 3) - order(fine, 3))
     assert real < reported + left
-    assert left < reported < 10 * real
+    assert left < reported < 10 * (real + left)  # what is real is known to within what is left
 
 
 @pytest.mark.slow

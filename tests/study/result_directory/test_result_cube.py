@@ -87,7 +87,7 @@ def test_a_study_that_grows_shows_its_new_points_and_not_the_analyses_of_the_old
     out = tmp_path / "out"
     td.run(study, out, workers=0, progress=False)
     (out / "analysis").mkdir(exist_ok=True)
-    write_dataset(td.open_cube(out).assign_attrs(analysis_kind="effects"), out / "analysis" / "earlier.nc")
+    write_dataset(td.open_cube(out).assign_attrs(analysis_kind="own"), out / "analysis" / "earlier.nc")
     assert "earlier" in td.write_report(out).read_text()
     study.write_text(STUDY.replace("[100, 200]", "[100, 200, 300, 400]"))
     run_first_block(study, out)

@@ -12,6 +12,9 @@ from tripod_doe.study.designs.sampling import INDEPENDENT, salib_problem, sample
 CURVE_HARMONICS = 4
 """Harmonics M of a factor's frequency that FAST counts as its own; a curve needs more than 4 M^2 samples."""
 
+_DIGITS = 10
+"""Sines of processors differ in their last digits; a design has the same points on all of them."""
+
 
 def _fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:
     from SALib.sample import fast_sampler
@@ -19,7 +22,8 @@ def _fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:
     least = 4 * CURVE_HARMONICS**2 + 1
     if samples_of(table) < least:
         raise InputError(f"samples = {table.samples}: a fast design needs at least {least} on each curve")
-    return np.asarray(fast_sampler.sample(salib_problem(tables), table.samples, M=CURVE_HARMONICS, seed=table.seed))
+    made = fast_sampler.sample(salib_problem(tables), table.samples, M=CURVE_HARMONICS, seed=table.seed)
+    return np.round(made, _DIGITS)
 
 
 def _rbd_fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:
