@@ -277,7 +277,8 @@ def test_a_note_that_must_be_a_number_and_is_none_costs_no_block(out, capsys, ke
 def name_in_rollback_journal(path, victim):
     """Give an SQLite file the rollback journal of a transaction over several files: without pages, but with a name."""
     magic, name = bytes.fromhex("d9d505f920a163d7"), str(victim).encode()
-    head = (magic + struct.pack(">5I", 0, 1, path.stat().st_size // PAGE_BYTES, 512, PAGE_BYTES)).ljust(PAGE_BYTES, b"\0")
+    pages = path.stat().st_size // PAGE_BYTES
+    head = (magic + struct.pack(">5I", 0, 1, pages, 512, PAGE_BYTES)).ljust(PAGE_BYTES, b"\0")
     tail = struct.pack(">I", 2**30 // PAGE_BYTES + 1) + name + struct.pack(">2I", len(name), sum(name)) + magic
     path.with_name(f"{path.name}-journal").write_bytes(head + tail)
 

@@ -15,7 +15,8 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
 from tripod_doe.names import path_within
-from tripod_doe.study.journal.damage import DamagedRowError, refuse_journal_of_several_files
+from tripod_doe.study.journal.damage import refuse_journal_of_several_files
+from tripod_doe.study.journal.rows import DamagedRowError
 from tripod_doe.study.result_directory.annotation import Annotation
 
 TABLE = "service.sqlite"
