@@ -44,7 +44,7 @@ from field import field_points, upper_bound
 from tripod_doe.joint.multibody.run_result import JointRun, Wanted
 from tripod_doe.joint.multibody_run import run_joint
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings

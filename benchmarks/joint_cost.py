@@ -19,10 +19,10 @@ import tomlkit
 from engine_cost import PARTS, part_costs
 
 import tripod_doe as td
-from tripod_doe.joint.candidates import PRICES
+from tripod_doe.joint.model_candidates import PRICES
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run

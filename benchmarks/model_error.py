@@ -32,7 +32,8 @@ import tripod_doe as td
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, FINEST, RECORDED
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.model_interface import Outcome

@@ -20,7 +20,8 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.model_interface import Outcome
 
 COUNTS = 0.005

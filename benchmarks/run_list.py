@@ -21,7 +21,7 @@ import numpy as np
 from playwright.sync_api import sync_playwright
 from service_load import Server
 
-from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, stamp
+from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, stamp
 
 QUESTIONS = (
     "Which angle is worst?",

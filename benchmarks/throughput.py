@@ -22,7 +22,7 @@ import numpy as np
 from numpy_equilibrium import third_order
 
 import tripod_doe as td
-from tripod_doe.joint.parameters import internal_values
+from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study import load_study, parse_study
 from tripod_doe.study.designs import make_points

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.analyses.tolerance.keeping import scaled_weights
+from tripod_doe.analyses.tolerance.narrower_scatter import scaled_weights
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.study.definition.distributions import scatter_density
 from tripod_doe.study.definition.study_file import parse_file

@@ -17,10 +17,10 @@ import time
 import numpy as np
 
 from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.order_noise import mean_and_chance
 from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Wanted
-from tripod_doe.joint.multibody.scatter import mean_and_chance
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS

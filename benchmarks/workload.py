@@ -111,7 +111,7 @@ def solve_accurately(model: str, number: int, **other: float) -> dict[str, objec
     from tripod_doe.joint.multibody_run import run_joint
     from tripod_doe.joint.order_accuracy import OrderAccuracy
     from tripod_doe.joint.orders import complex_amplitudes
-    from tripod_doe.joint.parameters import point_values
+    from tripod_doe.joint.unit_conversion import point_values
 
     values, worked = point_values(POINTS[number] | other).point(0), time.process_time()
     run = run_joint(values, model == "needles", "adaptive-euler", Wanted(360), accuracy=OrderAccuracy(ACCURACY))

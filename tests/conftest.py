@@ -120,4 +120,4 @@ def charts_not_drawn(monkeypatch):
 @pytest.fixture
 def pages_not_made(monkeypatch):
     """Studies without a page, for tests that look at nothing but cubes: it takes two thirds of the time of a small one."""
-    monkeypatch.setattr("tripod_doe.workflow.run.write_report", lambda directory, findings: None)
+    monkeypatch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)

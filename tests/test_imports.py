@@ -104,7 +104,7 @@ def test_the_server_computes_nothing_and_what_computes_serves_nothing():
             + [
                 "tripod_doe.study.execution.dask_local_cluster",
                 "tripod_doe.study.execution.task",
-                "tripod_doe.workflow.chain",
+                "tripod_doe.workflow.run_workflow",
             ],
             serves,
         ),

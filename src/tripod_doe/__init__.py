@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from tripod_doe.study.query.query import query
     from tripod_doe.study.result_directory.result_cube import open_cube
     from tripod_doe.study.simulate import simulate
-    from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
     from tripod_doe.workflow.derive import derive
     from tripod_doe.workflow.fit import FitSummary, fit
     from tripod_doe.workflow.optimise import OptimisationSummary, optimise
-    from tripod_doe.workflow.run import RunSummary, run
+    from tripod_doe.workflow.run_study import RunSummary, run
+    from tripod_doe.workflow.run_workflow import WorkflowSummary, run_workflow
     from tripod_doe.workflow.workflow_file import workflow_schema
 
 _HOME = {
@@ -47,7 +47,7 @@ _HOME = {
     "Output": "model_interface",
     "Parameter": "model_interface",
     "Plan": "study.plan",
-    "RunSummary": "workflow.run",
+    "RunSummary": "workflow.run_study",
     "Service": "client",
     "ServiceRun": "client",
     "StorageError": "errors",
@@ -68,13 +68,13 @@ _HOME = {
     "plan": "study.plan",
     "query": "study.query.query",
     "read_measurement": "measurements.measurement",
-    "run": "workflow.run",
-    "run_workflow": "workflow.chain",
+    "run": "workflow.run_study",
+    "run_workflow": "workflow.run_workflow",
     "simulate": "study.simulate",
     "sobol_indices": "analyses.sensitivity.sobol",
     "study_schema": "study.definition.schema",
     "view": "motion_page.page",
-    "WorkflowSummary": "workflow.chain",
+    "WorkflowSummary": "workflow.run_workflow",
     "workflow_schema": "workflow.workflow_file",
     "write_report": "reports.study",
 }

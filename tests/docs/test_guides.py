@@ -30,7 +30,7 @@ def clone(tmp_path_factory):
         (folder / name).symlink_to(ROOT / name)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("tripod_doe.workflow.run.write_report", lambda directory, findings: None)
+        patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
         assert main(["init", "my_joint"]) == 0
         assert main(["run", "my_joint.toml", "--out", "results/my_joint"]) == 0
     return folder

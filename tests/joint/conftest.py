@@ -5,8 +5,8 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.parameters import internal_values
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.mechanics.assembly import assemble
 
 

@@ -9,8 +9,8 @@ from operating_points import points
 from scipy.special import ellipe, ellipk
 
 import tripod_doe as td
+from tripod_doe.joint.constants.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.contact_outputs import CONTACT_NAMES, NEEDLE_NAMES
-from tripod_doe.joint.geometry.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.simulator import simulator
 
 POINT = {"joint_angle_deg": 13.0, "torque_n_m": -130.0, "speed_rpm": 900.0, "initial_skew_1_deg": 0.4}

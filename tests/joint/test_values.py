@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tripod_doe.joint.geometry.feasibility import infeasible
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 
 

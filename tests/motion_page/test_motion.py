@@ -13,7 +13,7 @@ from reference import spider
 
 import tripod_doe as td
 from tripod_doe.cli.main import main
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.motion_page.drawing import joint_drawing
 from tripod_doe.motion_page.page import motion_data, motion_page, viewed_point
 from tripod_doe.motion_page.poses import needle_poses, poses_of

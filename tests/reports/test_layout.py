@@ -17,7 +17,7 @@ from tripod_doe.analyses.stability.stability import RunKind
 from tripod_doe.page_parts import templates
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.charts.chart import INK, VARIABLES
-from tripod_doe.page_parts.responses import spoken
+from tripod_doe.page_parts.main_results import spoken
 from tripod_doe.reports.study import make_page, write_report
 from tripod_doe.reports.workflow import chain_page
 from tripod_doe.reports.workflow_chart import StepView

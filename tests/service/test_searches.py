@@ -12,7 +12,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.workers.questions import base, plan
+from tripod_doe.service.workers.worker_functions import base, plan
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.journal import Journal
 

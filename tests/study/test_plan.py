@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.candidates import JOINT_CANDIDATES
+from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
 from tripod_doe.joint.outputs import CYCLE_OUTPUTS
 from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube.dataset import build_cube

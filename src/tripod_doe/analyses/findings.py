@@ -11,7 +11,7 @@ from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, unseparated
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen
-from tripod_doe.page_parts.responses import (
+from tripod_doe.page_parts.main_results import (
     ERRORS,
     ORDINALS,
     Response,

@@ -51,7 +51,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.study.definition.study import load_study
     from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.failure_summary import failure_lines
-    from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
+    from tripod_doe.workflow.run_study import run  # Dask and plotting are slow to import
 
     if options.export:
         from tripod_doe.study.result_directory.zarr_store import export_zarr, refuse_without_zarr

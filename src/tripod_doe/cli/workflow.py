@@ -20,7 +20,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.workflow.chain import run_workflow
+    from tripod_doe.workflow.run_workflow import run_workflow
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run_workflow(

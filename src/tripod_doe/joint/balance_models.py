@@ -15,7 +15,7 @@ from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
-from tripod_doe.joint.model import RATES, SKEWS, Model
+from tripod_doe.joint.model_record import RATES, SKEWS, Model
 from tripod_doe.joint.multibody_models import prepare_multibody
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import (
@@ -30,7 +30,7 @@ from tripod_doe.joint.outputs import (
     skew_outputs,
     thrust_outputs,
 )
-from tripod_doe.joint.parameters import internal_values
+from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.model_interface import BlockResult, Outcome, ValidRange

@@ -1,7 +1,7 @@
 """The four models of the joint by name, the cheapest first."""
 
 from tripod_doe.joint.balance_models import EQUILIBRIUM, KINETOSTATIC
-from tripod_doe.joint.model import Model
+from tripod_doe.joint.model_record import Model
 from tripod_doe.joint.multibody_models import NEEDLES, ROLLERS
 
 MODELS: dict[str, Model] = {model.name: model for model in (EQUILIBRIUM, KINETOSTATIC, ROLLERS, NEEDLES)}

@@ -12,7 +12,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
-from tripod_doe.joint.model import RATES, SKEWS, Model
+from tripod_doe.joint.model_record import RATES, SKEWS, Model
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,

@@ -41,12 +41,12 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import Vibration, growing_vibration
 from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
-from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices
-from tripod_doe.mechanics.checks.linearisation import fastest_rates
-from tripod_doe.mechanics.checks.rates import Rates
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
+from tripod_doe.mechanics.stability.floquet import Growth, departure_matrices
+from tripod_doe.mechanics.stability.linearisation import fastest_rates
+from tripod_doe.mechanics.stability.rates import Rates
 from tripod_doe.model_interface import Outcome
 
 _LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)

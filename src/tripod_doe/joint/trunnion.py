@@ -22,7 +22,8 @@ from tripod_doe.joint.multibody.numerical_error import amplitude_error, finer_th
 from tripod_doe.joint.multibody.thrust_and_power import groove_readings, needle_drift, needle_skews
 from tripod_doe.joint.multibody_run import compile_joint, follow
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.unit_conversion import internal_values, point_values
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, method_named

@@ -42,7 +42,7 @@ from tripod_doe.mechanics.checks.step_halving import (
 )
 from tripod_doe.mechanics.forces.bearing import bearing_compression
 from tripod_doe.mechanics.forces.sphere_contact import largest_penetration
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.monitor import RUNAWAY, TRACE_FULL, Settings, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work

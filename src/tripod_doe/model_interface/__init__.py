@@ -13,7 +13,7 @@ from tripod_doe.model_interface.output import MIRRORED_BY, ZERO_AT, Dimension, O
 from tripod_doe.model_interface.parameter import Parameter, Value, check_parameters, is_set, read_parameters
 from tripod_doe.model_interface.required_accuracy import Accuracy, Quantity
 from tripod_doe.model_interface.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
-from tripod_doe.model_interface.trust import TRUST_ATTRIBUTES, Trust
+from tripod_doe.model_interface.verdict import TRUST_ATTRIBUTES, Trust
 
 __all__ = [
     "DETAIL_ATTRIBUTES",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors, ValidRange
-from tripod_doe.model_interface.trust import VerdictCount
+from tripod_doe.model_interface.verdict import VerdictCount
 from tripod_doe.quantities import count_of, number
 
 _REASONS = 2

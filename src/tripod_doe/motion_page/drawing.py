@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.model_interface import Value
 

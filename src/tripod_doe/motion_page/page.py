@@ -15,11 +15,11 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
+from tripod_doe.joint.constants.contact_pressure import ellipse_axes
 from tripod_doe.joint.contact_outputs import CONTACT_NAMES
-from tripod_doe.joint.geometry.contact_pressure import ellipse_axes
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.outputs import PARTS
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.model_interface import Outcome, Value
 from tripod_doe.motion_page.drawing import joint_drawing

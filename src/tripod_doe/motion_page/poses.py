@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.model_interface import Value
 

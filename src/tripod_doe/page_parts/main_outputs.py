@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
+from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import count_of, digits_apart, in_words, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import RESPONSES
 

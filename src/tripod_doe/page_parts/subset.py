@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.page_parts.responses import design_kind, truth_of
+from tripod_doe.page_parts.main_results import design_kind, truth_of
 from tripod_doe.study.cube.slab_reading import read_positions
 
 MOST_POINTS = 1_000_000

@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Value
 from tripod_doe.model_interface.parameter import is_set
 from tripod_doe.motion_page.drawing import joint_drawing
-from tripod_doe.page_parts.responses import factor_names
+from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.toml_text import parse_toml
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.files import Paragraph, pdf_page, png_file, svg_file
-from tripod_doe.page_parts.responses import asked, finished
+from tripod_doe.page_parts.main_results import asked, finished
 from tripod_doe.page_parts.templates import render, typeset
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study import answered, read_analyses

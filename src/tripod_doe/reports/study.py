@@ -31,7 +31,7 @@ from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.needle_locus import locus_chart
 from tripod_doe.page_parts.charts.waveforms import spectrum_chart, waveform_charts
 from tripod_doe.page_parts.chosen_models import asked_orders
-from tripod_doe.page_parts.responses import (
+from tripod_doe.page_parts.main_results import (
     asked,
     design_kind,
     factor_names,

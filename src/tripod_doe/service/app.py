@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.service.page import assets, help, run_pages, study_editor
+from tripod_doe.service.page import asset_files, help, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, shares, studies, views
@@ -62,7 +62,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.service, app.state.sessions = service, sessions
     for module in (runs, studies, results, reports, views, shares):  # what is asked for most is looked for first
         app.include_router(module.router, prefix=API)
-    for part in (assets, help, run_pages, study_editor):
+    for part in (asset_files, help, run_pages, study_editor):
         app.include_router(part.router)
     accesses = Accesses(settings, service.shares)
     app.add_middleware(Guard, settings=settings, accesses=accesses, sessions=sessions, refusal_answer=refusal_answer)

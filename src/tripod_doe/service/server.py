@@ -22,7 +22,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.app import create_app
 from tripod_doe.service.log import start_log
-from tripod_doe.service.runs.table import TABLE
+from tripod_doe.service.runs.run_table import TABLE
 from tripod_doe.service.security.connections import limited_protocol
 from tripod_doe.service.security.delivered_files import is_open_to_change
 from tripod_doe.service.service import Service

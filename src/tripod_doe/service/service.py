@@ -19,8 +19,8 @@ from tripod_doe.service.requests.uploads import STUDY, UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.one_run import OneRun
 from tripod_doe.service.runs.result_directory import result_directories
+from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
-from tripod_doe.service.runs.table import Run
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.security.shares import Shares
 from tripod_doe.service.settings import Settings
@@ -206,7 +206,7 @@ class Service:
         """Best and worst point of a run; None where its cube lacks the order."""
         try:
             path = str(self.directory(run.id))
-            extremes: dict[str, Any] | None = self.ask("explorer.questions:extremes", path=path, order=order)
+            extremes: dict[str, Any] | None = self.ask("explorer.explorer_functions:extremes", path=path, order=order)
         except (RefusedError, AllBusyError, ServerEndsError, WorkerFailedError):  # without this order, or about to go
             return None
         return extremes

@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.model_choice.charts import model_choice_chart
 from tripod_doe.page_parts.chosen_models import asked_orders, estimated_errors
-from tripod_doe.page_parts.responses import responses
+from tripod_doe.page_parts.main_results import responses
 from tripod_doe.reports.study import make_page
 
 CHOSEN = """

@@ -19,7 +19,7 @@ from tripod_doe.analyses.multifidelity.quantiles import quantiles
 from tripod_doe.analyses.multifidelity.split import find_split, within
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.joint.candidates import JOINT_CANDIDATES
+from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points

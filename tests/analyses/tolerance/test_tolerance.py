@@ -10,8 +10,8 @@ import xarray as xr
 from scipy.stats import binom, binomtest, norm
 
 from tripod_doe.analyses.tolerance.chances import exceeding, points_to_decide
+from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep
 from tripod_doe.analyses.tolerance.sentences import find_in_tolerance
-from tripod_doe.analyses.tolerance.shifting import shift_to_keep
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.errors import InputError

@@ -7,7 +7,8 @@ from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.needle_dynamics import needle_loads
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.outputs import BY_CYCLE, SETTLED, STEP_ERROR
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.simulate import simulate_point
 

@@ -11,8 +11,8 @@ import pytest
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.known_errors.error_estimate import known_errors
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.unit_conversion import point_values
 
 SAMPLES = 360
 HELD_OUT = pd.read_csv(Path(__file__).with_name("needles_held_out.csv"), comment="#")

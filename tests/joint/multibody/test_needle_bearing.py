@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tripod_doe.joint.geometry import contact_stiffness
+from tripod_doe.joint.constants import load_zone
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
@@ -15,7 +15,7 @@ from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
 def test_element_has_the_load_zone_of_the_equilibrium(load, clearance):
     """Exact physics: the same displacement carries the same load, and all needles in sum carry kappa times it."""
     stiffness, count, along = 6.3e5, 27, (0.0, 0.0, 1.0)
-    kappa, penetration = contact_stiffness.bearing_load_zone(load, clearance, stiffness, count)
+    kappa, penetration = load_zone.bearing_load_zone(load, clearance, stiffness, count)
     roller = Body("roller", 1.0, (1.0,) * 3, position=(-clearance - 2 * penetration, 0.0, 0.0), velocity=along)
     element = NeedleBearing(
         Cylinder(GROUND, 7.64, axis=along),

@@ -11,7 +11,7 @@ from tripod_doe.joint.needle_dynamics.needle_history import NeedleForces, follow
 from tripod_doe.joint.needle_dynamics.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
 from tripod_doe.joint.needle_dynamics.needle_motion import RECORD, NeedleRing, _free_slip
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, spread, store
 from tripod_doe.mechanics.compilation.kernels import kernel
 

@@ -13,8 +13,8 @@ from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.vibration.growing_vibration import Vibration
 from tripod_doe.joint.vibration.vibrating_run import FollowedVibration
 from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
-from tripod_doe.mechanics.checks.floquet import Growth
 from tripod_doe.mechanics.run import Limits
+from tripod_doe.mechanics.stability.floquet import Growth
 from tripod_doe.model_interface import Outcome
 
 SMOOTH = Vibration(Growth(3.0, 10.0, 2 * math.pi * 700), third=10.0, unrest=0.1)

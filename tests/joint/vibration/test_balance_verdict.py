@@ -11,8 +11,8 @@ from operating_points import points
 from tripod_doe.joint import multibody_models, multibody_run
 from tripod_doe.joint.known_errors.vibration_record import SHARE
 from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
-from tripod_doe.joint.parameters import internal_values
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.model_interface import Accuracy, Outcome, Quantity, counted_time
 

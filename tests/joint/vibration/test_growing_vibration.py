@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
+from tripod_doe.joint.multibody.order_noise import mean_and_chance
 from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Wanted
-from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.vibration.growing_vibration import Vibration, damping_against, growing_vibration
-from tripod_doe.mechanics.checks.floquet import Growth
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.mechanics.stability.floquet import Growth
 from tripod_doe.model_interface import Outcome
 
 REVOLUTIONS, SAMPLES, TOLERANCE = 3, 180, 4e-3

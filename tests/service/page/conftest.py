@@ -18,7 +18,7 @@ import pytest
 import tripod_doe as td
 from started import Process
 from tripod_doe.page_parts.charts.chart import Chart
-from tripod_doe.service.runs.table import Run, RunTable, State, stamp
+from tripod_doe.service.runs.run_table import Run, RunTable, State, stamp
 
 COAST = """
 [study]

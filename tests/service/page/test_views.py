@@ -19,11 +19,11 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer.analysis_tables import view_behind
 from tripod_doe.service.explorer.axes import drawn_view, full_view
+from tripod_doe.service.explorer.explorer_functions import explore, extremes, failures, figure, numbers, point
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.questions import explore, extremes, failures, figure, numbers, point
 from tripod_doe.service.explorer.slices import draw, numbered, point_numbers, seen
 from tripod_doe.service.explorer.view import View
 from tripod_doe.service.explorer.what_if import contribution_study, price_of_point
@@ -70,7 +70,7 @@ def folders(tmp_path_factory):
         found[name] = tmp_path_factory.mktemp(name)
         (found[name] / "a.toml").write_text(text)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("tripod_doe.workflow.run.write_report", lambda directory, findings: None)
+            patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
             td.run(found[name] / "a.toml", out=found[name] / "out", workers=0)
         found[name] /= "out"
     return found

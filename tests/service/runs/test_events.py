@@ -15,7 +15,7 @@ from service_client import API, TOKEN, in_own_loop
 from tripod_doe.service.app import create_app
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.runs.events import _KEPT, Events
-from tripod_doe.service.runs.table import Run, State
+from tripod_doe.service.runs.run_table import Run, State
 from tripod_doe.service.settings import Settings
 
 QUIET = 0.2

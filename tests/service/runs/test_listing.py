@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tripod_doe.service.runs.listing import PAGE, RunFilter, folders_of, page_count, page_of, short_ids, tags_of
-from tripod_doe.service.runs.table import PointCounts, Run, State
+from tripod_doe.service.runs.run_table import PointCounts, Run, State
 
 
 def run(number, name, **values):

@@ -26,8 +26,8 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs import annotations, processes
 from tripod_doe.service.runs.result_directory import ending_of, remove_report
+from tripod_doe.service.runs.run_table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.runs.supervisor import Supervisor
-from tripod_doe.service.runs.table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
 from tripod_doe.workflow.steps_file import STEPS
@@ -339,7 +339,7 @@ def test_a_clock_that_jumps_moves_times_and_nothing_else(start, settings, tmp_pa
         jumped = type(
             "Jumped", (datetime,), {"now": classmethod(lambda cls, zone, year=year: datetime(year, 1, 1, tzinfo=zone))}
         )
-        monkeypatch.setattr("tripod_doe.service.runs.table.datetime", jumped)
+        monkeypatch.setattr("tripod_doe.service.runs.run_table.datetime", jumped)
         last = submit(supervisor, tmp_path)
         assert supervisor.find(last).created.startswith(str(year))
         assert supervisor.all()[0].id == last

@@ -14,7 +14,7 @@ from server_process import Server
 from starlette.requests import Request
 
 from tripod_doe.service.log import MOST_ALIKE, Bounded, Plain
-from tripod_doe.service.page import assets
+from tripod_doe.service.page import asset_files
 
 
 @pytest.fixture(scope="module")
@@ -130,12 +130,12 @@ def test_many_first_requests_for_a_file_read_it_once(monkeypatch):
         time.sleep(0.2)
         return data
 
-    monkeypatch.setattr(assets.gzip, "compress", slow)
-    assets._read.cache_clear()
+    monkeypatch.setattr(asset_files.gzip, "compress", slow)
+    asset_files._read.cache_clear()
     request = Request({"type": "http", "headers": []})
     with ThreadPoolExecutor(8) as threads:
-        answers = list(threads.map(lambda _: assets.unversioned("door.js", request).status_code, range(8)))
-    assets._read.cache_clear()
+        answers = list(threads.map(lambda _: asset_files.unversioned("door.js", request).status_code, range(8)))
+    asset_files._read.cache_clear()
     assert answers == [200] * 8
     assert len(reads) == 1
 

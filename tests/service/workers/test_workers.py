@@ -65,7 +65,9 @@ def until_gone(pid):
 
 
 def works(pool):
-    return pool.ask("workers.questions:wants_timing", 20, body=b'{"study": "", "timing": false}', limits=Limits())
+    return pool.ask(
+        "workers.worker_functions:wants_timing", 20, body=b'{"study": "", "timing": false}', limits=Limits()
+    )
 
 
 @pytest.mark.parametrize(("name", "most"), [("spinning", 15), ("sleeping", 15)])

@@ -12,7 +12,7 @@ import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import FAMILIES, make_points, point_count
-from tripod_doe.workflow.run import run
+from tripod_doe.workflow.run_study import run
 
 RANGES = (
     "torque_n_m = {low = 20, high = 50}\nspeed_rpm = {low = 400, high = 600}\njoint_angle_deg = {low = 4, high = 8}"

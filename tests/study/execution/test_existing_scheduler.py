@@ -27,7 +27,7 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution import dask_cluster, dask_executor
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
-from tripod_doe.workflow.run import run
+from tripod_doe.workflow.run_study import run
 
 sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))
 from supervised_cluster import Proxy, SupervisedCluster

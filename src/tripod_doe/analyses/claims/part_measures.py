@@ -11,7 +11,7 @@ from tripod_doe.analyses.claims.amplitudes import point_of
 from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES, contribution_shares
-from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.quantities import level, number
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
 

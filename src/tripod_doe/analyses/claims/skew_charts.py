@@ -24,7 +24,7 @@ from tripod_doe.page_parts.charts.chart import (
     series,
 )
 from tripod_doe.page_parts.charts.paper_figures import SKEWS, first_points
-from tripod_doe.page_parts.responses import axis_label, factor_text, finished, numeric_factors
+from tripod_doe.page_parts.main_results import axis_label, factor_text, finished, numeric_factors
 from tripod_doe.quantities import level
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

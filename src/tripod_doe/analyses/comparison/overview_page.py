@@ -21,7 +21,7 @@ from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.orders import agreement, differences
-from tripod_doe.page_parts.responses import ORDINALS, listed, spoken, unit_text
+from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken, unit_text
 from tripod_doe.page_parts.templates import render
 from tripod_doe.quantities import count_of, csv_cell, interval, level, numbers_in_words, with_unit
 

@@ -9,7 +9,7 @@ from tripod_doe.analyses.comparison.charts import comparison_charts
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, find_in_comparison, order_rows
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.page_parts.answer import answer_first
-from tripod_doe.page_parts.responses import spoken, unit_text
+from tripod_doe.page_parts.main_results import spoken, unit_text
 from tripod_doe.page_parts.templates import render
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset

@@ -21,7 +21,7 @@ from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.measurement import Measurement
-from tripod_doe.page_parts.responses import listed, spoken, unit_text
+from tripod_doe.page_parts.main_results import listed, spoken, unit_text
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.study.simulate import simulate
 

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import VERDICTS
-from tripod_doe.page_parts.responses import ORDINALS
+from tripod_doe.page_parts.main_results import ORDINALS
 from tripod_doe.quantities import interval, level, number, numbers_in_words, value_range
 
 ORDER_HEADS = (

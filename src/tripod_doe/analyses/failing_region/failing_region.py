@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import is_numeric
-from tripod_doe.page_parts.responses import asked, finished, point_columns, varies, waiting
+from tripod_doe.page_parts.main_results import asked, finished, point_columns, varies, waiting
 from tripod_doe.quantities import number
 
 _DEPTH = 2  # conditions of a region: more are hard to picture

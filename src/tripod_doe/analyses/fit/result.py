@@ -21,7 +21,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import amplitude_and_phase
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import count_of
-from tripod_doe.study.query.found_points import found_rows
+from tripod_doe.study.query.look_for_sentence import found_rows
 
 _RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
 """Verdicts from the best to the worst."""

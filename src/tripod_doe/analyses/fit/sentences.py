@@ -11,7 +11,7 @@ import xarray as xr
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
 from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.page_parts.responses import ORDINALS, spoken, unit_text
+from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import count_of, interval, level, number, value_range, value_with_ends, with_unit
 
 UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")

@@ -21,7 +21,7 @@ from tripod_doe.page_parts.charts.chart import (
     legend_above,
     series,
 )
-from tripod_doe.page_parts.responses import (
+from tripod_doe.page_parts.main_results import (
     Effect,
     Response,
     axis_label,

@@ -12,7 +12,7 @@ from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.analyses.output_table import is_level
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.responses import Response, factor_label, factor_text, factor_unit, listed
+from tripod_doe.page_parts.main_results import Response, factor_label, factor_text, factor_unit, listed
 from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, text_range, with_unit
 
 _DRIVE = "drive in place of coast"  # what a torque of one size and both signs changes

@@ -10,10 +10,10 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.optimisation.manufacturing_scatter import Scatter, make_scatter
 from tripod_doe.analyses.optimisation.measures import Ends, Judged, PointValues, judged
 from tripod_doe.analyses.optimisation.operating_points import OperatingPoints, operating_points
 from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, ObjectiveTable, OptimisationRequest
-from tripod_doe.analyses.optimisation.scatter import Scatter, make_scatter
 from tripod_doe.analyses.optimisation.variables import Variables, make_variables
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match

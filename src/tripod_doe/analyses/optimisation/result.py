@@ -15,7 +15,7 @@ from tripod_doe.analyses.optimisation.pareto_front import Archive, knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.responses import ERROR
-from tripod_doe.study.query.found_points import found_rows
+from tripod_doe.study.query.look_for_sentence import found_rows
 
 _FLAG = {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes"}
 

@@ -11,7 +11,7 @@ from tripod_doe.analyses.optimisation.pareto_front import binding, front_rows, k
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values, best_so_far
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.responses import listed, spoken, unit_text
+from tripod_doe.page_parts.main_results import listed, spoken, unit_text
 from tripod_doe.quantities import count_of, digits_apart, interval, level, levels_apart, number, with_unit
 from tripod_doe.study.failure_summary import Failure
 

@@ -27,7 +27,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import load_simulator

@@ -27,8 +27,8 @@ from tripod_doe.analyses.output_table import (
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
 from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
-from tripod_doe.analyses.tolerance.keeping import cheapest_to_keep, scale_to_keep, scaled_weights
-from tripod_doe.analyses.tolerance.shifting import shift_to_keep
+from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep
+from tripod_doe.analyses.tolerance.narrower_scatter import cheapest_to_keep, scale_to_keep, scaled_weights
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match

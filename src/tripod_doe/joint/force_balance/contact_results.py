@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.constants.contact_pressure import groove_pressure, needle_pressure
+from tripod_doe.joint.constants.load_zone import bearing_load_zone
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES
 from tripod_doe.joint.force_balance.added_motion import added_motion
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import PointConstants, flank, point_constants_of
 from tripod_doe.joint.force_balance.roller_forces import groove_forces, leaning_contact
 from tripod_doe.joint.force_balance.samples import Memory, motion_at, skew_of, start
-from tripod_doe.joint.geometry.contact_pressure import groove_pressure, needle_pressure
-from tripod_doe.joint.geometry.contact_stiffness import bearing_load_zone
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load, store
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation

@@ -17,7 +17,7 @@ is the whole relative velocity. At the groove act, for a normal force N,
 with a_H the semi-major axis of the contact ellipse and w_t the part of w in the tangent plane. A needle rolls freely
 across its axis and transmits friction only along it. Rolling between trunnion (radius r_t) and bore (r_b), skewed by
 psi, it slips on both alike, together by w cos psi - s r_e sin psi; by virtual power the lever is r_e = r_b r_t / r_p
-with the pitch radius r_p = (r_b + r_t) / 2. The needles carry kappa N in sum (`contact_stiffness.bearing_load_zone`),
+with the pitch radius r_p = (r_b + r_t) / 2. The needles carry kappa N in sum (`load_zone.bearing_load_zone`),
 so on the roller act along and about its trunnion
 
     P   = -mu_n kappa N cos psi tanh((w cos psi - s r_e sin psi) / (2 v_sn))
@@ -50,6 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.joint.constants import load_zone
 from tripod_doe.joint.force_balance.contact_results import ContactReader
 from tripod_doe.joint.force_balance.coupled_newton import loads_at_rest, settle_together
 from tripod_doe.joint.force_balance.equilibrium_relaxation import settle_still
@@ -60,7 +61,6 @@ from tripod_doe.joint.force_balance.point_constants import TILT, YAW, PointConst
 from tripod_doe.joint.force_balance.revolutions import Revolutions
 from tripod_doe.joint.force_balance.samples import Memory, repeat_first, start
 from tripod_doe.joint.force_balance.thrust_and_power import Solution, account
-from tripod_doe.joint.geometry import contact_stiffness
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
@@ -104,15 +104,13 @@ class Equilibrium:
 
 @kernel
 def _load_zones(loads, clearances, stiffnesses, counts, kappa, penetration):
-    """`contact_stiffness.bearing_load_zone` for every point."""
+    """`load_zone.bearing_load_zone` for every point."""
     for i in range(loads.size):
-        kappa[i], penetration[i] = contact_stiffness.bearing_load_zone(
-            loads[i], clearances[i], stiffnesses[i], counts[i]
-        )
+        kappa[i], penetration[i] = load_zone.bearing_load_zone(loads[i], clearances[i], stiffnesses[i], counts[i])
 
 
 def load_zones(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """`contact_stiffness.bearing_load_zone` of straight needles for every point, each of shape (point,)."""
+    """`load_zone.bearing_load_zone` of straight needles for every point, each of shape (point,)."""
     load = points.groove_load
     kappa, penetration = np.empty_like(load), np.empty_like(load)
     _load_zones(load, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count, kappa, penetration)

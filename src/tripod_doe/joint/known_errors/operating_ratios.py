@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.geometry.roller_inertia import roller_inertia
-from tripod_doe.joint.parameters import internal_values
+from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.unit_conversion import internal_values
 
 RATIOS = {
     "joint_angle_deg": "joint angle",
@@ -32,7 +32,7 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
 
     swing ratio = 2 mu_s (R_g - R_s) / (R_p tan(theta) sin(theta) / 2), its denominator the amplitude of the slip;
     inertia ratio = m_r R_p omega^2 / (|T| / (3 R_p)), with the mass m_r of a roller; penetration of the crown ratio
-    = (4.08 |T| / (3 R_p Z C))^0.9, with Z needles of the stiffness C (`contact_stiffness.bearing_load_zone`).
+    = (4.08 |T| / (3 R_p Z C))^0.9, with Z needles of the stiffness C (`load_zone.bearing_load_zone`).
     """
     values = internal_values(points)
     friction, rubbing = values.groove_sliding_friction, values.needle_sliding_friction

@@ -17,7 +17,7 @@ from tripod_doe.joint.order_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.run import Run
 from tripod_doe.model_interface import Outcome
 

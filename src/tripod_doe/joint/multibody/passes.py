@@ -15,7 +15,7 @@ from tripod_doe.joint.multibody.thrust_and_power import groove_thrust, has_needl
 from tripod_doe.joint.orders import ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.model_interface import Outcome

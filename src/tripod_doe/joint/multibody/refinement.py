@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.geometry.roller_inertia import roller_inertia
+from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.multibody.order_noise import mean_and_chance, swung_in
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion, Pass
 from tripod_doe.joint.multibody.run_result import StoppedError
-from tripod_doe.joint.multibody.scatter import mean_and_chance, swung_in
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues

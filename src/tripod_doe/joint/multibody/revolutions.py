@@ -19,7 +19,7 @@ from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.model_interface import Outcome

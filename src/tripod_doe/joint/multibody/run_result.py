@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.mechanics.checks.rates import Rates
 from tripod_doe.mechanics.run import Run
+from tripod_doe.mechanics.stability.rates import Rates
 from tripod_doe.model_interface import Outcome
 
 

@@ -35,10 +35,10 @@ from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
-from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices, fastest_growth, oscillating_rates
 from tripod_doe.mechanics.contact_damping_parameters import FACTOR, TIME
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.mechanics.stability.floquet import Growth, departure_matrices, fastest_growth, oscillating_rates
 from tripod_doe.quantities import duration
 
 _METHOD = "adaptive-euler"

@@ -2,7 +2,7 @@
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
 With three trunnions, thirds of a revolution are alike but for their skews: the scatter of a revolution is estimated
-from its thirds (`scatter`).
+from its thirds (`order_noise`).
 
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
 followed for longer until the vibration has stopped growing. Where the vibration builds up within a revolution, a second
@@ -22,10 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.joint.multibody.order_noise import mean_and_chance
 from tripod_doe.joint.multibody.revolutions import Revolution, RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Readings
-from tripod_doe.joint.multibody.scatter import mean_and_chance
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 
 Allowed = Callable[[FloatArray], FloatArray]

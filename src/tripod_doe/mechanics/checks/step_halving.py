@@ -15,7 +15,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.checks.energy_balance import EnergyBalance, Passage
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.monitor import Settings, begin_watch
 from tripod_doe.mechanics.tables import EVALUATIONS, Work
 from tripod_doe.model_interface import Outcome

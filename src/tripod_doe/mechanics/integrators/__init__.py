@@ -1,1 +1,1 @@
-"""Time integration: one method a file, one contract (`contract`), one registry (`registry`)."""
+"""Time integration: one method a file, one interface (`method_interface`), one registry (`registry`)."""

@@ -30,7 +30,7 @@ _ITERATIONS = 10
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance with step control, or by equal steps without; see `contract`. clock[1] holds the next step."""
+    """Advance with step control, or by equal steps without; see `method_interface`. clock[1] holds the next step."""
     start, before, base = work.stages[_START], work.stages[_BEFORE], work.stages[_BASE]
     equal = (end - clock[0]) / count
     pace = 2.0 * settings.tolerance * tables.scales[3] if settings.controlled else equal

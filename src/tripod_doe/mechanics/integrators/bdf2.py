@@ -50,7 +50,7 @@ def _in_parts(tables, work, end, step, settings, positions, velocities):
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `contract`. clock[1] holds the step that the history was made with."""
+    """Advance by equal steps; see `method_interface`. clock[1] holds the step that the history was made with."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
     start, base = work.stages[_START], work.stages[_BASE]

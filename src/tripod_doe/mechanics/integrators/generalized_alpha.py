@@ -27,7 +27,7 @@ _BETA = 0.25 * (_GAMMA + 0.5) ** 2
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `contract`. clock[1] says whether accelerations are known."""
+    """Advance by equal steps; see `method_interface`. clock[1] says whether accelerations are known."""
     step, begin = (end - clock[0]) / count, clock[0]
     start, before, base = work.stages[_START], work.stages[_BEFORE], work.stages[_BASE]
     algorithmic, true = work.stages[_ALGORITHMIC], work.stages[_TRUE]

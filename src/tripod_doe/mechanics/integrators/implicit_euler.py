@@ -15,7 +15,7 @@ _START, _BASE = range(2)
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `contract`."""
+    """Advance by equal steps; see `method_interface`."""
     step, begin = (end - clock[0]) / count, clock[0]
     start, base = work.stages[_START], work.stages[_BASE]
     clear(base)

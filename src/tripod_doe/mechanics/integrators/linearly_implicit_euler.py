@@ -21,7 +21,7 @@ _CHANGE, _AHEAD = range(2)
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `contract`."""
+    """Advance by equal steps; see `method_interface`."""
     step, begin = (end - clock[0]) / count, clock[0]
     change, ahead = work.stages[_CHANGE], work.stages[_AHEAD]
     for n in range(count):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.method_interface import Method
 
 _METHODS = (
     Method(

@@ -14,7 +14,7 @@ _START, _FIRST, _SHIFT, _SHIFT_SUM, _CHANGE_SUM, _DISPLACEMENT = range(6)
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `contract`."""
+    """Advance by equal steps; see `method_interface`."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
     start, first = work.stages[_START], work.stages[_FIRST]

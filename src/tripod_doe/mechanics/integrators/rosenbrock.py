@@ -156,7 +156,7 @@ def _combine(tables, work, start, first, tolerance, positions, velocities):
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance with step control, or by equal steps without; see `contract`. clock[1] holds the next step."""
+    """Advance with step control, or by equal steps without; see `method_interface`. clock[1] holds the next step."""
     start, first = work.stages[_START], work.stages[_FIRST_VELOCITIES]
     begin, taken = clock[0], 0
     equal = (end - begin) / count

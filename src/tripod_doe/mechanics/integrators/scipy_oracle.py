@@ -77,7 +77,9 @@ def _integrate(
     count: int,
     settings: Settings,
 ) -> int:
-    """Advance with SciPy's step control; see `contract`. Its own flag is not trusted: the caller checks the result.
+    """Advance with SciPy's step control; see `method_interface`.
+
+    Its own flag is not trusted: the caller checks the result.
 
     On one thread of linear algebra: on several, LU factors are rounded differently, and results must not depend on
     the process that computes them.

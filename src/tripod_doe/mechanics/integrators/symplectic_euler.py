@@ -10,7 +10,7 @@ from tripod_doe.mechanics.solve.equations_of_motion import evaluate, settle
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `contract`."""
+    """Advance by equal steps; see `method_interface`."""
     step, begin = (end - clock[0]) / count, clock[0]
     displacement = work.displacement
     evaluate(tables, work, positions, velocities, begin, settings.baumgarte)

@@ -21,10 +21,10 @@ from scipy.optimize import brentq
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.scene_simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, scene_parameters
+from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import Methods, Output, by_name
 
 _PLATE_MASS = 1e-4

@@ -15,11 +15,11 @@ import numpy as np
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator, scene_parameters
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
+from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import Methods, Output, by_name
 
 _MASS, _INERTIA = 7e-5, 1e-2

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.assembly import State
-from tripod_doe.mechanics.checks.linearisation import fastest_rates
-from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.contact_damping_parameters import BOTH, DAMPING_PARAMETERS, greased_and_dry, settled
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Run
+from tripod_doe.mechanics.stability.linearisation import fastest_rates
+from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import (
     NUMERICS,
     BlockResult,

@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.page_parts.charts.chart import COLOURS, LINES, Chart, drawing, legend_above
-from tripod_doe.page_parts.responses import finished, point_text
+from tripod_doe.page_parts.main_results import finished, point_text
 
 _MOST = 6
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.responses import factor_names
+from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE

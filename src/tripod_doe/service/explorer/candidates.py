@@ -10,7 +10,7 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.optimisation.candidates import file_of, findings_in, knee_of, names_of
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.responses import unit_text
+from tripod_doe.page_parts.main_results import unit_text
 from tripod_doe.quantities import number
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.cube.lazy_dataset import read_dataset

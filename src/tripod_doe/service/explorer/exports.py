@@ -8,7 +8,7 @@ import tomlkit
 import xarray as xr
 
 from tripod_doe.errors import InputError
-from tripod_doe.page_parts.responses import factor_names
+from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View

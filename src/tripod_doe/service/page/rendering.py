@@ -12,8 +12,8 @@ from starlette.responses import HTMLResponse
 
 from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import duration, in_words, level, number, size
-from tripod_doe.service.page.assets import stamp
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.page.asset_files import stamp
+from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.settings import Settings
 
 _EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"

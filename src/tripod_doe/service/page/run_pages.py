@@ -8,13 +8,13 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.errors import InputError
-from tripod_doe.service import answers
+from tripod_doe.service import ask_workers
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
 from tripod_doe.service.runs.listing import SORTS, RunFilter, folders_of, page_count, page_of, short_ids, tags_of
 from tripod_doe.service.runs.result_directory import has_report
-from tripod_doe.service.runs.table import Run, State
+from tripod_doe.service.runs.run_table import Run, State
 from tripod_doe.service.security.report_keys import report_key
 from tripod_doe.service.service import Service
 
@@ -143,7 +143,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     """Controls, copies and title of a view; only the words that say so where no point has finished yet."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    found = answers.explore(service, run_id, _items(request), step) if _begun(run) else None
+    found = ask_workers.explore(service, run_id, _items(request), step) if _begun(run) else None
     values = _control_values(service, run, found)
     return {
         "title": found["title"] if found else "",
@@ -155,7 +155,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 @router.get("/runs/{run_id}/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
-    found = answers.point(service, run_id, number, step)
+    found = ask_workers.point(service, run_id, number, step)
     text = part(
         "point.html",
         root=service.settings.root,
@@ -171,7 +171,9 @@ def point(run_id: str, number: int, service: AnyService, step: str | None = None
 @router.get("/parts/parameters")
 def parameters(scene: str, service: AnyService) -> HTMLResponse:
     """Parameters of a scene as a list to choose from."""
-    return HTMLResponse(part("parameters.html", parameters=service.ask("explorer.questions:parameters", scene=scene)))
+    return HTMLResponse(
+        part("parameters.html", parameters=service.ask("explorer.explorer_functions:parameters", scene=scene))
+    )
 
 
 @router.post("/parts/price-of-point")
@@ -192,7 +194,7 @@ def simulate(body: Body, service: AnyService) -> dict[str, Any]:
 def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
     """The cells of a view as a table."""
     return HTMLResponse(
-        part("numbers.html", **answers.numbers(service, run_id, _items(request), request.query_params.get("step")))
+        part("numbers.html", **ask_workers.numbers(service, run_id, _items(request), request.query_params.get("step")))
     )
 
 
@@ -209,7 +211,7 @@ def behind(
     run_id: str, analysis: str, variable: str, cell: int, service: AnyService, step: str | None = None
 ) -> RedirectResponse:
     """From a number of an analysis to the view of its points."""
-    items = answers.behind(service, run_id, analysis, variable, cell, step)
+    items = ask_workers.behind(service, run_id, analysis, variable, cell, step)
     return RedirectResponse(f"{service.settings.root}/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
 
 
@@ -228,7 +230,7 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
     rows = {"heads": [], "rows": [], "count": 0}
     if run.counts.failed:
         step = step or ("points" if run.is_search else None)
-        rows = service.ask("explorer.questions:failures", path=str(service.results(run_id, step)))
+        rows = service.ask("explorer.explorer_functions:failures", path=str(service.results(run_id, step)))
     return _run_page("failed.html", service, run, "Failed points", step=step, **rows)
 
 
@@ -298,7 +300,7 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
     """Upload a measurement and lay it over a point."""
     studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
     chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
-    axes = answers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
+    axes = ask_workers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
     return show("compare.html", service.settings, here="/compare", studies=studies, chosen=chosen, axes=axes)
 
 
@@ -335,7 +337,7 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
     if not _begun(run):
         return None, ""
     try:
-        return answers.explore(service, run.id, _items(request), step), ""
+        return ask_workers.explore(service, run.id, _items(request), step), ""
     except (InputError, RefusedError) as error:
         return None, str(error)
 

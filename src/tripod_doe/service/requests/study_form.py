@@ -13,7 +13,7 @@ from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Parameter
-from tripod_doe.page_parts.responses import spoken, unit_text
+from tripod_doe.page_parts.main_results import spoken, unit_text
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.definition.study_file import DesignTable

@@ -41,7 +41,7 @@ def report(run_id: str, service: AnyService) -> Response:
 def summary(run_id: str, form: Form, service: AnyService, step: str | None = None) -> Response:
     """The run on one page (pdf, html), or all its tables as a workbook (xlsx)."""
     path = str(service.results(run_id, step))
-    data = service.ask_large("workers.questions:handed_on", path=path, form=form)
+    data = service.ask_large("workers.worker_functions:handed_on", path=path, form=form)
     if form == "html":
         return HTMLResponse(data, headers=IN_SANDBOX)
     named = {"content-disposition": f'attachment; filename="summary.{form}"'}

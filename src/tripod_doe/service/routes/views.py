@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, Response
 
-from tripod_doe.service import answers
+from tripod_doe.service import ask_workers
 from tripod_doe.service.routes.dependencies import CHANGES, IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
@@ -15,16 +15,16 @@ router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 
 def figure(run_id: str, request: Request, service: AnyService, step: str | None = None) -> Response:
     """A view of a cube as a figure for Plotly; the query is the one of the explorer's page."""
     items = list(request.query_params.multi_items())
-    return Response(answers.figure(service, run_id, items, step), media_type="application/json")
+    return Response(ask_workers.figure(service, run_id, items, step), media_type="application/json")
 
 
 @router.get("/points/{number}/motion", response_class=Response, responses=gives("text/html") | CHANGES)
 def motion(run_id: str, number: int, service: AnyService, step: str | None = None) -> Response:
     """A page that moves the joint at one point, which is simulated again with its contacts; not for who only reads."""
-    return HTMLResponse(answers.motion(service, run_id, number, step), headers=IN_SANDBOX)
+    return HTMLResponse(ask_workers.motion(service, run_id, number, step), headers=IN_SANDBOX)
 
 
 @router.get("/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point: its factors, how it ended, its numbers, and figures of the rest for Plotly."""
-    return answers.point(service, run_id, number, step)
+    return ask_workers.point(service, run_id, number, step)

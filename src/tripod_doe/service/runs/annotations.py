@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from tripod_doe.errors import InputError
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.runs.run_table import Run
 from tripod_doe.study.result_directory.annotation import FILE, Annotation, read_annotation
 
 _PAUSE = 2.0  # seconds between two looks

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tripod_doe.errors import StorageError
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.runs.table import Run, RunTable, now, stamp
+from tripod_doe.service.runs.run_table import Run, RunTable, now, stamp
 
 _DELETED = ".deleted-"
 

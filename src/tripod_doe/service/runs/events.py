@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from itertools import takewhile
 
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.runs.run_table import Run
 
 _KEPT = 512  # events that a stream which was away can still get, each with the whole note of its run
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.runs.run_table import Run
 
 _PAUSE = 2.0  # seconds between two looks into the cube of a run at work
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args
 
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.runs.run_table import Run
 
 T = TypeVar("T")
 

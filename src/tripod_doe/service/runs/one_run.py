@@ -4,8 +4,8 @@ from pathlib import Path
 
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs.events import Events
+from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
-from tripod_doe.service.runs.table import Run
 
 
 class OneRun:

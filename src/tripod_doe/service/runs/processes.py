@@ -19,7 +19,7 @@ import psutil
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
-from tripod_doe.service.runs.table import Run
+from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.workers.forking import start_program
 
 _COMMANDS = {"study": "run", "workflow": "workflow", "fit": "fit", "optimisation": "optimise"}

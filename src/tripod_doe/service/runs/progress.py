@@ -13,7 +13,7 @@ from typing import Any
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
-from tripod_doe.service.runs.table import PointCounts, Run
+from tripod_doe.service.runs.run_table import PointCounts, Run
 from tripod_doe.study.journal import Journal, Mark, journal_path
 from tripod_doe.workflow.steps_file import STEPS
 

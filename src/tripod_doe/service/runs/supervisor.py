@@ -25,7 +25,7 @@ from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
 from tripod_doe.service.runs.result_directory import ending_of, is_directory, remove_report, remove_stages
-from tripod_doe.service.runs.table import PointCounts, Run, RunTable, State, now, stamp
+from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.annotation import annotated, write_annotation

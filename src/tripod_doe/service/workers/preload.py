@@ -12,12 +12,6 @@ import dask.array  # noqa: F401 - which xarray imports with the first cube
 import netCDF4  # noqa: F401
 from numba.core.registry import cpu_target
 
-import tripod_doe.joint.simulator
-import tripod_doe.service.explorer.questions
-import tripod_doe.service.workers.questions
-import tripod_doe.workflow.chain
-import tripod_doe.workflow.run  # noqa: F401
-
 cpu_target.target_context.refresh()  # what numba does before it loads the first kernel
 gc.collect()
 gc.freeze()  # what is shared is neither looked through nor copied

@@ -1,7 +1,7 @@
 """The process of a worker: questions come in, answers or refusals go out, one at a time.
 
-A question is a function of the service, by its place (``workers.questions:plan``). Bodies of requests are read here
-and nowhere else, so that no text can hold up the server.
+A question names a function of the service by its place (``workers.worker_functions:plan``). Bodies of requests are
+read here and nowhere else, so that no text can hold up the server.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ class WorkerPool:
         """Ask a question, and wait for the answer.
 
         Args:
-            question: Place of a function, as ``workers.questions:plan``.
+            question: Place of a function, as ``workers.worker_functions:plan``.
             seconds: CPU time for the answer.
             as_json: Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
             left: Set when the client leaves: a question that waits is dropped, and long work on it is ended.

@@ -1,6 +1,6 @@
 """Designs: from the factors of a study to its points, one module a method; what runs the points is not here."""
 
-from tripod_doe.study.designs.contract import Column, axis_levels, factor_groups
+from tripod_doe.study.designs.design_interface import Column, axis_levels, factor_groups
 from tripod_doe.study.designs.fast import CURVE_HARMONICS
 from tripod_doe.study.designs.multifidelity import (
     SAMPLE,

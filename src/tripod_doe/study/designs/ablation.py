@@ -6,7 +6,7 @@ A switch multiplies the coefficient of its mechanism, so that one at a half halv
 import itertools
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.designs.contract import Family, Made, Request, column_of
+from tripod_doe.study.designs.design_interface import Family, Made, Request, column_of
 
 HALF = 0.5
 """The switch of a friction that is halved."""

@@ -14,7 +14,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.factors import Factor
-from tripod_doe.study.designs.contract import Column, Family, Made, Request, column_of
+from tripod_doe.study.designs.design_interface import Column, Family, Made, Request, column_of
 
 _NUMERALS = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII"}
 _DEFAULT_RESOLUTION = 4  # main effects apart from the interactions of two factors

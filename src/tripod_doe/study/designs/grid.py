@@ -8,7 +8,16 @@ import numpy as np
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import check_parameters
 from tripod_doe.study.definition.factors import Factor
-from tripod_doe.study.designs.contract import Column, Family, Made, Request, axis_levels, column_of, crossed, levels_of
+from tripod_doe.study.designs.design_interface import (
+    Column,
+    Family,
+    Made,
+    Request,
+    axis_levels,
+    column_of,
+    crossed,
+    levels_of,
+)
 
 
 def _grid(request: Request) -> Made:

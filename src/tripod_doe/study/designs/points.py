@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.designs.contract import Column, crossed
+from tripod_doe.study.designs.design_interface import Column, crossed
 from tripod_doe.study.designs.grid import grid_levels
 from tripod_doe.study.designs.multifidelity import most_points
 from tripod_doe.study.designs.registry import FAMILIES, checked_request, count_part, make_part

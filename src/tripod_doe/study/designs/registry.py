@@ -14,7 +14,7 @@ from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs.ablation import ABLATION
-from tripod_doe.study.designs.contract import Column, Family, Made, Request, crossed
+from tripod_doe.study.designs.design_interface import Column, Family, Made, Request, crossed
 from tripod_doe.study.designs.factorial import FACTORIAL
 from tripod_doe.study.designs.fast import FAST
 from tripod_doe.study.designs.grid import GRID

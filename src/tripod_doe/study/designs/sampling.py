@@ -12,7 +12,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.study.definition.distributions import is_unbounded, quantile
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable
-from tripod_doe.study.designs.contract import (
+from tripod_doe.study.designs.correlation import correlated, correlation_matrix
+from tripod_doe.study.designs.design_interface import (
     SAMPLED_BYTES,
     Block,
     Column,
@@ -23,7 +24,6 @@ from tripod_doe.study.designs.contract import (
     factor_groups,
     one_point,
 )
-from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 
 INDEPENDENT = "its indices divide the variance among independent factors"
 """The reason why factors of designs for variance-based indices cannot be correlated."""

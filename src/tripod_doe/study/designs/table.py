@@ -5,7 +5,7 @@ import math
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.model_interface import Parameter, Value
-from tripod_doe.study.designs.contract import Family, Made, Request
+from tripod_doe.study.designs.design_interface import Family, Made, Request
 
 
 def _table(request: Request) -> Made:

@@ -35,7 +35,7 @@ from tripod_doe.study.result_directory.directory import make_directory
 from tripod_doe.study.result_directory.look_for import FOUND, found_in
 from tripod_doe.study.result_directory.result_cube import opened_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
-from tripod_doe.workflow.run import run_on
+from tripod_doe.workflow.run_study import run_on
 from tripod_doe.workflow.steps_file import write_steps
 from tripod_doe.workflow.workflow_file import AnalysisStep, FigureStep, ReportStep, StudyStep
 

@@ -14,17 +14,17 @@ def explore(service: Service, run_id: str, items: Items, step: str | None = None
     """Changes that a view of a run's cube allows."""
     place, minus = str(service.results(run_id, step)), _subtracted(items)
     name = service.runs.find(minus).name if minus else ""
-    return service.ask("explorer.questions:explore", path=place, items=items, place=place, minus_name=name)
+    return service.ask("explorer.explorer_functions:explore", path=place, items=items, place=place, minus_name=name)
 
 
 def figure(service: Service, run_id: str, items: Items, step: str | None = None) -> bytes:
     """A view of a run's cube as JSON of a figure for Plotly."""
-    return service.ask("explorer.questions:figure", **_view(service, run_id, items, step))
+    return service.ask("explorer.explorer_functions:figure", **_view(service, run_id, items, step))
 
 
 def numbers(service: Service, run_id: str, items: Items, step: str | None = None) -> Answer:
     """The cells of a view as texts."""
-    return service.ask("explorer.questions:numbers", **_view(service, run_id, items, step))
+    return service.ask("explorer.explorer_functions:numbers", **_view(service, run_id, items, step))
 
 
 def _view(service: Service, run_id: str, items: Items, step: str | None) -> dict[str, Any]:
@@ -53,11 +53,11 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
 
 def motion(service: Service, run_id: str, number: int, step: str | None = None) -> str:
     """The page that moves one point of a run."""
-    page: str = service.simulate_again("explorer.questions:motion", str(service.results(run_id, step)), number)
+    page: str = service.simulate_again("explorer.explorer_functions:motion", str(service.results(run_id, step)), number)
     return page
 
 
 def point(service: Service, run_id: str, number: int, step: str | None = None) -> Answer:
     """One point of a run, with its figures."""
     path = str(service.results(run_id, step))
-    return service.ask("explorer.questions:point", path=path, number_of_point=number)
+    return service.ask("explorer.explorer_functions:point", path=path, number_of_point=number)

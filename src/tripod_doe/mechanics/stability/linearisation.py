@@ -11,8 +11,8 @@ lag
     pace P its velocities are off by h P times (K / (i P) + D + i P M)^-1 (D_s - D): the rate is P times its largest
     eigenvalue, and the step times the rate is the relative error.
 
-Explicit methods are unstable beyond fixed multiples of 1/contact and 1/friction (`contract.Method.reach`). Constraints
-are obeyed: all matrices act on the motions that they leave.
+Explicit methods are unstable beyond fixed multiples of 1/contact and 1/friction (`method_interface.Method.reach`).
+Constraints are obeyed: all matrices act on the motions that they leave.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from scipy.linalg import eigvals, null_space, solve
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.checks.rates import Rates
 from tripod_doe.mechanics.forces.constraints import evaluate_constraints
 from tripod_doe.mechanics.forces.inertia import add_inertia_matrices, add_mass_blocks
 from tripod_doe.mechanics.solve.equations_of_motion import linearise_elements
+from tripod_doe.mechanics.stability.rates import Rates
 from tripod_doe.mechanics.tables import Slopes
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
-from tripod_doe.model_interface.trust import LARGE_ERROR, VerdictCount, verdicts
+from tripod_doe.model_interface.verdict import LARGE_ERROR, VerdictCount, verdicts
 
 
 def errors(random, count):

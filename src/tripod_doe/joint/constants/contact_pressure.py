@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.geometry.contact_stiffness import groove_curvature, hertz_coefficients
 from tripod_doe.joint.values import JointValues, Number
+from tripod_doe.mechanics.laws.hertz import groove_curvature, hertz_coefficients
 
 
 def ellipse_axes(values: JointValues[Number], normal_force: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -37,7 +37,7 @@ from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure, failures_in
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.query.found_points import found_points
+from tripod_doe.study.query.look_for_sentence import found_points
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.result_directory.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.result_directory.stored_study import with_derived

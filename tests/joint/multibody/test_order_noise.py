@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.joint.multibody.scatter import mean_and_chance, swung_in
+from tripod_doe.joint.multibody.order_noise import mean_and_chance, swung_in
 
 
 def test_revolutions_that_are_alike_tell_less():

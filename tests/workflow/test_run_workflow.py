@@ -100,7 +100,7 @@ class Bench:
         """States of the steps; without the pages of the studies, which take most of the time."""
         with pytest.MonkeyPatch.context() as patch:
             if not pages:
-                patch.setattr("tripod_doe.workflow.run.write_report", lambda directory, findings: None)
+                patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
             summary = td.run_workflow(self.folder / "chain.toml", self.out, workers=0, progress=False, **options)
         self.steps = {step.name: step for step in summary.steps}
         self.summary = summary

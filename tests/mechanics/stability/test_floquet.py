@@ -10,8 +10,8 @@ from example_scenes import pendulum
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.checks.floquet import departure_matrices, fastest_growth
 from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.mechanics.stability.floquet import departure_matrices, fastest_growth
 
 MASS, SPRING, CONTACT, LOAD, SLIP = 1e-3, 60.0, 40.0, 10.0, 1e3
 INCLINED = math.radians(150)

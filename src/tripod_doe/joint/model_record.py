@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
-from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import BlockResult, Methods, ValidRange
 
 RATES = tuple(output.name for output in RATE_OUTPUTS)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.tolerance.chances import Exceeding, weighted_chances
-from tripod_doe.analyses.tolerance.keeping import together
+from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.distributions import Scatter, scatter_density

@@ -11,11 +11,11 @@ from example_scenes import pendulum
 import tripod_doe as td
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import State, assemble
-from tripod_doe.mechanics.checks.linearisation import fastest_rates, linear_matrices, rates_at
-from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.integrators.monitor import Settings, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
+from tripod_doe.mechanics.stability.linearisation import fastest_rates, linear_matrices, rates_at
+from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 
 EXACT = 1e-9  # eigenvalues of small well-scaled matrices: rounding
 

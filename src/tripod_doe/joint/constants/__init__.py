@@ -1,0 +1,1 @@
+"""Constants of a joint from its dimensions and material: contact stiffnesses and pressure, load zone, inertia."""
