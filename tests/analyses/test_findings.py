@@ -502,7 +502,7 @@ def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
         told = find(cube)
         fine = cube["y"].values[cube["level"].values == "fine"]
     of = "of the 40 points by fine, which counts as the truth."
-    assert f"Ranges of results, effects of factors and figures of both are {of}" in told
+    assert f"Ranges of results, effects of factors and their figures refer to {of}" in told
     assert told[0].startswith(f"y lies between {fine.min():.3g} (at x ")
     assert not [sentence for sentence in told if "over level" in sentence.lower()]
     page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")

@@ -54,7 +54,9 @@ def find(cube: xr.Dataset) -> list[str]:
         sentences = [_dominant_order(shown)] if every_order else []
         sentences += _responses(shown) + _missing_effects(shown) + subset_sentences(part)
         if design_kind(cube) == "multifidelity":
-            sentences.append(f"Ranges of results, effects of factors and figures of both are {points_in_words(shown)}.")
+            sentences.append(
+                f"Ranges of results, effects of factors and their figures refer to {points_in_words(shown)}."
+            )
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:
@@ -97,7 +99,7 @@ def _responses(cube: xr.Dataset) -> list[str]:
 
 
 def _missing_effects(cube: xr.Dataset) -> list[str]:
-    """State of which factors the effect is not complete, since no model of the study has all of it."""
+    """Name the factors whose effect no model of the study includes in full."""
     missing = json.loads(str(cube.attrs.get("missing_effects", "{}")))
     return [
         f"The effect of {factor_label(cube, factor)} is incomplete: {missing[factor]}."
@@ -190,7 +192,7 @@ def _by_model(amplitude: xr.DataArray) -> dict[str, float]:
 
 
 def _left_over(cube: xr.Dataset) -> xr.DataArray:
-    """Up to which difference two orders of a point are alike: their numerical errors, or what is written as zero."""
+    """Differences below this are not significant: numerical errors, or rounding to zero."""
     amplitude = cube["thrust_amplitude"]
     error = _FLAT * float(amplitude.max()) + xr.zeros_like(cube["outcome"], dtype=float)
     for name in ERRORS:

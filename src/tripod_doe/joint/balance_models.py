@@ -43,8 +43,8 @@ _Solve = Callable[[JointValues[FloatArray], int, frozenset[str], dict[str, Float
 
 _CHUNK = 64  # points whose waveforms are held at once
 _ROUNDING, _SPIDER_MOTION = 1e-8, 2e-3
-"""Largest power that a balance may leave unexplained, over the transmitted power: rounding alone in the equilibrium; in
-the kinetostatic model the motion by which the spider follows swinging and tilting rollers, which is left out."""
+"""Largest unexplained power over the transmitted power. Equilibrium: rounding only. Kinetostatic: it leaves out how the
+spider moves with swinging and tilting rollers."""
 _PRELOADED = (
     "the balance does not apply to a preloaded bearing: its error in the third order is 10 % at -0.001 mm and 50 % at "
     "-0.003 mm; use model rollers or needles"
@@ -56,8 +56,8 @@ _SPIN_OPEN = (
 )
 _NEEDLES_KEPT = "the balance did not converge with moving needles: solved with needles that keep their skew"
 _TURN_ON = (
-    "needles turn on for hundreds of revolutions without coming to repeat, so the orders have no settled value; leave "
-    "out settled_needles, and give cycles"
+    "the motion of the needles did not become periodic within hundreds of revolutions, so the orders have no settled "
+    "value; leave out settled_needles, and give cycles"
 )
 _UPRIGHT = "the balance did not converge with rollers that yaw on their needles: solved without roller yaw"
 
@@ -74,7 +74,7 @@ def _simulate_balance(
     keep: Collection[str],
     accuracy: OrderAccuracy | None = None,
 ) -> BlockResult:
-    """Simulate points by a balance; its tolerance is settled before (`balance_tolerance`)."""
+    """Simulate points by a balance, whose relative tolerance is set before."""
     block = BlockResult.blank(points.torque.size)
     for start in range(0, block.count, _CHUNK):
         rows = np.arange(start, min(start + _CHUNK, block.count))
@@ -141,14 +141,14 @@ def _balance_chunk(
     for failed, kind, text in reasons:
         block.end(np.flatnonzero(failed), kind, text)
     asked = not set(VIBRATION_VERDICT).isdisjoint(keep)
-    # one of a massless balance costs hundreds of times its price
+    # a verdict costs hundreds of times as much as the equilibrium
     if asked or (VIBRATES in keep and solution.needle_skew is not None):
         outputs |= _verdicts(points, block, asked)
     needle_pressure = contacts.get("largest_needle_pressure_mpa", np.zeros(block.count))
     extremes = Extremes(solution.largest_normal_force, outputs["largest_penetration_um"], needle_pressure)
     add_contact_notes(block, points, extremes)
     block.steps[:] = block.force_evaluations[:] = solution.sweeps
-    with np.errstate(divide="ignore"):  # a balance holds for any number of revolutions: those that were asked for
+    with np.errstate(divide="ignore"):  # a balance has no duration: the time of the requested revolutions
         turned = points.cycles * 2 * np.pi / points.speed
     block.simulated_seconds[:] = np.where(points.speed > 0, turned, np.nan)
     for name, data in outputs.items():

@@ -3,9 +3,9 @@
 Between `rollers` and the full `needles` stand nine needles so thick that they fill the ring, of three spheres: a third
 of the cost, and mostly within half a percent of the full third order above 6 deg; nine thin needles cost more and are
 less accurate. Left out: fewer spheres on 27 needles cost as much as seven, since eight share a vector register and
-three need more iterations. Candidates name an accuracy and no tolerance: so each finds its own at every point, and
-follows a joint that vibrates by itself, as its model does where a study names it. Nine needles rattle by chance, which
-more revolutions would take out for more than the price of 27: they are asked for 5 %.
+three need more iterations. Candidates set an accuracy and no tolerance, so each chooses its tolerance at every point,
+and treats vibrating joints as its model does in a study that names it. Nine needles give noisy results: averaging
+the noise away would cost more than 27 needles, so their accuracy is 5 %.
 
 The costs are data beside this module. They do not affect the result of a point, so measuring them again neither
 compiles the kernels again nor makes old results unusable, as a change of the source would.

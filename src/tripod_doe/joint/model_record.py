@@ -22,16 +22,16 @@ class Model:
     # values
     methods: Methods
     outputs: frozenset[str]  # names of the outputs that it computes
-    # (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
-    # the third order's `accuracy`) -> results
+    # (block of points, method, samples per revolution, outputs to keep, required accuracy per order or None for the
+    # third order's `accuracy`) -> results
     simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], OrderAccuracy | None], BlockResult]
     # (block of one point, method): compiles all that `simulate` needs
     prepare: Callable[[JointValues[FloatArray], str], None]
     ignores: frozenset[str] = frozenset()  # parameters that it cannot represent
-    # whether a run finds its own tolerance or step where none is given; else the method's own is accurate enough for
-    # any that may be asked for
+    # whether a run finds its own tolerance or step if none is given; if not, the method's default satisfies every
+    # accuracy that can be asked for
     settles: bool = False
-    # parameters that have no effect in it, or not all of it, each with what it leaves out, as a sentence
+    # parameters whose effect this model lacks in whole or in part, each with a sentence on what is missing
     lacks: Mapping[str, str] = field(default_factory=dict)
     valid: tuple[ValidRange, ...] = ()  # where it holds
 

@@ -47,7 +47,7 @@ TRUST_ATTRIBUTES: dict[str, Any] = {
 }
 """CF flags of the variable ``trust``."""
 
-_OWN_REASONS = 8  # reasons that are no range of a model
+_OWN_REASONS = 8  # fixed reasons; later ones say that a model is outside its range
 _NOTABLE, _LARGE = f"{100 * NOTABLE_ERROR:g} %", f"{100 * LARGE_ERROR:g} %"
 
 

@@ -51,10 +51,10 @@ class Plan:
     foreseen: tuple[Failure, ...] = ()
     models: tuple[str, ...] = ()  # the models of the points, with the errors known for them
     design: tuple[str, ...] = ()  # notes on the design
-    memory_bytes: int = 0  # memory that the points take while the study runs, their results left out
+    memory_bytes: int = 0  # memory for the list of points, without results
     # size of cube and costs before compression; None where the size of the cube is not known
     written_bytes: int | None = None
-    most_points: int = 0  # points that a pilot may add up to, its own included; 0 where all are known
+    most_points: int = 0  # upper limit of points with a pilot, including its own; 0 if the number is known
 
     @property
     def able(self) -> int:
@@ -187,7 +187,7 @@ def _recorded_prices(study: Study, points: Points, able: NDArray[np.bool_]) -> F
 
 
 def unshown_bytes(study: Study, points: Points) -> int:
-    """Size of the outputs that formulas use and the cube leaves out, in the journal."""
+    """Bytes in the journal of outputs that only formulas need."""
     values = study.simulator.effective({**study.base, **points.settings_of(0)})
     outputs, beside = study.simulator.outputs, set(study.stored).difference(study.keep)
     return points.count * sum(8 * math.prod(outputs[name].shape(values)) for name in beside & outputs.keys())

@@ -207,7 +207,7 @@ class _Chain:
         record = {"hash": step.hash, "seconds": seconds, "detail": detail}
         if isinstance(step.table, AnalysisStep):
             record[DIGEST] = stored_digest(self.folder(name) / "cube.nc")
-        if lacking:  # its inputs may yet be completed under the same hash, so it is made again next time
+        if lacking:  # missing inputs may come without a change of the hash: the step is not finished
             (self.folder(step.name) / STEP).unlink(missing_ok=True)
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
         else:

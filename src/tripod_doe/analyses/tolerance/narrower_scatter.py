@@ -1,9 +1,9 @@
-"""By how much one scatter, or two, must shrink to keep a limit, from the existing points.
+"""How much narrower the scatter of one or two factors must be to keep a limit, from points that were run.
 
-Each point counts by how much more often it would occur if the scatter were s times as wide about its centre,
+Each point has the weight new density over old density, with a scatter s times as wide about its centre:
 w = f(c + (x - c) / s) / (s f(x)) with the density f of the factor; of two factors by the product. A scale is an answer
 where the upper end of the interval of the chance to exceed the limit is small enough, at a confidence that holds for
-all scatters and pairs together: of many ways that are tried, the best looks better than it is.
+all scatters and pairs together, because the best of many trials looks better than it is.
 """
 
 from collections.abc import Iterator, Mapping
@@ -52,7 +52,8 @@ def scale_to_keep(
         scale_excluded : ndarray, shape (factor, factor, component)
             1 where all scales are resolved to break it.
         samples_to_resolve : ndarray, shape (component,)
-            Points with which one of them would be resolved; infinite where the points name none, NaN where one is.
+            Number of points that would resolve one scale; infinite if these points give no estimate, NaN if one is
+            resolved.
     """
     weights = [scaled_weights(table, np.asarray(sample.columns[name]), SCALES) for name, table in sample.tables.items()]
     count = len(weights)
@@ -125,7 +126,7 @@ def cheapest_to_keep(
 
 
 def _ways(sample: Sample, own: list[str], sizes: FloatArray) -> Iterator[tuple[str, str, float, FloatArray]]:
-    """Pairs of factors, a scale of the first and weights at all scales of the second; one factor is its own pair."""
+    """Yield (factor, factor, scale of the first, weights at all scales of the second); a single factor twice."""
     weights = {
         name: np.concatenate(
             [

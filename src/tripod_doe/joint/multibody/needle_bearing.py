@@ -87,7 +87,9 @@ def lumped_bearing(derived: DerivedConstants, k: int) -> NeedleBearing:
     """All needles of trunnion k as one element, at their initial skew."""
     values, axis = derived.values, derived.trunnion_axis(k)
     middle = derived.spider_in_shaft + derived.ring_distance * axis
-    passed_on = min(values.needle_rolling_friction, values.needle_sliding_friction)  # which makes needles roll
+    passed_on = min(
+        values.needle_rolling_friction, values.needle_sliding_friction
+    )  # limit of the friction that makes needles roll
     friction = Friction(
         values.needle_sliding_friction,
         derived.needle_end.sliding_transition,

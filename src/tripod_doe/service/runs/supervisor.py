@@ -59,7 +59,9 @@ class Supervisor:
         self._interrupted: set[str] = set()
         self._changing: set[str] = set()  # runs that take a larger study just now
         self._stop_by: dict[str, float] = {}
-        self._endings: dict[str, tuple[State, str]] = {}  # as they were found; a full disk may have to be waited for
+        self._endings: dict[
+            str, tuple[State, str]
+        ] = {}  # endings that are known, but not yet written if the disk is full
         self._annotation_files = AnnotationFiles()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
@@ -233,8 +235,8 @@ class Supervisor:
             run_id: Its id.
             upload: Folder with the files, moved to the run.
             plan: Of the study in it.
-            note: Stores with the results what the upload adds to them; called when nothing is refused any more,
-                and meanwhile the run takes no other change.
+            note: Called after all checks, to store what the upload adds to the results; the run accepts no other
+                change meanwhile.
 
         Raises:
             RefusedError: 409 if it waits or runs, 413 if the queue is full.

@@ -1,7 +1,7 @@
 """Who asks, and what is open to them: the owner, readers with a token of their own, and links to one run.
 
-Each has a first part of its addresses of its own, since who knows that of another could make a browser send the other's
-cookie to a server of theirs (`sessions`). Keys to pages of reports depend on it, too, and end with it.
+Each client's addresses begin with a part that only this client knows: whoever knew it could make the client's browser
+send its cookie to another server (`sessions`). Keys to pages of reports depend on it, too, and end with it.
 """
 
 import base64
@@ -20,7 +20,7 @@ OWNER, READER = "owner", "reader"
 
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ONE_RUN = r"(/api/v1/runs|(/api/v1|/parts)?/runs/{}(/.*)?)"
-"""All that a link opens, scripts and styles aside; a list of runs then holds this one alone."""
+"""Addresses that a link opens, besides scripts and styles; the list of runs then shows this run alone."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Accesses:
 
     def __init__(self, settings: Settings, shares: Shares) -> None:
         self._settings, self._shares = settings, shares
-        self._of_shares: dict[str, Access] = {}  # as every request looks through all of them
+        self._of_shares: dict[str, Access] = {}  # cached: every request compares with all of them
         self.owner = Access(OWNER, settings)
         self._reader = Access(READER, self._seen(READER)) if settings.read_token else None
 

@@ -1,7 +1,7 @@
 """The table [accuracy] of a study: quantities, their allowed relative errors, and the confidence with model = "auto".
 
-A study that names its model refines its runs to these numerical errors; with model = "auto" a pilot chooses the model
-of every point by its total error.
+If the study names a model, runs are refined until their numerical errors are below these values. With model = "auto" a
+pilot chooses the model of every point by its total error.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -20,7 +20,7 @@ class AutoModel:
 
     accuracy: Accuracy  # the quantities with their allowed errors
     confidence: float  # share of the points in which they must be met
-    budget_cpu_s: float | None  # largest estimated price of pilot and study; None without
+    budget_cpu_s: float | None  # largest estimated price of pilot and study; None: no limit
     candidates: tuple[Candidate, ...]  # the models to choose from, from the cheapest to the finest
 
     @property

@@ -38,7 +38,7 @@ def simulate_with_retries(
 def untried(
     simulator: Simulator, points: Mapping[str, NDArray[Any]], result: BlockResult, retry: RetryPlan
 ) -> BlockResult:
-    """A block without retries in the form of `simulate_with_retries`."""
+    """The result of a block that was not retried, with the fields of `simulate_with_retries`."""
     return _History(simulator, points, result, retry).outcome() if retry.changes else result
 
 
