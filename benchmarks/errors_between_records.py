@@ -12,18 +12,14 @@ Run as: python benchmarks/errors_between_records.py --record needles.jsonl [--se
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import fit as rigs
 import numpy as np
 from scipy.optimize import minimize
 
 import tripod_doe as td
-
-AHEAD = np.exp(2j * np.radians(120) * np.arange(3))
 
 
 @dataclass(frozen=True)
@@ -37,24 +33,7 @@ class Joint:
     angle: np.ndarray  # logarithm of the joint angle, shape (point,)
 
 
-def orders(point: dict[str, Any], known: dict[str, list[list[float]]], record: Path) -> np.ndarray | None:
-    """Complex orders of a point by `needles`, from the record if it has them; None where it did not finish."""
-    key = json.dumps(point, sort_keys=True)
-    if key not in known:
-        answer = td.simulate(**point)
-        finished = "thrust_amplitude" in answer
-        known[key] = (
-            [answer[name].values.tolist() for name in ("thrust_amplitude", "thrust_phase_deg")] if finished else []
-        )
-        with record.open("a") as stream:
-            stream.write(json.dumps([key, known[key]]) + "\n")
-    if not known[key]:
-        return None
-    amplitude, phase = np.array(known[key])
-    return np.asarray(amplitude * np.exp(1j * np.radians(phase)))
-
-
-def joint(number: int, options: argparse.Namespace, known: dict[str, list[list[float]]]) -> Joint | None:
+def joint(number: int, options: argparse.Namespace, hidden: rigs.HiddenOrders) -> Joint | None:
     """Errors of one joint; None where a point has no answer."""
     random = np.random.default_rng([options.seed, number])
     truth = rigs.hidden_joint(random, list(rigs.RANGES))
@@ -64,7 +43,7 @@ def joint(number: int, options: argparse.Namespace, known: dict[str, list[list[f
     rows = []
     for values in points:
         point = base | dict(zip(rigs.make_rig.OPERATING, values, strict=True))
-        fine, answer = orders({"model": "needles", **point}, known, options.record), td.simulate(**point)
+        fine, answer = hidden({"model": "needles", **point}), td.simulate(**point)
         if fine is None or "thrust_amplitude" not in answer:
             return None
         phase = np.exp(1j * np.radians(answer["thrust_phase_deg"].values))
@@ -72,13 +51,13 @@ def joint(number: int, options: argparse.Namespace, known: dict[str, list[list[f
         at_groove = np.exp(1j * np.radians(answer["groove_thrust_phase_deg"].values[:, 2]))
         kept = answer["groove_thrust_amplitude"].values[:, 2] * at_groove
         skew = answer["needle_skew_summary_deg"].values[:, -1, 0]
-        each = (kept * np.conj(AHEAD) * skew).sum() / (skew**2).sum()
+        each = (kept * np.conj(rigs.AHEAD) * skew).sum() / (skew**2).sum()
         turn = np.exp(-1j * np.angle(fine[3] / cheap[3]) / 3)  # records are aligned by their third orders
         rows.append(
             (
                 fine[2] * turn**2 - cheap[2],
                 kept,
-                each * AHEAD * (skew - initial),
+                each * rigs.AHEAD * (skew - initial),
                 fine[3] / cheap[3] - 1,
                 np.log(values[0]),
             )
@@ -121,9 +100,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     options.truth, options.model = "needles", "kinetostatic"
-    lines = options.record.read_text().splitlines() if options.record.exists() else []
-    known = dict(json.loads(line) for line in lines)
-    every = (joint(number, options, known) for number in range(options.first, options.first + options.rigs))
+    hidden = rigs.HiddenOrders(options.record)
+    every = (joint(number, options, hidden) for number in range(options.first, options.first + options.rigs))
     joints = [one for one in every if one is not None]
     print(f"{len(joints)} joints, {sum(one.angle.size for one in joints)} points; deviations of complex errors")
     for order, ways in ((2, ("order", "alone", "all", "angle")), (3, ("alone", "all", "angle"))):

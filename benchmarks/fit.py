@@ -1,26 +1,38 @@
 """How often the 95 % intervals of fits hold, and whether the next record gains what was promised.
 
 Rigs with hidden joints: random frictions and skews, eight random operating points, noise and scatter as in
-measurements/make_rig.py. Each rig is fitted; where a candidate is asked for, its record is made, too, and all nine
-records are fitted again.
+measurements/make_rig.py, every second marker at an angle that is not known, every third rig with a tachometer of six
+pulses that bounces and misses. Each rig is fitted; where a candidate is asked for, its record is made, too, and all
+nine records are fitted again. Nothing of the fit takes part in what is hidden: that is the answer of another model, or
+of the same with errors that are drawn here, as benchmarks/errors_between_records.py found them.
 
 Run as: python benchmarks/fit.py --truth kinetostatic --model equilibrium --rigs 40 [--orders 2,3] [--next]
+    python benchmarks/fit.py --truth drawn --linear --rigs 100
+    python benchmarks/fit.py --truth needles --points needles.jsonl --rigs 20
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import json
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import xarray as xr
+from scipy.stats import beta
 
 import tripod_doe as td
+from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.model_error import Needles
+from tripod_doe.analyses.fit.result import fit_dataset
+from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.study.definition.scenes import load_simulator
 
 sys.path.append(str(Path(__file__).parents[1] / "measurements"))
 import make_rig
@@ -41,8 +53,19 @@ KNOWN = {
 }
 """What is known of a joint and differs between joints, where the fitted model is not the hidden one."""
 
+SIMULATOR = load_simulator("joint")
+KEPT = (
+    "thrust_amplitude", "thrust_phase_deg", "groove_thrust_amplitude", "groove_thrust_phase_deg",
+    "needle_skew_summary_deg",
+)  # fmt: skip
 RECORDS = 8
 ANGLES, TORQUES, SPEEDS = [4.0, 8.0, 12.0], [50.0, 150.0, 300.0], [600.0]
+AHEAD = np.exp(2j * np.radians(120) * np.arange(3))
+# Drawn errors: of the second order as parts of what each groove gives and of what turning adds, in a record alone and
+# alike at similar joint angles; of the third as parts of itself. A joint has its own size of each, over the usual one.
+OF_GROOVE, OF_TURNING, OF_THIRD = (0.1, 0.09), (0.05, 0.31), (0.004, 0.005)
+NEAR, SPREAD = 0.2, 0.7  # of the logarithm of the angle; of the logarithm of a joint's own size
+PULSES, BOUNCES, MISSES = 6, 0.03, 0.02  # of a bad tachometer
 
 
 def hidden_joint(random: np.random.Generator, names: list[str]) -> dict[str, float]:
@@ -65,27 +88,140 @@ def operating_points(random: np.random.Generator) -> list[tuple[float, float, fl
     return [(float(a), float(t), float(s)) for a, t, s in (low + (high - low) * places).round(1)]
 
 
+class HiddenOrders:
+    """Complex orders of a hidden model; those in a file are not computed again.
+
+    Args:
+        file: A line for each point; None to compute all.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        self._file = file
+        lines = file.read_text().splitlines() if file is not None and file.exists() else []
+        self._known: dict[str, list[list[float]]] = dict(json.loads(line) for line in lines)
+
+    def __call__(self, point: dict[str, Any]) -> np.ndarray | None:
+        """Orders of a point, shape (order,); None where it did not finish."""
+        key = json.dumps(point, sort_keys=True)
+        if key not in self._known:
+            try:
+                orders = make_rig.orders(point)
+            except KeyError:  # no thrust: the point did not finish
+                orders = np.zeros(0)
+            self._known[key] = [np.abs(orders).tolist(), np.degrees(np.angle(orders)).tolist()] if orders.size else []
+            if self._file is not None:
+                with self._file.open("a") as stream:
+                    stream.write(json.dumps([key, self._known[key]]) + "\n")
+        if not self._known[key]:
+            return None
+        amplitude, phase = np.array(self._known[key])
+        return np.asarray(amplitude * np.exp(1j * np.radians(phase)))
+
+
+@dataclass(frozen=True)
+class Kinetostatic:
+    """What `kinetostatic` says at some points."""
+
+    orders: np.ndarray  # complex, N, shape (point, order)
+    second: np.ndarray  # complex second order at each groove, N, shape (point, groove)
+    skew: np.ndarray  # mean skew of the needles in the last revolution, deg, shape (point, groove)
+
+    @classmethod
+    def at(cls, points: list[dict[str, float]]) -> Self:
+        """Compute points, all with the same parameters; NaN where one fails."""
+        columns = {name: np.array([point[name] for point in points], float) for name in points[0]}
+        columns |= {"model": np.array(["kinetostatic"] * len(points), object)}
+        block = SIMULATOR.simulate(SIMULATOR.columns({}, columns, len(points)), KEPT)
+        values = {name: output.data for name, output in block.outputs.items()}
+
+        def complex_of(name: str) -> np.ndarray:
+            return np.asarray(values[f"{name}_amplitude"] * np.exp(1j * np.radians(values[f"{name}_phase_deg"])))
+
+        groove = complex_of("groove_thrust")[..., 2]
+        return cls(complex_of("thrust"), groove, values["needle_skew_summary_deg"][:, :, -1, 0])
+
+
+def drawn_orders(points: list[dict[str, float]], seed: int) -> list[np.ndarray] | None:
+    """Orders by `kinetostatic` at the points of a joint with an error drawn for them."""
+    random, own = np.random.default_rng([seed, 77]), Kinetostatic.at(points)
+    if not np.isfinite(own.orders).all():
+        return None
+    angles = np.log([point["joint_angle_deg"] for point in points])
+    alike = np.linalg.cholesky(
+        np.exp(-((np.subtract.outer(angles, angles) / NEAR) ** 2) / 2) + 1e-9 * np.eye(len(points))
+    )
+
+    def errors(own: float, shared: float) -> np.ndarray:
+        """Relative errors at all points, real and imaginary part of these deviations."""
+        each, together = random.standard_normal((2, 2, len(points)))
+        return own * (each[0] + 1j * each[1]) + shared * (alike @ (together[0] + 1j * together[1]))
+
+    initial = np.array([[point[f"initial_skew_{at}_deg"] for at in (1, 2)] + [0.0] for point in points])
+    each = (own.second * np.conj(AHEAD) * own.skew).sum(axis=1) / (own.skew**2).sum(axis=1)
+    turned = each[:, None] * AHEAD * (own.skew - initial)
+    second = sum(errors(*OF_GROOVE) * own.second[:, at] + errors(*OF_TURNING) * turned[:, at] for at in range(3))
+    size = np.exp(SPREAD * random.standard_normal(2))
+    own.orders[:, 2] += size[0] * second
+    own.orders[:, 3] *= 1 + size[1] * errors(*OF_THIRD)
+    return list(own.orders)
+
+
+def hidden_records(points: list[dict[str, Any]], options: argparse.Namespace, seed: int) -> list[np.ndarray] | None:
+    """Orders of the hidden joint at some points; None where it has no answer at one."""
+    if options.truth == "drawn":
+        return drawn_orders(points, seed)
+    found = [options.hidden({"model": options.truth, **point}) for point in points]
+    return None if any(one is None for one in found) else found  # type: ignore[return-value]
+
+
+def tachometer(turned: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Voltage of a tachometer whose contacts bounce and miss; the first pulse begins at zero."""
+    place = turned * PULSES / 360
+    pulse = np.floor(place + 1e-9).astype(int)
+    high = place - pulse < 0.4
+    high &= (random.random(pulse.max() + 1) > MISSES)[pulse]
+    bounced = (random.random(pulse.max() + 1) < BOUNCES)[pulse]
+    first = np.concatenate([[True], pulse[1:] != pulse[:-1]])
+    high[1:] &= ~(bounced[1:] & first[:-1])  # low for a sample after the edge
+    return np.where(high, 5.0, 0.1) + 0.05 * random.standard_normal(turned.size)
+
+
 def write_rig(
-    folder: Path, model: str, truth: dict[str, float], points: list[tuple[float, float, float]], seed: int, zero: bool
+    folder: Path, joint: dict[str, float], points: list[tuple[float, float, float]], number: int, options: Any
 ) -> bool:
     """Write the records of a rig; returns whether the joint has an answer at all points."""
-    random, rows = np.random.default_rng(seed), []
-    for number, values in enumerate(points, start=1):
-        point = {"model": model, **truth, **dict(zip(make_rig.OPERATING, values, strict=True))}
-        try:
-            table = make_rig.record(point, random.uniform(0, 360) if zero else 0.0, random)
-        except KeyError:  # no thrust: the point did not finish
-            return False
-        lines = [f"{moment:.6f},{angle:.1f},{force:.4f}" for moment, angle, force in table]
-        name = f"record_{number}.csv"
-        (folder / name).write_text("\n".join(["time_s,rotation_deg,thrust_n", *lines, ""]))
+    random, rows = np.random.default_rng(number), []
+    full = [{**joint, **dict(zip(make_rig.OPERATING, values, strict=True))} for values in points]
+    orders = hidden_records(full, options, number)
+    if orders is None:
+        return False
+    for at, (values, own) in enumerate(zip(points, orders, strict=True), start=1):
+        name, zero = f"record_{at}.csv", random.uniform(0, 360) if has_no_zero(number) else 0.0
+        if has_tachometer(number):
+            table = make_rig.record(own, values[2], zero, random, 720)
+            table[:, 1] = tachometer(table[:, 1], random)
+            head = "time_s,tacho_v,thrust_n"
+        else:
+            table, head = make_rig.record(own, values[2], zero, random), "time_s,rotation_deg,thrust_n"
+        lines = [f"{moment:.6f},{middle:.2f},{force:.4f}" for moment, middle, force in table]
+        (folder / name).write_text("\n".join([head, *lines, ""]))
         rows.append([name, *values])
     with (folder / "records.csv").open("w", newline="") as stream:
         csv.writer(stream).writerows([["file", *make_rig.OPERATING], *rows])
     return True
 
 
-def fit_text(names: list[str], options: argparse.Namespace, zero: bool, known: dict[str, float]) -> str:
+def has_no_zero(number: int) -> bool:
+    """Whether the angle of the marker of a rig is not known."""
+    return number % 2 == 1 or has_tachometer(number)
+
+
+def has_tachometer(number: int) -> bool:
+    """Whether a rig has a bad tachometer in place of an encoder."""
+    return number % 3 == 2
+
+
+def fit_text(names: list[str], options: argparse.Namespace, number: int, known: dict[str, float]) -> str:
     """The fit file."""
     error = "0" if options.truth == options.model else '"recorded"'
     lines = ["[fit]", 'name = "rig"', f"model_error = {error}", "[base]", f'model = "{options.model}"']
@@ -94,11 +230,63 @@ def fit_text(names: list[str], options: argparse.Namespace, zero: bool, known: d
         low, high = RANGES[name]
         lines += [f"[unknowns.{name}]", f"low = {low}", f"high = {high}"]
     lines += ["[records]", 'table = "records.csv"', f"orders = [{options.orders}]"]
-    lines += [] if zero else ["reference_angle_deg = 0"]
+    lines += [f"pulses_per_revolution = {PULSES}"] if has_tachometer(number) else []
+    lines += [] if has_no_zero(number) else ["reference_angle_deg = 0"]
+    if not options.next:
+        return "\n".join([*lines, ""])
     lines += ["[next]", f'narrow = "{names[1]}"', "within = 0.05"]
     for name, values in zip(make_rig.OPERATING, (ANGLES, TORQUES, SPEEDS), strict=True):
         lines += [f"[next.at.{name}]", f"values = {values}"]
     return "\n".join([*lines, ""])
+
+
+class LinearModel:
+    """`kinetostatic` as a straight line through the hidden joint, for many rigs at little cost.
+
+    Args:
+        joint: Values of the hidden joint.
+        names: The unknowns.
+    """
+
+    def __init__(self, joint: dict[str, float], names: list[str]) -> None:
+        self._joint, self._names = joint, names
+        self._at: dict[tuple[float, ...], tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = {}
+
+    def __call__(self, columns: Any) -> tuple[np.ndarray, Needles]:
+        """Complex orders of points, and their needles, see `tripod_doe.analyses.fit.rig.Answers`."""
+        operating = np.stack([columns[name].astype(float) for name in make_rig.OPERATING], axis=1).tolist()
+        values = np.stack([columns[name] for name in self._names], axis=1)
+        hidden = np.array([self._joint[name] for name in self._names])
+        self._add([point for point in dict.fromkeys(map(tuple, operating)) if point not in self._at])
+        orders, slopes, second, skew = (
+            np.array(part) for part in zip(*(self._at[tuple(point)] for point in operating), strict=True)
+        )
+        return orders + np.einsum("pu,puo->po", values - hidden, slopes), Needles(second, skew)
+
+    def _add(self, new: list[tuple[float, ...]]) -> None:
+        """Compute orders, their slopes by the unknowns, second orders at the grooves and skews at operating points."""
+        if not new:
+            return
+        steps = np.array([0.01 * (high - low) for low, high in (RANGES[name] for name in self._names)])
+        points = [self._joint | dict(zip(make_rig.OPERATING, point, strict=True)) for point in new]
+        moved = [
+            {**point, name: point[name] + step}
+            for point in points
+            for name, step in zip(self._names, steps.tolist(), strict=True)
+        ]
+        here = Kinetostatic.at(points + moved)
+        orders, count = here.orders, len(points)
+        slopes = (orders[count:].reshape(count, len(steps), -1) - orders[:count, None]) / steps[:, None]
+        self._at |= {point: (orders[at], slopes[at], here.second[at], here.skew[at]) for at, point in enumerate(new)}
+
+
+def fitted(folder: Path, model: LinearModel | None) -> xr.Dataset:
+    """The result of a fit, as the command makes it, or with a straight line in place of the model."""
+    if model is None:
+        return td.fit(folder / "fit.toml", folder / "out", workers=0, progress=False).result
+    rig = RigFit(load_fit(folder / "fit.toml"))
+    solution, error = rig.fit(model, lambda stage: None)
+    return fit_dataset(rig, solution, error, rig.next(model, solution))
 
 
 def half_width(result: xr.Dataset, name: str) -> float:
@@ -111,18 +299,21 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
     """Fit one rig; None where its joint has no answer at some point."""
     random = np.random.default_rng([options.seed, number])
     names = list(RANGES)[: 4 if "2" in options.orders.split(",") else 2]
-    truth, points, zero = hidden_joint(random, names), operating_points(random), bool(number % 2)
+    truth, points = hidden_joint(random, names), operating_points(random)
     known = known_joint(random, options)
     joint = truth | known
     with TemporaryDirectory() as place:
         folder = Path(place)
-        if not write_rig(folder, options.truth, joint, points, number, zero):
+        if not write_rig(folder, joint, points, number, options):
             return None
-        (folder / "fit.toml").write_text(fit_text(names, options, zero, known))
+        (folder / "fit.toml").write_text(fit_text(names, options, number, known))
         started = time.process_time()
-        result = td.fit(folder / "fit.toml", folder / "out", workers=0, progress=False).result
-        row: dict[str, Any] = {"rig": number, "cpu_s": time.process_time() - started, "points": result.attrs["points"]}
+        model = LinearModel(joint, names) if options.linear else None
+        result = fitted(folder, model)
+        row: dict[str, Any] = {"rig": number, "cpu_s": time.process_time() - started}
         row |= {"scatter": float(result.attrs["scatter"]), "left_out": int(result["left_out"].sum())}
+        if "model_error_factor" in result:
+            row |= {f"factor_{int(one['order'])}": float(one) for one in result["model_error_factor"]}
         for name in names:
             own = result.sel(unknown=name)
             row[f"{name}_holds"] = int(float(own["low"]) <= truth[name] <= float(own["high"]))
@@ -133,17 +324,28 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
             best = int(np.nanargmin(result["next"].values))
             point = tuple(float(result[f"candidate_{name}"][best]) for name in make_rig.OPERATING)
             row["promised"] = float(result["next"][best])
-            if write_rig(folder, options.truth, joint, [*points, point], number, zero):
-                again = td.fit(folder / "fit.toml", folder / "out", workers=0, progress=False).result
+            if write_rig(folder, joint, [*points, point], number, options):
+                again = fitted(folder, model)
                 row["gained"] = half_width(again, names[1]) / half_width(result, names[1])
     return row
+
+
+def held(rows: list[dict[str, Any]], name: str) -> str:
+    """How many intervals hold, with the range in which 95 of 100 of such counts have their probability."""
+    holds = [row[f"{name}_holds"] for row in rows]
+    good, count = sum(holds), len(holds)
+    low = 0.0 if good == 0 else beta.ppf(0.025, good, count - good + 1)
+    high = 1.0 if good == count else beta.ppf(0.975, good + 1, count - good)
+    return f"{good} of {count} hold ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def main() -> None:
     """Fit all rigs, and print what came of them."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--truth", default="kinetostatic", help="model of the hidden joints")
+    parser.add_argument("--truth", default="kinetostatic", help="model of the hidden joints, or drawn")
     parser.add_argument("--model", default="kinetostatic", help="model that is fitted")
+    parser.add_argument("--points", type=Path, help="file of the points of the hidden joints, which are computed once")
+    parser.add_argument("--linear", action="store_true", help="a straight line in place of the fitted model")
     parser.add_argument("--rigs", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first rig")
     parser.add_argument("--orders", default="2,3")
@@ -151,6 +353,7 @@ def main() -> None:
     parser.add_argument("--next", action="store_true", help="measure the best candidate of each rig, too")
     parser.add_argument("--record", type=Path, help="CSV file of all rigs")
     options = parser.parse_args()
+    options.hidden = HiddenOrders(options.points)
     rows = []
     for number in range(options.first, options.first + options.rigs):
         if (row := one_rig(number, options)) is None:
@@ -163,10 +366,12 @@ def main() -> None:
                 writer.writeheader()
                 writer.writerows(rows)
     for name in [key.removesuffix("_holds") for key in rows[0] if key.endswith("_holds")]:
-        holds = [row[f"{name}_holds"] for row in rows]
-        words = [row[f"{name}_verdict"] for row in rows]
-        counts = ", ".join(f"{words.count(word)} {word}" for word in sorted(set(words)))
-        print(f"{name}: {sum(holds)} of {len(holds)} intervals hold; {counts}")
+        verdicts = [row[f"{name}_verdict"] for row in rows]
+        parts = [
+            f"{word}: {held([row for row in rows if row[f'{name}_verdict'] == word], name)}"
+            for word in dict.fromkeys(verdicts)
+        ]
+        print(f"{name}: {held(rows, name)}; {', '.join(parts)}")
     gained = np.array([row["gained"] / row["promised"] for row in rows if "gained" in row])
     if gained.size:
         print(f"gained over promised: median {np.median(gained):.3f}, {gained.min():.3f} to {gained.max():.3f}")

@@ -33,17 +33,21 @@ POINTS = [
 REVOLUTIONS, SAMPLES, NOISE, GAIN = 8, 72, 0.02, 0.005
 
 
-def record(point: Mapping[str, Any], zero_deg: float, random: np.random.Generator) -> np.ndarray:
-    """Time in s, angle of the encoder in deg and force in N of one record, shape (sample, 3)."""
+def orders(point: Mapping[str, Any]) -> np.ndarray:
+    """Complex orders of a joint in N, shape (order,)."""
     answer = td.simulate(**point)
-    amplitude, phase = answer["thrust_amplitude"].values, np.radians(answer["thrust_phase_deg"].values)
-    turned = np.arange(REVOLUTIONS * SAMPLES) * 360 / SAMPLES
-    wave = sum(
-        a * np.cos(k * np.radians(turned + zero_deg) + p) for k, (a, p) in enumerate(zip(amplitude, phase, strict=True))
-    )
-    gain = np.repeat(1 + GAIN * random.standard_normal(REVOLUTIONS), SAMPLES)
-    force = gain * wave + NOISE * amplitude[3] * random.standard_normal(turned.size)
-    return np.column_stack([turned / 6 / point["speed_rpm"], turned, force])
+    return answer["thrust_amplitude"].values * np.exp(1j * np.radians(answer["thrust_phase_deg"].values))
+
+
+def record(
+    orders: np.ndarray, speed_rpm: float, zero_deg: float, random: np.random.Generator, samples: int = SAMPLES
+) -> np.ndarray:
+    """Time in s, angle of the encoder in deg and force in N of one record, shape (sample, 3)."""
+    turned = np.arange(REVOLUTIONS * samples) * 360 / samples
+    wave = sum((order * np.exp(1j * k * np.radians(turned + zero_deg))).real for k, order in enumerate(orders))
+    gain = np.repeat(1 + GAIN * random.standard_normal(REVOLUTIONS), samples)
+    force = gain * wave + NOISE * abs(orders[3]) * random.standard_normal(turned.size)
+    return np.column_stack([turned / 6 / speed_rpm, turned, force])
 
 
 def make_rig(folder: Path, truth: Mapping[str, float], model: str = "kinetostatic", seed: int = 0) -> None:
@@ -53,7 +57,8 @@ def make_rig(folder: Path, truth: Mapping[str, float], model: str = "kinetostati
     for number, values in enumerate(POINTS, start=1):
         point = dict(zip(OPERATING, map(float, values), strict=True))
         name = f"record_{number}.csv"
-        table = record({"model": model, **truth, **point}, random.uniform(0, 360), random)
+        wave = orders({"model": model, **truth, **point})
+        table = record(wave, point["speed_rpm"], random.uniform(0, 360), random)
         lines = [f"{time:.5f},{angle:.1f},{force:.3f}" for time, angle, force in table]
         (folder / name).write_text("\n".join(["time_s,rotation_deg,thrust_n", *lines, ""]), encoding="utf-8")
         rows.append([name, *map(str, values)])

@@ -16,6 +16,7 @@ from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.netcdf import write_dataset
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.workflow.fit_plan import plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
 from tripod_doe.workflow.steps_file import found_sentences
@@ -99,6 +100,42 @@ def test_hidden_frictions_come_back(fitted):
     assert (np.abs(fit["residual"]) < 3 * fit["measured_error"]).all()
     assert fit["next"].dims == ("candidate",)
     assert (fit["next"] <= 1.0).all()
+
+
+def test_minos_ends_the_intervals_of_a_rig_where_a_fit_does(written, tmp_path):
+    """Referee: iminuit's MINOS on the whole covariance, where the fit has nuisances; ends to 2 % of a half width.
+
+    Beside free markers only amplitudes count. A given error of the model is alike in all records, and half of its square
+    is in each alone.
+    """
+    iminuit = pytest.importorskip("iminuit")
+    file = written(HEAD.replace("model_error = 0", "model_error = 0.005") + UNKNOWNS + RECORDS)
+    fit = td.fit(file, tmp_path / "out", workers=0, progress=False).result
+    measured, chance, model = (fit[name].values[:, 0] for name in ("measured", "measured_error", "model_error"))
+    chance, model = chance / 1.96, model / 1.96
+    weights = np.linalg.inv(np.diag(chance**2 + model**2 / 3) + 2 / 3 * np.outer(model, model))
+    operating = {name: fit[name].values for name in make_rig.OPERATING}
+    simulator = load_simulator("joint")
+
+    def chi_squared(groove, needle):
+        values = {"groove_sliding_friction": groove, "needle_sliding_friction": np.exp(needle)}
+        columns = operating | {name: np.full(measured.size, value) for name, value in values.items()}
+        columns["model"] = np.array(["equilibrium"] * measured.size, object)
+        block = simulator.simulate(simulator.columns({}, columns, measured.size), ("thrust_amplitude",))
+        off = measured - block.outputs["thrust_amplitude"].data[:, 3]
+        return off @ weights @ off
+
+    value, low, high = ([float(fit[name][at]) for at in (0, 1)] for name in ("value", "low", "high"))
+    minuit = iminuit.Minuit(chi_squared, groove=value[0], needle=np.log(value[1]))
+    minuit.errors = ((high[0] - low[0]) / 4, np.log(high[1] / low[1]) / 4)
+    minuit.errordef = float(fit.attrs["growth_at_ends"])
+    minuit.migrad()
+    minuit.minos()
+    for name, ends in (("groove", (low[0], high[0])), ("needle", (np.log(low[1]), np.log(high[1])))):
+        error = minuit.merrors[name]
+        assert np.subtract(ends, minuit.values[name]) == pytest.approx(
+            [error.lower, error.upper], abs=0.02 * error.upper
+        )
 
 
 def test_what_it_leaves_in_its_directory(fitted, capsys):

@@ -18,7 +18,7 @@ from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.result import fit_dataset, found_unknowns
 from tripod_doe.analyses.fit.rig import RigFit
-from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.array_types import ComplexArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Outcome, check_parameters
@@ -33,7 +33,7 @@ from tripod_doe.study.result_directory.result_cube import FIT_FILE
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 
-_ORDERS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust_amplitude_error")
+_ORDERS = ("thrust_amplitude", "thrust_phase_deg")
 _NEEDLES = ("groove_thrust_amplitude", "groove_thrust_phase_deg", "needle_skew_summary_deg")
 
 
@@ -89,9 +89,9 @@ def fit(
     with Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
         points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
 
-        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, FloatArray, Needles]:
+        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:
             batch = points(columns)
-            return *_orders(batch), _needles(batch)
+            return _orders(batch), _needles(batch)
 
         def tell(stage: str) -> None:
             stages.begin(stage)
@@ -129,15 +129,11 @@ def _points_study(rig: RigFit, folder: Path) -> Study:
     return parse_study(tomlkit.dumps(content), rig.request.origin, StudyFolder(folder))
 
 
-def _orders(batch: Batch) -> tuple[ComplexArray, FloatArray]:
-    """Complex orders 0 to 12 and the numerical errors that the runs report, in N, shape (point, order) each.
-
-    The orders of a point that failed are NaN.
-    """
+def _orders(batch: Batch) -> ComplexArray:
+    """Complex orders 0 to 12 in N, shape (point, order); NaN where the point failed."""
     blank = np.full((batch.points.count, ORDERS.size), np.nan)
-    amplitude, phase, scatter, error = (batch.outputs[name][1] if name in batch.outputs else blank for name in _ORDERS)
-    orders = np.where(batch.finished[:, None], amplitude * np.exp(1j * np.radians(phase)), np.nan)
-    return orders, np.hypot(np.nan_to_num(scatter), np.nan_to_num(error))
+    amplitude, phase = (batch.outputs[name][1] if name in batch.outputs else blank for name in _ORDERS)
+    return np.where(batch.finished[:, None], amplitude * np.exp(1j * np.radians(phase)), np.nan)
 
 
 def _needles(batch: Batch) -> Needles:

@@ -20,7 +20,7 @@ def error_of(skew, initial, each=0.5, model="kinetostatic", third=20.0, angle=10
     )
     second = each * AHEAD * skew
     predicted = np.array([[second.sum(), third]])
-    return model_error(SIMULATOR, columns, ORDERS, predicted, np.zeros((1, 2)), "recorded", Needles(second, skew))
+    return model_error(SIMULATOR, columns, ORDERS, predicted, "recorded", Needles(second, skew))
 
 
 def test_the_second_order_errs_where_three_grooves_cancel():  # invariance

@@ -27,6 +27,22 @@ def test_misra1a_of_nist():
     assert solution.verdicts == ("found", "found")
 
 
+def test_minos_ends_the_intervals_of_misra1a_where_a_fit_does():
+    """Referee: iminuit's MINOS walks along the same profiles by another search; ends to 2 % of a half width."""
+    iminuit = pytest.importorskip("iminuit")
+    x, y = MISRA1A.T
+    layout = one_record([(100, 500), (1e-4, 1e-3)])
+    solution = solve(layout, real_rows(y, 0.1), model_of(layout, lambda b: b[:, :1] * (1 - np.exp(-b[:, 1:] * x))))
+    minuit = iminuit.Minuit(lambda a, b: (((y - a * (1 - np.exp(-b * x))) / 0.1) ** 2).sum(), a=240.0, b=5.5e-4)
+    minuit.errordef = solution.allowed
+    minuit.migrad()
+    minuit.minos()
+    for scalar, name in enumerate(("a", "b")):
+        error, own = minuit.merrors[name], solution.profiles[scalar]
+        ends = layout.unknowns[scalar].physical(np.array([own.low, own.high])) - minuit.values[name]
+        assert ends == pytest.approx([error.lower, error.upper], abs=0.02 * error.upper)
+
+
 def test_thurber_of_nist():
     """Published numbers: seven unknowns, within a fifth of their certified deviations."""
     x, y = THURBER.T

@@ -152,8 +152,8 @@ def model_uncertainty(point: xr.Dataset, amplitude: FloatArray, confidence: floa
         columns = {name: np.array([math.nan if value is None else value]) for name, value in values.items()}
         rotating = ORDERS[1:].tolist()  # the mean force is not compared
         predicted = amplitude[None, 1:].astype(complex)
-        error = model_error(simulator, columns, rotating, predicted, deviation[None, 1:], "recorded")
-        deviation, origin = np.append(np.nan, error.whole[0]), error.source
+        error = model_error(simulator, columns, rotating, predicted, "recorded")
+        deviation, origin = np.append(np.nan, np.hypot(error.whole[0], deviation[1:])), error.source
     return np.asarray(float(ndtri((1 + confidence) / 2)) * deviation, float), origin
 
 

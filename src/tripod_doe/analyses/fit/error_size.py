@@ -1,12 +1,14 @@
 """How large the errors of the model are in the records of one joint, over what is on record for similar points.
 
-What is on record is a median over other joints. The errors of one joint may be a few times smaller or larger, and its
-own records say so, as a fit leaves them over: a factor on all errors of the model is estimated by restricted maximum
-likelihood (Patterson and Thompson 1971), with what the record says of it as a prior. How well the records determine it
-gives the degrees of freedom of Student's distribution for the intervals (Satterthwaite 1946).
+What is on record is typical of other joints. The errors of one joint may be a few times smaller or larger, those of one
+order by another factor than those of another, and its own records say so, as a fit leaves them over: a factor on the
+errors of each order is estimated by restricted maximum likelihood (Patterson and Thompson 1971), with what the record
+says of it as a prior. How well the records determine these factors gives the degrees of freedom of Student's
+distribution for the intervals (Satterthwaite 1946).
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +19,13 @@ from tripod_doe.analyses.fit.misfit import Misfit, Rows
 from tripod_doe.array_types import FloatArray
 
 _SPREAD = 0.7
-"""Deviation of the logarithm of the factor before. Of the 163 points of the record beside `needles`, each by the ten
+"""Deviation of the logarithm of a factor before. Of the 163 points of the record beside `needles`, each by the ten
 most like it, errors of `kinetostatic` scatter as normal ones whose deviations scatter by this (quartiles 0.64, upper
 tenth 0.64, upper twentieth 0.74)."""
 
+_ALONE = (2, 3)  # orders whose errors have a factor of their own; all others have one together
 _LEAST, _MOST = np.log(0.02), np.log(50.0)
+_NEAR = 0.02  # of the logarithm and of the cost: the search for the best sizes ends
 _STEP = 0.3  # of the logarithm, for the curvature of the likelihood and the change of variances
 _FEWEST = 3.0  # degrees of freedom: fewer would come from a curvature that is hardly known
 
@@ -30,39 +34,69 @@ _FEWEST = 3.0  # degrees of freedom: fewer would come from a curvature that is h
 class ErrorSize:
     """Size of the model's errors in the records of a fit."""
 
-    factor: float = 1.0  # on the errors of the model on record
-    freedom: float = np.inf  # degrees of freedom with which it is known, of the unknown that it matters to the most
+    factors: Mapping[int, float] = field(default_factory=dict)  # on the errors on record, of each order
+    freedom: float = np.inf  # degrees of freedom with which they are known, of the unknown that they matter to the most
+
+    def of(self, orders: Iterable[int]) -> FloatArray:
+        """Factors of some orders, 1 where none was estimated, shape (order,)."""
+        return np.array([self.factors.get(int(order), 1.0) for order in orders])
 
 
 def estimate_error_size(
     rows: Rows, used: NDArray[np.bool_], prior: tuple[FloatArray, FloatArray], best: Descent
 ) -> ErrorSize:
-    """Estimate the factor at a minimum.
+    """Estimate the factors at a minimum.
 
     Args:
         rows: Measured orders with the errors on record.
         used, prior: See `Misfit`.
         best: The minimum, with its derivatives.
     """
-    from scipy.optimize import minimize_scalar
+    from scipy.optimize import minimize
 
-    if not (rows.own_error.any() or rows.shared.any()):
+    wrong = (rows.own_error > 0) | (rows.shared != 0).any(axis=1)
+    orders = np.unique(rows.order[wrong & used[rows.record]]).tolist()
+    groups = [[order] for order in orders if order in _ALONE]
+    groups += [others] if (others := [order for order in orders if order not in _ALONE]) else []
+    if not groups:
         return ErrorSize()
 
-    def misfit(size: float) -> Misfit:
-        return Misfit(rows.with_errors_times(float(np.exp(size))), used, prior)
+    def size_of(sizes: FloatArray) -> ErrorSize:
+        pairs = zip(groups, np.exp(sizes).tolist(), strict=True)
+        return ErrorSize({order: factor for group, factor in pairs for order in group})
 
-    def cost(size: float) -> float:
-        return misfit(size).restricted_cost(best.prediction, best.place, best.slope) + (size / _SPREAD) ** 2
+    def misfit(sizes: FloatArray) -> Misfit:
+        return Misfit(rows.with_errors_times(size_of(sizes).of(rows.order)), used, prior)
 
-    def variances(size: float) -> FloatArray:
-        own = misfit(size)
+    def cost(sizes: FloatArray) -> float:
+        restricted = misfit(sizes).restricted_cost(best.prediction, best.place, best.slope)
+        return restricted + float(((sizes / _SPREAD) ** 2).sum())
+
+    def variances(sizes: FloatArray) -> FloatArray:
+        own = misfit(sizes)
         return np.diag(covariance_of(own.jacobian(own.compare(best.prediction, best.place), best.slope)))
 
-    found = minimize_scalar(cost, bounds=(_LEAST, _MOST), method="bounded", options={"xatol": 0.02})
-    size = float(found.x)
-    curvature = (cost(size - _STEP) - 2 * float(found.fun) + cost(size + _STEP)) / _STEP**2
-    variance = 2 / max(curvature, 2 / _SPREAD**2)
-    change = np.log(variances(size + _STEP) / variances(size - _STEP)) / (2 * _STEP)
-    freedom = 2 / max(float((change**2).max()) * variance, 1e-9)
-    return ErrorSize(float(np.exp(size)), max(freedom, _FEWEST))
+    count = len(groups)
+    steps = _STEP * np.eye(count)
+    options = {"xatol": _NEAR, "fatol": _NEAR, "initial_simplex": np.vstack([np.zeros(count), 2 * steps])}
+    bounds = [(_LEAST, _MOST)] * count
+    sizes = minimize(cost, np.zeros(count), method="Nelder-Mead", bounds=bounds, options=options).x
+    change = np.array([np.log(variances(sizes + step) / variances(sizes - step)) for step in steps]) / (2 * _STEP)
+    spread = _spread_of_sizes(np.array([[_curvature(cost, sizes, one, other) for one in steps] for other in steps]))
+    doubt = np.einsum("ks,kl,ls->s", change, spread, change)  # variance of the logarithm of each scalar's variance
+    return replace(size_of(sizes), freedom=max(2 / max(float(doubt.max()), 1e-9), _FEWEST))
+
+
+def _curvature(cost: Callable[[FloatArray], float], at: FloatArray, one: FloatArray, other: FloatArray) -> float:
+    """Second derivative by two steps."""
+    corners = cost(at + one + other) - cost(at + one - other) - cost(at - one + other) + cost(at - one - other)
+    return corners / (4 * _STEP**2)
+
+
+def _spread_of_sizes(curvature: FloatArray) -> FloatArray:
+    """Covariance of the sizes from the curvature of minus twice the logarithm of their likelihood.
+
+    The prior alone curves it by 2 over its variance; less would come from differences that are no parabola.
+    """
+    values, directions = np.linalg.eigh(curvature)
+    return np.asarray((directions * (2 / np.maximum(values, 2 / _SPREAD**2))) @ directions.T, float)

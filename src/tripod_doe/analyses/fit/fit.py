@@ -110,7 +110,7 @@ def solve(
         rows = rows if weigh is None else weigh(descents[0])
         if sized:
             size = estimate_error_size(rows, ~bad, layout.priors(), descents[0])
-        own = rows.with_errors_times(size.factor)
+        own = rows.with_errors_times(size.of(rows.order))
         plain = Problem(layout, Misfit(own, ~bad, layout.priors()), predict)
         again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
         descents = distinct([plain.descend(each) for each in again])

@@ -42,9 +42,9 @@ class Rows:
         """Number of records."""
         return self.free_phase.size
 
-    def with_errors_times(self, factor: float) -> Self:
-        """The same orders with larger or smaller errors of the model."""
-        return replace(self, own_error=factor * self.own_error, shared=factor * self.shared)
+    def with_errors_times(self, factor: FloatArray) -> Self:
+        """The same orders with larger or smaller errors of the model, by a factor for each row."""
+        return replace(self, own_error=factor * self.own_error, shared=factor[:, None] * self.shared)
 
 
 @dataclass(frozen=True)

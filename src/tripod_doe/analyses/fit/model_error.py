@@ -12,8 +12,8 @@ over the logarithm of the angle, of which a fit makes nuisances), and the rest i
   since the start has added: how fast needles turn is the least certain. The likelihood of these errors is e^40 times
   that of errors in proportion to the order itself.
 
-A given error is taken as it is: alike in all records, and with half of its square in each alone. Beside all these stand
-the numerical error that a run reports, and the difference between its last two revolutions.
+A given error is taken as it is: alike in all records, and with half of its square in each alone. What a run reports of
+its own numerical error, and how its last two revolutions differ, is part of what is on record.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ class ModelError:
         """Deviation of both together, shape (record, order)."""
         return np.asarray(np.sqrt(self.own**2 + (np.abs(self.shared) ** 2).sum(axis=2)), float)
 
-    def times(self, factor: float) -> Self:
-        """The same errors, larger or smaller."""
-        return replace(self, own=factor * self.own, shared=factor * self.shared)
+    def times(self, factors: FloatArray) -> Self:
+        """The same errors, larger or smaller by a factor for each order, shape (order,)."""
+        return replace(self, own=factors * self.own, shared=factors[:, None] * self.shared)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,6 @@ def model_error(
     columns: Mapping[str, NDArray[Any]],
     orders: Sequence[int],
     predicted: ComplexArray,
-    reported: FloatArray,
     setting: Literal["recorded"] | float,
     needles: Needles | None = None,
 ) -> ModelError:
@@ -86,7 +85,6 @@ def model_error(
 
     Args:
         orders, predicted: The fitted orders, and their complex amplitudes, shape (record, order).
-        reported: Numerical error and scatter that the runs report, N, shape (record, order).
         setting: The relative error, or "recorded".
         needles: Where they are known, the error of the second order follows from them.
     """
@@ -96,9 +94,7 @@ def model_error(
         whole = float(setting) * amplitude
         words = f"{100 * float(setting):g} % of each order, as given" if setting else "none, as given"
         everywhere = np.ones((len(amplitude), 1))
-        return ModelError(
-            np.hypot(whole / np.sqrt(2), reported), _each_order(np.asarray(whole * unit, complex), everywhere), words
-        )
+        return ModelError(whole / np.sqrt(2), _each_order(np.asarray(whole * unit, complex), everywhere), words)
     relative, known = np.empty(amplitude.shape), np.ones(len(amplitude), bool)
     second, third = _second_and_third(simulator, columns)
     finest = np.array([str(model) == simulator.model_names[-1] for model in columns["model"]])
@@ -134,7 +130,7 @@ def model_error(
                 "of the second order, parts of what each groove gives and of what the turning of its needles adds"
             )
     words = _origin(orders, bool(finest.all()), known, of_second)
-    return ModelError(np.hypot(own, reported), shared, words)
+    return ModelError(own, shared, words)
 
 
 def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None) -> str:

@@ -15,7 +15,7 @@ from tripod_doe.analyses.fit.least_squares import Descent, Problem
 from tripod_doe.array_types import FloatArray
 
 _STEPS = 12  # along a profile
-_NEAR = 0.05  # of the root of the allowed growth: the end of a profile is known to a hundredth of its length
+_NEAR = 0.05  # of the root of the allowed growth: from so near, a straight line leads to the end of a profile
 _BETTER = 0.2  # of chi squared, from which on a lower place is another minimum, where the usual growth is allowed
 _USUAL = 3.84
 _LEAST = 1e-4  # of a range: a shorter way to a bound is none
@@ -108,6 +108,7 @@ def _side(
     free = np.arange(best.place.size) != scalar
     direction = np.where(free, covariance[:, scalar] / variance, 0.0)
     inner, outer = (0.0, 0.0), (np.inf, np.inf)  # distance and root of growth, below and above the goal
+    last = inner
     here, failed = best, False
     for _ in range(_STEPS):
         target = here.place + direction * side * (away - abs(float(here.place[scalar]) - start))
@@ -133,7 +134,9 @@ def _side(
                 outer = (away, root)
             if abs(root - goal) < _NEAR * goal and root > 0:
                 leans = _leans(best, here, free)
-                return _End(start + side * min(away * goal / root, most), is_open=False, leans=leans)
+                end = _extrapolated(last, (away, root), goal)
+                return _End(start + side * min(end, most), is_open=False, leans=leans)
+            last = away, root
         if outer[0] - inner[0] < _LEAST:
             break
         away = _next_distance(inner, outer, goal, most)
@@ -147,6 +150,13 @@ def _leans(best: Descent, there: Descent, free: NDArray[np.bool_]) -> bool:
     edge = np.minimum(there.place, 1 - there.place) < _LEAST * 10
     before = np.minimum(best.place, 1 - best.place) < _LEAST * 10
     return bool((edge & ~before & free).any())
+
+
+def _extrapolated(last: tuple[float, float], here: tuple[float, float], goal: float) -> float:
+    """The distance at which the root of growth reaches the goal: straight on from the last two of a profile."""
+    slope = (here[1] - last[1]) / (here[0] - last[0]) if here[0] != last[0] else 0.0
+    usual = here[1] / here[0]
+    return here[0] + (goal - here[1]) / (slope if slope > usual / _STEEP else usual)
 
 
 def _next_distance(inner: tuple[float, float], outer: tuple[float, float], goal: float, most: float) -> float:

@@ -35,6 +35,9 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
     """Label the result of a fit."""
     layout, records, width = solution.problem.layout, rig.records, len(rig.orders)
     variables = _unknowns(layout, solution) | _records(solution, error, width)
+    if solution.error_size.factors:
+        meaning = _meaning("1", "size of the model's errors in these records, over those on record")
+        variables["model_error_factor"] = ("order", solution.error_size.of(rig.orders), meaning)
     if any(unknown.per != "all" for unknown in layout.unknowns):
         variables |= _by_record(layout, solution)
     unknown_names = [unknown.name for unknown in layout.unknowns]
@@ -262,7 +265,6 @@ def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str,
         "corrections": solution.corrections,
         "at_rest": int(solution.at_rest),
         "model_error_source": error.source,
-        "model_error_factor": solution.error_size.factor,
         "confidence_level": CONFIDENCE,
         "chi_squared": solution.best.cost,
         "degrees_of_freedom": solution.freedom,

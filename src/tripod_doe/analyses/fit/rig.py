@@ -26,8 +26,8 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.definition.scenes import load_simulator
 
-Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, FloatArray, Needles]]
-"""Complex orders 0 to 12 of points, what their runs report of their error, and of needles; NaN where one failed."""
+Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, Needles]]
+"""Complex orders 0 to 12 of points, and what their runs say of needles; NaN where one failed."""
 
 _CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
 """The model on which the search runs, by the model asked for."""
@@ -164,7 +164,7 @@ class RigFit:
             values = self.layout.values(places)  # (trial, record, unknown)
             trials = values.shape[0]
             flat = values.reshape(-1, values.shape[-1])
-            orders, _, _ = points(self.columns(operating * trials, flat, model))
+            orders, _ = points(self.columns(operating * trials, flat, model))
             return np.asarray(orders[:, self.orders].reshape(trials, -1), complex)
 
         return predict
@@ -177,27 +177,23 @@ class RigFit:
         """Errors of the model asked for at the records, from the measured orders."""
         own = measured_sizes(self.records, self.orders)
         columns = self.columns_at_middle(self.model)
-        return self._error(columns, own.astype(complex), np.zeros_like(own))
+        return self._error(columns, own.astype(complex))
 
     def error_at(self, points: Answers, place: FloatArray) -> ModelError:
         """Errors of the model asked for at the records, for unknowns at some places."""
         values = self.layout.values(place[None])[0]
         operating = [record.parameters for record in self.records]
         columns = self.columns(operating, values, self.cheap)
-        orders, reported, needles = points(columns)
+        orders, needles = points(columns)
         own, chosen = measured_sizes(self.records, self.orders), orders[:, self.orders]
         columns["model"] = np.array([self.model] * len(operating), object)
-        return self._error(columns, np.where(np.isfinite(chosen), chosen, own), reported[:, self.orders], needles)
+        return self._error(columns, np.where(np.isfinite(chosen), chosen, own), needles)
 
     def _error(
-        self,
-        columns: Mapping[str, NDArray[Any]],
-        predicted: ComplexArray,
-        reported: FloatArray,
-        needles: Needles | None = None,
+        self, columns: Mapping[str, NDArray[Any]], predicted: ComplexArray, needles: Needles | None = None
     ) -> ModelError:
         every, setting = self.all_columns(columns), self.file.fit.model_error
-        return model_error(self.simulator, every, self.orders, predicted, reported, setting, needles)
+        return model_error(self.simulator, every, self.orders, predicted, setting, needles)
 
     def rows(self, error: ModelError) -> Rows:
         """Measured orders with the errors of the model."""
@@ -226,7 +222,7 @@ class RigFit:
             )
         except InputError as error:
             raise self.request.fail("[unknowns]", error) from error
-        return solution, errors[-1].times(solution.error_size.factor)
+        return solution, errors[-1].times(solution.error_size.of(self.orders))
 
     def next(self, points: Answers, solution: Solution) -> Next | None:
         """Effect of one more record at each candidate."""
@@ -265,16 +261,13 @@ class RigFit:
         values = np.stack([u.physical(trials[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
         flat = np.repeat(values, count, axis=0)
         columns = self.columns(self.candidates * (width + 1), flat, self.cheap)
-        orders, reported, needles = points(columns)
+        orders, needles = points(columns)
         chosen = orders[:, self.orders].reshape(width + 1, count, -1)
         columns = {name: column[:count] for name, column in columns.items()}
         columns["model"] = np.array([self.model] * count, object)
         error = self._error(
-            columns,
-            np.nan_to_num(chosen[0]),
-            reported[:count, self.orders],
-            Needles(needles.second[:count], needles.skew[:count]),
-        ).times(solution.error_size.factor)
+            columns, np.nan_to_num(chosen[0]), Needles(needles.second[:count], needles.skew[:count])
+        ).times(solution.error_size.of(self.orders))
         steps = np.diag(trials[1:] - own_value)
         rows: list[CandidateRows | None] = []
         new = [which for which, u in enumerate(layout.unknowns) if u.per != "all"]

@@ -2,8 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
@@ -12,7 +11,16 @@ from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDE
 from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
-from tripod_doe.quantities import count_of, interval, level, number, value_range, value_with_ends, with_unit
+from tripod_doe.quantities import (
+    count_of,
+    interval,
+    level,
+    number,
+    numbers_in_words,
+    value_range,
+    value_with_ends,
+    with_unit,
+)
 
 UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")
 """Heads of the table of unknowns."""
@@ -199,7 +207,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             " The trunnions are then not told apart: skews may change places in a circle, 1 to 2 to 3." if skews else ""
         )
         yield f"Without a reference angle, records are aligned by an order of their own.{more}"
-    yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(attrs)}"
+    yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(fit)}"
     if attrs["search_model"] != attrs["model"]:
         yield (
             f"The search ran on {attrs['search_model']}, corrected by {attrs['model']} at "
@@ -211,13 +219,14 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
         yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed; the search went around."
 
 
-def _error_size(attrs: Mapping[str, Any]) -> str:
-    """Size of the model's error in these records, as a sentence; empty where it was not estimated."""
-    factor = float(attrs.get("model_error_factor", 1.0))
-    if factor == 1:
+def _error_size(fit: xr.Dataset) -> str:
+    """Sizes of the model's errors in these records, as a sentence; empty where they were not estimated."""
+    if "model_error_factor" not in fit:
         return ""
-    text = f" By what the fit leaves over, {number(factor, 2)} times this error counts."
-    if factor < _DOUBTFUL:
+    orders = fit["order"].to_series().groupby(fit["model_error_factor"].values).apply(list)
+    parts = [f"{number(factor, 2)} times in order {numbers_in_words(own)}" for factor, own in orders.items()]
+    text = f" By what the fit leaves over, this error counts {', '.join(parts)}."
+    if float(fit["model_error_factor"].max()) < _DOUBTFUL:
         return text
     return f"{text} This joint is unlike those on record, and part of the error may hide in the unknowns: fit needles."
 
