@@ -223,7 +223,9 @@ def _error_size(fit: xr.Dataset) -> str:
     """Sizes of the model's errors in these records, as a sentence; empty where they were not estimated."""
     if "model_error_factor" not in fit:
         return ""
-    orders = fit["order"].to_series().groupby(fit["model_error_factor"].values).apply(list)
+    orders: dict[float, list[int]] = {}
+    for order, factor in zip(fit["order"].values.tolist(), fit["model_error_factor"].values.tolist(), strict=True):
+        orders.setdefault(factor, []).append(order)
     parts = [f"{number(factor, 2)} times in order {numbers_in_words(own)}" for factor, own in orders.items()]
     text = f" By what the fit leaves over, this error counts {', '.join(parts)}."
     if float(fit["model_error_factor"].max()) < _DOUBTFUL:
