@@ -70,7 +70,9 @@ def run(clone, script):
 def test_the_commands_that_install_are_the_ones_that_ci_runs():
     installed = r"python3 -m venv --without-pip \.venv && python3 -m pip --python \.venv/bin/python install -q "
     assert re.fullmatch(installed + r"\. && \.venv/bin/tripod-doe run studies/\w+\.toml --out results/\w+\n", FIRST)
-    assert re.fullmatch(installed + r"-e '\.\[test\]' && \.venv/bin/python -m pytest -n 4 --dist worksteal\n", TESTS)
+    assert re.fullmatch(
+        installed + r"-e '\.\[test\]' && \.venv/bin/python -m pytest -n 4 --dist worksteal -m \"not slow\"\n", TESTS
+    )
 
 
 @pytest.mark.slow
