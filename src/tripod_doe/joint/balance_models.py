@@ -39,12 +39,12 @@ if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.force_balance.equilibrium import Equilibrium
 
 _Solve = Callable[[JointValues[FloatArray], int, frozenset[str], dict[str, FloatArray]], "Equilibrium"]
-"""Solves points at a number of samples; outputs of contacts with the given names are added to the table."""
+"""Solve points at a number of samples per revolution; add the named contact outputs to the table."""
 
 _CHUNK = 64  # points whose waveforms are held at once
 _ROUNDING, _SPIDER_MOTION = 1e-8, 2e-3
-"""Largest unexplained power over the transmitted power. Equilibrium: rounding only. Kinetostatic: it leaves out how the
-spider moves with swinging and tilting rollers."""
+"""Largest unexplained power over the transmitted power. Equilibrium: rounding only. Kinetostatic: the model omits the
+spider's motion caused by swinging and tilting rollers."""
 _PRELOADED = (
     "the balance does not apply to a preloaded bearing: its error in the third order is 10 % at -0.001 mm and 50 % at "
     "-0.003 mm; use model rollers or needles"
@@ -62,7 +62,7 @@ _TURN_ON = (
 _UPRIGHT = "the balance did not converge with rollers that yaw on their needles: solved without roller yaw"
 
 _DAMPS = "adaptive-euler"
-"""Method of the motion that is tested for vibrations."""
+"""Integration method of the motion that is tested for vibrations."""
 
 
 def _simulate_balance(
@@ -74,7 +74,7 @@ def _simulate_balance(
     keep: Collection[str],
     accuracy: OrderAccuracy | None = None,
 ) -> BlockResult:
-    """Simulate points by a balance, whose relative tolerance is set before."""
+    """Simulate points with a force balance; the points already contain its relative tolerance."""
     block = BlockResult.blank(points.torque.size)
     for start in range(0, block.count, _CHUNK):
         rows = np.arange(start, min(start + _CHUNK, block.count))
@@ -83,7 +83,7 @@ def _simulate_balance(
 
 
 def _left_by_tolerance(points: JointValues[FloatArray], solution: Equilibrium) -> FloatArray:
-    """Share of the transmitted power that the balance may miss by the tolerance of a point."""
+    """Allowed unexplained power over transmitted power, from the tolerance of each point."""
     transmitted = np.maximum(np.abs(points.torque * points.speed), np.finfo(float).tiny)
     left: FloatArray = points.relative_tolerance * solution.friction_power.sum(axis=1) / transmitted
     return left
@@ -97,7 +97,7 @@ def _balance_chunk(
         names |= {"largest_needle_pressure_mpa"}
     contacts: dict[str, FloatArray] = {}
     solution = solve(points, samples, names, contacts)
-    straight = points.joint_angle == 0  # nothing slides or rolls: any thrust is a residue of the iteration
+    straight = points.joint_angle == 0  # nothing slides or rolls: any thrust is an iteration error
     solution.groove_thrust[straight] = solution.thrust_parts[straight] = 0.0
     outputs: dict[str, FloatArray] = {}
     each, turns_on = solution.groove_thrust[:, None], np.zeros(straight.size, bool)
@@ -158,7 +158,7 @@ def _balance_chunk(
 
 
 def _verdicts(points: JointValues[FloatArray], block: BlockResult, all_of_them: bool) -> dict[str, FloatArray]:
-    """Outputs of whether the joints of a block vibrate by themselves: all of them, or those that may."""
+    """Vibration outputs of a block: test all joints, or only those that may vibrate."""
     from tripod_doe.joint.vibration.balance_verdict import judge_vibrations, rows_to_judge, undecided_rows
 
     rows = rows_to_judge(points, block)
@@ -170,7 +170,7 @@ def _verdicts(points: JointValues[FloatArray], block: BlockResult, all_of_them: 
 
 
 def some_vibrate(columns: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Whether joints vibrate, as `balance_verdict.some_vibrate`, of parameters by name, shape (point,) each."""
+    """Whether joints vibrate, as `balance_verdict.some_vibrate`; parameters by name, shape (point,) each."""
     from tripod_doe.joint.vibration.balance_verdict import some_vibrate as found
 
     return found(internal_values(columns))
@@ -259,7 +259,7 @@ _CALM = ValidRange(
 
 
 def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
-    """Where a balance holds: inside, nine in ten of the measured points (`error_estimate`) are within 5 %."""
+    """Valid range of a balance: inside it, errors at nine of ten measured points (`error_estimate`) are within 5 %."""
     return (
         ValidRange(
             "swing_ratio",

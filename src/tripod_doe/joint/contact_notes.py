@@ -1,7 +1,7 @@
-"""Notes on points whose contacts leave Hertz's theory, or limits of pressure and penetration that a user sets.
+"""Notes on points whose contacts violate Hertz's assumptions, or the user's limits of pressure and penetration.
 
-Hertz's half-spaces have no edges: the ellipse in the groove must end within the width of the roller. A longer one is
-cut off, so that the pressure is higher at the edges, and the contact softer, than the models know.
+Hertz's half-spaces have no edges: the ellipse in the groove must end within the width of the roller. A longer ellipse
+is cut off: pressure at the edges is then higher, and the contact softer, than in the models.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Extremes:
 
     normal_force: FloatArray  # in a groove, N
     penetration: FloatArray  # of any contact, um
-    needle_pressure: FloatArray  # MPa; read only where a limit is set
+    needle_pressure: FloatArray  # MPa; read only if the user sets a limit
 
 
 def add_contact_notes(block: BlockResult, points: JointValues[FloatArray], extremes: Extremes) -> None:

@@ -103,13 +103,13 @@ CONTACT_OUTPUTS = [
     _output("largest_groove_pressure_mpa", "MPa", "largest pressure in a groove over the revolution", ()),
     _output("largest_needle_pressure_mpa", "MPa", "largest pressure of a needle over the revolution", ()),
 ]
-"""All of them."""
+"""All contact outputs."""
 
 CONTACT_NAMES = frozenset(output.name for output in CONTACT_OUTPUTS)
 NEEDLE_NAMES = frozenset(output.name for output in CONTACT_OUTPUTS if NEEDLE in output.dimensions)
-"""Those that are of single needles."""
+"""Outputs of single needles."""
 
 
 def wanted_contacts(keep: Collection[str]) -> frozenset[str]:
-    """The outputs of contacts among those that are kept."""
+    """Contact outputs among the requested outputs."""
     return CONTACT_NAMES.intersection(keep)

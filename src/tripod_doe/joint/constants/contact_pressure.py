@@ -13,8 +13,7 @@ def ellipse_axes(values: JointValues[Number], normal_force: FloatArray) -> tuple
     """Semi-axes of the ellipse between roller and groove in mm, the major one across the groove.
 
     Args:
-        values: One point, or points of the shape of all axes of `normal_force` but the last ones, as far as shapes
-            broadcast.
+        values: One point, or points whose shape broadcasts with the leading axes of `normal_force`.
         normal_force: In N.
     """
     _, cos_tau = groove_curvature(np.asarray(values.roller_radius), np.asarray(values.groove_radius_ratio))

@@ -2,7 +2,7 @@
 
 Roller and groove (sphere in cylinder), Eq. 2 and 5: f_n = C delta^(3/2), C = 2.15e5 / sqrt((2K/(pi mu))^3 sum rho).
 Needle and other parts, a sphere of N_s, Eq. 2 and 8:  f_n = C delta^(10/9), C = 8.15e4 l^(8/9) / N_s.
-Both hold for steel (E = 207 GPa, nu = 0.3); C scales with E / (1 - nu^2): linear elasticity knows forces over E only.
+Both hold for steel (E = 207 GPa, nu = 0.3); C scales with E / (1 - nu^2), as in linear elasticity.
 mu and 2K/(pi mu) are Hertz's coefficients of the curvatures (`mechanics.laws.hertz`), not friction.
 """
 
@@ -29,7 +29,7 @@ def groove_contact_stiffness(
 
 
 def needle_contact_stiffness(length: FloatArray, elastic: FloatArray) -> FloatArray:
-    """C of a whole needle against one part in N / mm^(10/9) (Table 1); a sphere has 1 / N_s of it."""
+    """C of a whole needle against one part in N / mm^(10/9) (Table 1); one sphere has C / N_s."""
     return 8.15e4 * length ** (8 / 9) * elastic
 
 

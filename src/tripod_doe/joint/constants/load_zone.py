@@ -1,4 +1,4 @@
-"""Load zone of the needle bearing: which needles carry, and how much more than the bearing's load in sum."""
+"""Load zone of the needle bearing: loaded needles, and the sum of their loads over the bearing load."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 @kernel
 def bearing_load_zone(load, clearance, stiffness, needle_count):
-    """Load zone of a needle bearing with radial clearance: how much more than the load the needles carry in sum.
+    """Load zone of a needle bearing with radial clearance: the sum of the needle loads over the bearing load.
 
     The roller moves by D across its trunnion; a needle at the angle g from the load is pressed by D cos g - c against
-    trunnion and bore in series. D follows from the balance of forces along the load, with the needles smeared over
-    the circumference.
+    trunnion and bore in series. D follows from the force balance along the load; needles are treated as a continuous
+    ring.
 
     Args:
         load: Bearing load in N.
@@ -25,7 +25,7 @@ def bearing_load_zone(load, clearance, stiffness, needle_count):
 
     Returns:
         The sum of the needle loads over the bearing load, and the penetration in mm of the most loaded needle into each
-        of its two partners. Without clearance the first tends to 1.26, with a wide one to 1.
+        of its two partners. The first value is near 1.26 without clearance and tends to 1 for a wide clearance.
     """
     load = max(load, 1e-9)
     floor = max(clearance, 0.0)
@@ -45,7 +45,7 @@ def bearing_load_zone(load, clearance, stiffness, needle_count):
 
 @inner_kernel
 def needle_loads(shift, clearance, stiffness, needle_count):
-    """Sum along the load, plain sum, and derivative of the first for the shift D, by Gauss's rule on the load zone."""
+    """Load components along the load summed, loads summed, and d(first sum)/dD; Gauss quadrature on the load zone."""
     if shift <= clearance:
         return 0.0, 0.0, 0.0
     half_zone = np.arccos(min(max(clearance / shift, -1.0), 1.0))

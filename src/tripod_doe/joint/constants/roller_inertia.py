@@ -10,9 +10,9 @@ from tripod_doe.array_types import FloatArray
 def roller_inertia(
     radius: FloatArray, width: FloatArray, bore: FloatArray, density: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mass and moments of inertia of a roller, the zone of a sphere with a bore; shapes broadcast.
+    """Mass and moments of inertia of a roller (a spherical zone with a bore); shapes broadcast.
 
-    A wide bore meets the sphere within the width: there the roller ends.
+    If a wide bore meets the sphere within the width, the roller ends there.
 
     Args:
         radius, width, bore: Of the sphere, of the zone, and of the bore (its radius), in mm.

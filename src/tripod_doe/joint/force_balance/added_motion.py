@@ -24,9 +24,9 @@ def inertial_force(p, cos_phi):
 
 @inlined_kernel
 def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given):
-    """Effects of mass and motion; `past_tilt` and `past_spin` are the earlier samples' part of backward differences.
+    """Effects of mass and motion; `past_tilt`, `past_spin`: parts of backward differences from earlier samples.
 
-    `given` is what does not change while the balance is solved: what moving needles add (`needle_correction`), and yaw.
+    `given` stays constant during the solution: terms from moving needles (`needle_correction`), and yaw.
     As its contact wanders round the groove the roller swings, and so slides on its trunnion, and tilts on it.
     """
     leaning = -flank(p) * p.pace * (1.5 * contact.sin_a + past_tilt) / contact.cos_a
@@ -52,7 +52,7 @@ def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given):
 
 @kernel_part
 def moving_forces(p, m, e, skew, newton):
-    """Forces of a roller at eight samples, with what mass and motion add; slopes as for `groove_forces`."""
+    """Forces of a roller at eight samples, with mass and motion effects; slopes as for `groove_forces`."""
     root, contact = load(e.root, 0), leaning_contact(p, m, load(e.lean, 0))
     given = load(e.needle_force, 0), load(e.needle_moment, 0), load(e.needle_swing, 0), load(e.steering, 0)
     added = added_motion(p, m, contact, load(e.cosine, 0), root, load(e.past_tilt, 0), load(e.past_spin, 0), given)
@@ -61,7 +61,7 @@ def moving_forces(p, m, e, skew, newton):
 
 @kernel_part
 def upright_spin(p, m):
-    """Angular velocity about its normal of a roller that rolls upright without slip, and the way its yaw steers it."""
+    """Angular velocity about the normal, and steering direction from yaw, of an upright roller without slip."""
     upright = leaning_contact(p, m, 0.0)
     w_tau = upright.cos_a * m.w_r - upright.sin_a * m.w_t
     w_n = upright.sin_a * m.w_r + upright.cos_a * m.w_t
@@ -71,7 +71,7 @@ def upright_spin(p, m):
 
 @kernel_part
 def yawed(p, before, most, w_n):
-    """Yaw a sample later, of a roller that also turns in its groove by `w_n`; `most`: under the full moment."""
+    """Yaw at the next sample of a roller that spins about its normal with `w_n`; `most`: under the full moment."""
     low, high = -most, most
     yaw = before
     for _ in range(_NEWTON):
@@ -91,7 +91,7 @@ def yawed(p, before, most, w_n):
 
 @kernel_part
 def spider_load(p, m, cos_phi, sin_phi):
-    """Load on the spider by the inertia of one roller and a third of the shaft.
+    """Load on the spider from the inertia of one roller and a third of the shaft.
 
     Two forces across the shaft in N, and the moment about the shaft in N mm.
     """

@@ -1,4 +1,4 @@
-"""Forces and motion at the contacts of a solved balance, read off its memory where a study asks for them."""
+"""Forces and motion at the contacts of a solved balance, read from its memory if a study requests them."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _needle_depths(loads, clearance, stiffness, needle_count, depths):
 
 @cache
 def _compile() -> None:
-    """Compile what reads contacts, once per process."""
+    """Compile the kernels that read contacts, once per process."""
     row, ones, memory = np.ones(len(PointConstants._fields)), np.ones((3, 1, WIDTH)), Memory.for_samples(WIDTH)
     with first_compilation("forces and motion at the contacts", seconds=8):
         start(row, np.zeros(3), ones, ones, memory)
@@ -103,7 +103,7 @@ class ContactReader:
         points: The points.
         names: Outputs that are wanted, from `contact_outputs`.
         samples: Samples of a revolution.
-        outputs: Receives the outputs by name, the first axis of each the point.
+        outputs: Receives the outputs by name, with the point as first axis.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class ContactReader:
 
     @property
     def of_needles(self) -> bool:
-        """Whether single needles are wanted."""
+        """Whether outputs of single needles are requested."""
         return bool(self._names & (NEEDLE_NAMES | {"needle_pressure_mpa", "largest_needle_pressure_mpa"}))
 
     def read(self, i: int, row: FloatArray, memory: Memory, followers: Followers | None) -> None:
@@ -134,7 +134,7 @@ class ContactReader:
         read["groove_pressure_mpa"] = groove_pressure(values, read["groove_normal_force"])
         records = None if followers is None else followers.recorded(i)
         line = self._line_loads(values, read["groove_normal_force"]) if self.of_needles else np.zeros((3, 1))
-        read = {name: np.concatenate([data, data], axis=-1) for name, data in read.items()}  # two alike revolutions
+        read = {name: np.concatenate([data, data], axis=-1) for name, data in read.items()}  # two equal revolutions
         if records is not None:
             read |= _of_needles(records)
             line = records["line"].max(axis=1)

@@ -1,18 +1,18 @@
-"""All couplings of a balance at once, by Newton's method: for points at which relaxation does not settle.
+"""Newton's method for all couplings of a balance at once, for points at which relaxation does not converge.
 
 Relaxation treats one coupling at a time. That fails where couplings decide: a roller whose groove lets it slide freely,
 so that only its bearing holds its spin; a straight joint, in which nothing moves; inertia as large as the load. Here
-all unknowns follow from one linear system, the derivatives of the laws themselves (`dual_numbers`).
+one linear system with exact derivatives of the laws (`dual_numbers`) gives all unknowns.
 
 A sample has nine unknowns: slip and force along the trunnion (over N) of every roller, and the normal forces over their
-mean; and nine equations: two for every roller, three for the spider. In a massless joint every sample stands by itself
-and is solved from the two before it: where a roller has two balances, it stays in the one that it came by. Else earlier
-samples act by y_(-2) / 2 - 2 y_(-1) only, with y = (sin a, spin) of every roller. So every sample is solved for itself,
-with its answer to a change of that, and what is left is a linear recursion around the revolution, closed by the twelve
-unknowns before the first sample.
+mean; and nine equations: two for every roller, three for the spider. In a massless joint samples are independent; each
+starts from the two before it, so that a roller with two possible balances stays in its present one. Else earlier
+samples act only through h = y_(-2) / 2 - 2 y_(-1), with y = (sin a, spin) of every roller. So each sample is solved
+alone, with its sensitivity to h; a linear recursion around the revolution remains, closed by the twelve unknowns before
+the first sample.
 
-Far from the solution, friction's tangents mislead. Then all transition velocities are enlarged until friction is all
-but viscous, which is solved, and reduced again in steps as large as the iteration allows.
+Far from the solution, the tangents of friction mislead. Then all transition velocities are enlarged until friction is
+almost viscous and the iteration converges, and are reduced again in the largest steps that converge.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from tripod_doe.mechanics.compilation.kernels import inner_kernel, kernel, kerne
 
 _HASTY, _PATIENT, _IN_ALL = 12, 30, 500
 """Largest numbers of iterations of a step of the transition velocities for the hasty and the patient, and of all steps.
-Three in four points that come here take 60 in all; below 2 deg, with steep friction, up to 450."""
+Three of four such points take 60 in total; points below 2 deg with steep friction up to 450."""
 _SMALL_STRIDE, _HALVINGS, _STALLED = 1.2, 4, 5
-"""Stride (a power of two) below which one is patient, and largest numbers of halved changes one after another, and of
-iterations in which changes do not fall to half."""
+"""Stride (a power of two) below which an iteration is patient; most consecutive halved changes; most iterations without
+halving the change."""
 _LARGEST_LEAN, _LARGEST_LOAD = 0.3, 0.7
 """Largest change in an iteration: of the force along a trunnion (over N), and of a normal force over the mean one."""
 _WIDEST, _ON_THE_WAY = 10.0, 1e-4
-"""Power of two by which transition velocities are enlarged at most, and the tolerance while they are."""
+"""Largest power of two that enlarges transition velocities, and the tolerance while they are enlarged."""
 _BEFORE, _NOW, _SOLVED, _EARLIER = 0, 1, 2, 3
-"""Places of noted unknowns: before and after the last change, of the last solution, and of the one before that."""
+"""Indices of stored unknowns: before and after the last change, last solution, and the solution before it."""
 
 
 @inner_kernel
 def _place(matrix, row, k, number):
-    """Write an equation's derivatives for the unknowns of roller k and for what came before, and add its value."""
+    """Write the derivatives of an equation for the unknowns of roller k and for earlier samples, and add its value."""
     matrix[row, 2 * k], matrix[row, 2 * k + 1] = pick(number, 1), pick(number, 2)
     matrix[row, 6 + k] = pick(number, 3)
     matrix[row, 9] += pick(number, 0)
@@ -99,7 +99,7 @@ def _linearise(row, memory, first, last):
 def _largest_changes(row, lap, first, last):
     """Largest changes of slip over its transition velocity, of force along the trunnion, and of load over its mean.
 
-    The first is infinite where the linear system had no solution.
+    The first value is infinite if the linear system has no solution.
     """
     slip, lean, load, all_of_them = 0.0, 0.0, 0.0, 0.0
     for j in range(first, last):
@@ -112,7 +112,7 @@ def _largest_changes(row, lap, first, last):
 
 @inner_kernel
 def _change(row, memory, first, last, part):
-    """Change all unknowns by a part of the Newton step."""
+    """Add a part of the Newton step to all unknowns."""
     lap, even_load = memory.lap, mean_load(point_constants_of(row))
     for k in range(3):
         for j in range(first, last):
@@ -126,7 +126,7 @@ def _change(row, memory, first, last, part):
 
 @inner_kernel
 def _note(memory, first, last, notes):
-    """Note the unknowns."""
+    """Store the unknowns."""
     for k in range(3):
         for j in range(first, last):
             e, i, noted = memory.eights[k, j // WIDTH], j % WIDTH, notes[k, j]
@@ -136,7 +136,7 @@ def _note(memory, first, last, notes):
 
 @inner_kernel
 def _set(memory, first, last, notes, part, others):
-    """Set the unknowns to those noted, and add a part of what they are ahead of others."""
+    """Restore stored unknowns, and add a part of their difference from other stored ones."""
     for k in range(3):
         for j in range(first, last):
             e, i, a, b = memory.eights[k, j // WIDTH], j % WIDTH, notes[k, j], others[k, j]
@@ -147,7 +147,7 @@ def _set(memory, first, last, notes, part, others):
 
 @inner_kernel
 def _guess(memory, j):
-    """Let a sample go on as the two before it went."""
+    """Extrapolate a sample from the two before it."""
     last, other = j - 1, max(j - 2, 0)
     for k in range(3):
         e, i = memory.eights[k, j // WIDTH], j % WIDTH
@@ -160,8 +160,8 @@ def _guess(memory, j):
 def _iterate(row, memory, first, last, tolerance, patient, most):
     """Newton's method from the present unknowns; whether it converged to the tolerance, and iterations.
 
-    Where the next change would be larger than the last one, the patient take half of that back; others give up. All
-    give up where changes have stopped falling.
+    If the next change would be larger than the last one, a patient iteration takes half of the last change back; others
+    stop. All stop when changes no longer decrease.
     """
     p, noted = point_constants_of(row), memory.noted
     linked, lean_scale = p.pace > 0.0, force_scale(p) + 1e-12
@@ -204,9 +204,9 @@ def _widen(row, power, wide):
 
 @kernel_part
 def _solve(row, memory, first, last, most):
-    """Solve samples on which no others act; whether that converged, and iterations.
+    """Solve independent samples; returns whether they converged, and iterations.
 
-    All but the first are tried from a guess first, and then from what they were before it.
+    Each sample but the first starts from an extrapolation; if that fails, from its previous values.
     """
     tolerance, done = point_constants_of(row).tolerance, 0
     power, stride, reached, before = 0.0, 3.0, math.inf, math.inf
@@ -233,7 +233,7 @@ def _solve(row, memory, first, last, most):
         elif power == _WIDEST:
             return False, done
         power = min(power + stride, _WIDEST) if reached == math.inf else max(reached - stride, 0.0)
-        ahead = 0.0  # of the last solution, as it went from the last but one to that
+        ahead = 0.0  # extrapolation from the last two solutions
         if before < math.inf:
             ahead = (2.0**reached - 2.0**power) / (2.0**before - 2.0**reached)
         _set(memory, first, last, memory.noted[solved], ahead, memory.noted[earlier])
@@ -242,7 +242,7 @@ def _solve(row, memory, first, last, most):
 
 @kernel
 def _solve_all(row, memory, most):
-    """Solve all samples, at once where they are linked, else each from those before it.
+    """Solve all samples: linked ones at once, others each from the samples before it.
 
     Returns whether all converged, and iterations times the samples in each.
     """
@@ -256,7 +256,7 @@ def _solve_all(row, memory, most):
 
 
 def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
-    """Solve a point; whether it settled, and iterations of the whole revolution.
+    """Solve a point; returns whether it converged, and iterations of the whole revolution.
 
     Parameters as for `equilibrium_relaxation.settle_still`.
     """

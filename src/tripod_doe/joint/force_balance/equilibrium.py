@@ -15,9 +15,9 @@ is the whole relative velocity. At the groove act, for a normal force N,
     rolling resistance   M_r = -mu_r N (D/2) tanh(|w_t| / w_rt) w_t / |w_t|                  (Eq. 4)
 
 with a_H the semi-major axis of the contact ellipse and w_t the part of w in the tangent plane. A needle rolls freely
-across its axis and transmits friction only along it. Rolling between trunnion (radius r_t) and bore (r_b), skewed by
-psi, it slips on both alike, together by w cos psi - s r_e sin psi; by virtual power the lever is r_e = r_b r_t / r_p
-with the pitch radius r_p = (r_b + r_t) / 2. The needles carry kappa N in sum (`load_zone.bearing_load_zone`),
+across its axis and transmits friction only along it. It rolls between trunnion (radius r_t) and bore (r_b) with the
+skew psi and slips equally on both, in sum w cos psi - s r_e sin psi; virtual power gives the lever r_e = r_b r_t / r_p
+with the pitch radius r_p = (r_b + r_t) / 2. The loads of all needles add up to kappa N (`load_zone.bearing_load_zone`),
 so on the roller act along and about its trunnion
 
     P   = -mu_n kappa N cos psi tanh((w cos psi - s r_e sin psi) / (2 v_sn))
@@ -25,19 +25,19 @@ so on the roller act along and about its trunnion
 
 (the rolling resistance mu_r f d_n/2 of every contact adds up to the pitch radius). Two equations a groove and angle:
 forces along the trunnion, n t + (f t + P) / N = 0, give a; moments about it give s. The spider's balance (no force
-across the shaft, moment T about it, the wrench of all three grooves, friction included) gives the three N. Everything
-is proportional to N but a_H ~ N^(1/3) and kappa, which follows the mean load |T| / (3 R_p). The thrust on the housing
-is the sum of -f_z. Input power = output power + friction power holds to rounding and is the model's own check.
+across the shaft, moment T about it, the wrench of all three grooves, friction included) gives the three N. All terms
+are proportional to N, except a_H ~ N^(1/3) and kappa, which depends on the mean load |T| / (3 R_p). The thrust on the
+housing is the sum of -f_z. The model checks input power = output power + friction power, which holds to rounding.
 
-Of the two effects that the usual estimate mu N tanh(v_z sin b / v_st) sin b misses, the slip across the groove
-(sigma R_s w_z) turns the phase of the third order by 3 atan(R_s / R_p) / 2, and the roller's spin on its trunnion,
-s = v_z / R_s + omega sin b, is out of phase with its rolling in the groove.
+The usual estimate mu N tanh(v_z sin b / v_st) sin b misses two effects: slip across the groove (sigma R_s w_z) turns
+the phase of the third order by 3 atan(R_s / R_p) / 2; the roller's spin on its trunnion, s = v_z / R_s + omega sin b,
+is out of phase with its rolling in the groove.
 
 Left out: inertia, the roller's swinging in its groove and its tilt on its trunnion, which `kinetostatic` adds; the
 shaft's finite length (the spider's orbit tilts it by e / L, lateral forces turn by R_p / L); how the needles' skew
-changes; end stops and contacts between needles. The equations are solved by `equilibrium_relaxation`;
-where that does not settle, by `coupled_newton` and `free_rollers`. Where no friction holds a roller's spin, the answer
-is the limit of little friction; without sliding friction in the grooves there is no thrust.
+changes; end stops and contacts between needles. `equilibrium_relaxation` solves the equations; if it does not converge,
+`coupled_newton` and `free_rollers` do. If no friction holds a roller's spin, the result is the limit of small friction;
+without sliding friction in the grooves there is no thrust.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.compilation.kernels import kernel
 
 _LITTLE = 1e-6
-"""Friction coefficient that hardly resists."""
+"""Friction coefficient in place of zero."""
 _FOLLOWED = 100.0
-"""Tolerance of a balance whose motion needles follow over its own: it is solved again with them."""
+"""Factor on the tolerance of the balance before needles move: it is solved again with their motion."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Equilibrium:
 
     # axial force on the housing at each groove over one revolution in N, shape (point, groove, sample)
     groove_thrust: FloatArray
-    # what each mechanism adds to their sum in N, shape (point, part, sample); see `thrust_parts`
+    # contribution of each mechanism to their sum in N, shape (point, part, sample); see `thrust_parts`
     thrust_parts: FloatArray
     friction_power: FloatArray  # mean power lost to each mechanism in N mm/s, shape (point, mechanism)
     # input less output less friction power, over the friction power (or a thousandth of the transmitted power, where
@@ -91,15 +91,15 @@ class Equilibrium:
     largest_normal_force: FloatArray
     smallest_normal_force: FloatArray
     needle_penetration: FloatArray  # of the most loaded needle into each partner in mm, shape (point,)
-    sweeps: IntArray  # relaxation sweeps, and evaluations of all grooves' forces, shape (point,)
-    settled: NDArray[np.bool_]  # whether every balance was met within the tolerance, shape (point,)
-    # whether the balance settled only with rollers that do not yaw on their needles, shape (point,)
+    sweeps: IntArray  # relaxation sweeps, and force evaluations of all grooves, shape (point,)
+    settled: NDArray[np.bool_]  # whether every sample is balanced within the tolerance, shape (point,)
+    # whether the balance converged only without yaw of the rollers, shape (point,)
     upright: NDArray[np.bool_]
-    # of the needle that carries the most, rad, shape (point, trunnion, cycles sample); None where needles never move
+    # of the most loaded needle, rad, shape (point, trunnion, cycles sample); None if needles never move
     needle_skew: FloatArray | None = None
-    # whether the balance settled with moving needles, shape (point,); elsewhere needles keep their skew
+    # whether the balance converged with moving needles, shape (point,); else needles keep their skew
     needles_settled: NDArray[np.bool_] | None = None
-    revolutions: Revolutions | None = None  # single ones; None where needles never move
+    revolutions: Revolutions | None = None  # single ones; None if needles never move
 
 
 @kernel
@@ -118,29 +118,29 @@ def load_zones(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray]
 
 
 def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
-    """Cosine and sine of the rotation angle of every groove, shape (groove, eights, 8); the first samples fill up."""
+    """Cosine and sine of every groove's rotation angle, shape (groove, eights, 8), padded with the first samples."""
     sample = np.arange(-(-samples // WIDTH) * WIDTH) % samples
     angle = 2 * np.pi * (sample / samples + np.arange(3)[:, None] / 3)
     return np.cos(angle).reshape(3, -1, WIDTH), np.sin(angle).reshape(3, -1, WIDTH)
 
 
 def _never_free(points: JointValues[FloatArray]) -> FloatArray:
-    """Rolling friction of the needles, at least `_LITTLE` where the groove lets rollers slide.
+    """Rolling friction of the needles, at least `_LITTLE` if the grooves have no sliding friction.
 
-    There nothing else may hold a roller's spin: the answer is the limit of little friction.
+    Then nothing else may hold a roller's spin: the result is the limit of small friction.
     """
     free = points.groove_sliding_friction == 0.0
     return np.maximum(_passed_on(points), np.where(free, _LITTLE, 0.0))
 
 
 def _passed_on(points: JointValues[FloatArray]) -> FloatArray:
-    """Rolling friction that needles pass on: sliding friction makes them roll, else they stand and slide."""
+    """Rolling friction that needles transmit: only sliding friction makes them roll; without it they slide."""
     passed: FloatArray = np.minimum(points.needle_rolling_friction, points.needle_sliding_friction)
     return passed
 
 
 def point_constants(points: JointValues[FloatArray], kappa: FloatArray) -> dict[str, FloatArray]:
-    """Columns of `PointConstants` for a massless joint whose rollers stay on their groove's axis.
+    """Columns of `PointConstants` for a massless joint with rollers on the axes of their grooves.
 
     Parameters
     ----------
@@ -187,10 +187,10 @@ def _compile_other_ways() -> None:
     """Compile the solvers for points that do not relax, once per process: most studies do not need them."""
     row, memory = np.ones(len(PointConstants._fields)), Memory.for_samples(WIDTH)
     with first_compilation("joints that do not relax", seconds=12):
-        for settle in (settle_together, settle_free):  # of any point: only the types of its numbers count
+        for settle in (settle_together, settle_free):  # any point will do: only number types matter
             start(row, np.zeros(3), *_groove_angles(WIDTH), memory)
             settle(row, memory)
-        repeat_first(memory)  # which only a point that settles reaches
+        repeat_first(memory)  # which only a converged point reaches
 
 
 def solve_equilibrium(
@@ -213,7 +213,7 @@ def solve_equilibrium(
 
     Notes
     -----
-    Every point is computed by itself, so that its values do not depend on the block it is in.
+    Every point is computed alone, so that its values do not depend on its block.
     """
     kappa, penetration = load_zones(points)
     return solve_balance(points, point_constants(points, kappa), penetration, samples, reader=reader)
@@ -222,9 +222,9 @@ def solve_equilibrium(
 def _settle(
     row: FloatArray, skews: FloatArray, cosines: FloatArray, sines: FloatArray, memory: Memory, tolerance: float
 ) -> tuple[bool, int, tuple[float, float]]:
-    """Settle a balance from its start: whether it did, iterations, and extremes of normal forces over their mean.
+    """Solve a balance from its start; returns convergence, iterations, and extreme normal forces over their mean.
 
-    The extremes are those without slip, and zero where the balance settled at once.
+    The extremes hold without slip; they are zero if the balance converges at once.
     """
     p = PointConstants(*row)
     start(row, skews, cosines, sines, memory)
@@ -243,9 +243,9 @@ def _settle(
 
 
 def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, i: int) -> int:
-    """Let the needles of point i follow its rollers, and settle the balance with them; iterations.
+    """Let the needles of point i follow its rollers, and solve the balance with them; returns iterations.
 
-    Where that does not settle, the balance stays as it was, with needles that keep their skew.
+    If this does not converge, restore the balance in which needles keep their skew.
     """
     memory.kept[:] = memory.state
     turns, tilt = memory.turns.copy(), row[TILT]
@@ -276,7 +276,7 @@ def solve_balance(
     reader: ContactReader | None = None,
     revolutions: Revolutions | None = None,
 ) -> Equilibrium:
-    """Solve the balance of a block of points whose constants are known; parameters as there.
+    """Solve the balance of a block of points with given constants; other parameters as for `solve_equilibrium`.
 
     `followers` are the needles of a balance in which rollers tilt and needles may move, `revolutions` receives the
     thrust of single ones.
@@ -318,7 +318,7 @@ def solve_balance(
                 else:
                     revolutions.all_alike(i, mean)
     solution.settled[columns["torque"] == 0.0] = True
-    solution.power[_passed_on(points) == 0.0, 4] = 0.0  # what hardly resists takes no power
+    solution.power[_passed_on(points) == 0.0, 4] = 0.0  # friction in place of zero takes no power
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
     largest, smallest = solution.extremes.T
     return Equilibrium(

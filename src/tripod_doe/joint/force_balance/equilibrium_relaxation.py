@@ -1,8 +1,8 @@
 """The balance of all grooves at all rotation angles of a point, by relaxation: the kernels behind `equilibrium`.
 
-Every sample is relaxed by itself: Newton's method in the slip along the rolling direction and an accelerated iteration
-in the contact angle, until no sample of the point changes any more. What does not settle (nearly sharp friction,
-rollers that slide freely) is left to `coupled_newton`.
+Every sample is relaxed alone: Newton's method for the slip along the rolling direction and an accelerated iteration for
+the contact angle, until no sample of the point changes. Points that do not converge (nearly discontinuous friction,
+rollers that slide freely) are left to `coupled_newton`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _relax(p, e, skew):
 
 @kernel_part
 def _sweep(p, eights, turns):
-    """Relax all samples once; how many changed by more than the tolerance."""
+    """Relax all samples once; returns the number of samples that changed more than the tolerance."""
     moved = spread(0.0)
     for b in range(eights.shape[1]):
         for k in range(3):
@@ -64,7 +64,7 @@ def _sweep(p, eights, turns):
 
 @kernel
 def settle_still(row, memory):
-    """Relax a point in which every sample stands by itself; whether it settled, and sweeps.
+    """Relax a point with independent samples; returns whether it converged, and sweeps.
 
     Args:
         row: Of the table of `PointConstants`.

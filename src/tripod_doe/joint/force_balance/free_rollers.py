@@ -1,9 +1,9 @@
 """The balance of rollers that slide freely in their grooves: one unknown per roller, solved by bisection.
 
-Without sliding friction in the groove only the needles act along the trunnion, so that the spin alone decides slip and
-contact angle, and nothing passes to the housing's axial force. The moment about the trunnion falls from one sign to the
-other over all spins, but not always steadily: needles of little skew and the spinning moment feed each other, so that
-Newton's method runs from one turn to the next. Bisection finds a spin at which the moment vanishes.
+Without sliding friction in the groove only the needles act along the trunnion: the spin alone determines slip and
+contact angle, and the housing has no axial force. The moment about the trunnion changes sign over all spins, but not
+monotonically: needles of small skew and the spinning moment amplify each other, so that Newton's method jumps between
+turning points. Bisection finds a spin with zero moment.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 
 _BISECTIONS, _ROUNDS = 90, 12
 _BETWEEN = 1e-3
-"""Tolerance of the contact ellipse where a roller goes to and fro between two spins, which differ little in load."""
+"""Tolerance of the contact ellipse if the iteration alternates between two spins of almost equal load."""
 _REACH = 1e6
 """Fastest spin over the speed of the joint: skewed needles alone spin a free roller fast."""
 
@@ -64,7 +64,7 @@ def _bisect(p, e, skew):
 
 @kernel
 def settle_free(row, memory):
-    """Solve a point without sliding friction in its grooves; whether it settled, and rounds of bisections.
+    """Solve a point without sliding friction in its grooves; returns whether it converged, and rounds of bisection.
 
     Parameters as for `equilibrium_relaxation.settle_still`.
     """

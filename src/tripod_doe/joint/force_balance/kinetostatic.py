@@ -1,7 +1,7 @@
-"""The kinetostatic model: the balance of `equilibrium`, with inertia along the ideal motion and rollers that give way.
+"""The kinetostatic model: the balance of `equilibrium` with inertia along the ideal motion and compliant rollers.
 
-What the equilibrium leaves out and the multibody models show can mostly be had without integrating anything, because
-the motion is all but known. With the symbols and the frame of `equilibrium`, and m_r, I_t of a roller:
+Most effects that the equilibrium omits and the multibody models show need no time integration, because the motion is
+almost known. With the symbols and the frame of `equilibrium`, and m_r, I_t of a roller:
 
 Inertia (d'Alembert). A roller turns with the housing at the distance R_p and moves along its groove, so that
 
@@ -30,24 +30,25 @@ a revolution, at first e + R_s mu_s + r_p mu_n, then the motion's; at most 0.35 
 along its needles by r_p / R_s of that slip, too. Needles that move change x: their friction acts at their pitch circle,
 since a needle between two frictions tilts itself, and their middle moves along (`needle_correction`).
 
-Yaw. The spinning moment M_s turns the roller about its normal by y = k_y M_s / N, against its needles. So the axis
-about which it turns leaves the trunnion, and the trunnion's t_z becomes t_z - sigma t_tau y in all that the roller's
-spin does: a roller that is steered rolls another way. M_s is computed for a roller that rolls upright, without slip,
-under the mean load, and yaws: from w_n + dy/dt. k_y belongs to the full moment (`turned_bearing`), since the needles of
-a crown resist the more the farther a roller yaws, with the load at its mean distance from the middle of the needles.
-Crowned needles let rollers yaw by some per cent of the joint angle, straight ones by a thousandth.
+Yaw. The spinning moment M_s turns the roller about its normal by y = k_y M_s / N, against its needles. So its axis of
+rotation leaves the trunnion, and t_z of the trunnion becomes t_z - sigma t_tau y in all effects of the roller's spin:
+yaw steers the roller. M_s is computed from w_n + dy/dt of a roller that rolls upright, without slip, under the mean
+load. k_y belongs to the full moment (`turned_bearing`), since crowned needles stiffen with growing yaw, with the load
+at its mean distance from the middle of the needles. Crowned needles let rollers yaw by some per cent of the joint
+angle, straight ones by a thousandth.
 
-Lag. Trunnions stay behind their grooves by rho, the bearing's clearance and the needles' penetrations together, over
-R_p: all happens that much later in the rotation.
+Lag. Trunnions stay behind their grooves by the angle (rho + bearing clearance + needle penetrations) / R_p: everything
+happens later in the rotation by this angle.
 
-Needles. They move on their own: a needle follows half of the roller's plunging until flange or retainer stops it, where
-it rubs, and its skew changes. `needle_motion` moves them along the balance's motion, and `needle_correction` adds what
-they then do to the balance, which is solved again.
+Needles. A needle follows half of the roller's plunging until flange or retainer stops it; there it rubs, and its skew
+changes. `needle_motion` moves the needles with the motion of the balance; `needle_correction` adds their forces to the
+balance, which is solved again.
 
 ds/dt and da/dt are backward differences of second order around the revolution (`kinetostatic_relaxation`, and
 `coupled_newton` where that does not settle). The balance of powers closes to about half a per cent of the friction
-power only, to 10 % with much friction or little motion: that the spider gives way a little to swinging and tilting
-rollers is left out, as is all else that the equilibrium leaves out but the motion of the needles; and their mass.
+power only, to 10 % with much friction or little motion: the model omits the small motion of the spider under swinging
+and tilting rollers, the mass of the needles, and all other effects that the equilibrium omits except the motion of the
+needles.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ from tripod_doe.joint.outputs import BY_CYCLE
 from tripod_doe.joint.values import JointValues
 
 _ON_AVERAGE = 2 / math.pi
-"""Mean distance of a load that swings about the middle of the needles, over the largest."""
+"""Mean over largest distance of an oscillating load from the middle of the needles."""
 
 
 def _turned_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -106,7 +107,7 @@ def _turned(points: JointValues[FloatArray], offset: FloatArray, lever: FloatArr
 def _moving_constants(
     points: JointValues[FloatArray], shift: FloatArray, tilt: FloatArray, yaw: FloatArray, samples: int
 ) -> dict[str, FloatArray]:
-    """The columns of `PointConstants` that are zero in the equilibrium."""
+    """Columns of `PointConstants` that are zero in the equilibrium model."""
     radius = points.roller_radius
     mass, polar, _ = roller_inertia(radius, points.roller_width, points.bore_radius, points.density)
     play = points.groove_play + (points.groove_load / points.groove_stiffness) ** (2 / 3)
@@ -138,8 +139,8 @@ def solve_kinetostatic(
     samples
         Samples of one revolution; they are its time steps, too: 90 cost 0.1 % of the third order, 360 a hundredth.
     needles_move
-        Whether needles follow their rollers; if not, they keep their initial skew and never touch a stop, as in the
-        model `rollers`.
+        Whether needles follow their rollers; if not, they keep their initial skew and touch no stop, as in the model
+        `rollers`.
     reader
         Reads the contacts of every point that settles.
     names

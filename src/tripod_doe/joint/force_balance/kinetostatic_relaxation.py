@@ -1,7 +1,7 @@
 """The balance of a point whose samples follow each other, by relaxation: the kernels behind `kinetostatic`.
 
-A sample follows the two before it, by backward differences of second order around the whole revolution: what a sweep
-changes at one sample is carried on to the next ones by a recursion, two laps of it.
+Backward differences of second order link a sample to the two before it, around the whole revolution: a recursion over
+two laps carries the changes of a sweep on to later samples.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _SWEEPS, _NEAR = 40, 0.03
 last changed by no more than `_NEAR`. A point that has not settled after this number of sweeps is solved at once
 (`coupled_newton`)."""
 FRESH, NEAR = -2, 2
-"""First sweep of a balance without any motion yet, which finds tilts, and then the spins that go with them; and of one
-that was settled and then changed, for which all slopes are tangents."""
+"""Number of the first sweep: of a new balance, whose first sweeps find tilts and then spins; of a converged balance
+that was changed, for which all slopes are tangents."""
 
 
 @kernel_part
 def _seek(p, eights, turns, newton):
-    """Find what every sample wants to change, and how the changes before it add to that."""
+    """Compute the change of every sample, and its sensitivity to changes of earlier samples."""
     for k in range(3):
         skew = skew_of(turns, k)
         for b in range(eights.shape[1]):
@@ -56,7 +56,7 @@ def _seek(p, eights, turns, newton):
 
 @inlined_kernel
 def _carry_on(e, i, before):
-    """Changes of slip and lean at a sample and the one before it, as those of the two before it act on them."""
+    """Changes of slip and lean at a sample and the one before it, with the effect of the two earlier changes."""
     slip_1, slip_2, lean_1, lean_2 = before
     slip = e.slip_step[0, i] + e.slip_carry[0, i] * (0.5 * slip_2 - 2.0 * slip_1)
     lean = e.lean_step[0, i] + e.lean_carry[0, i] * (0.5 * lean_2 - 2.0 * lean_1)
@@ -65,10 +65,10 @@ def _carry_on(e, i, before):
 
 @kernel_part
 def _follow_on(eights, samples):
-    """Turn what the samples of each groove want to change into changes that follow those before them."""
+    """Turn the separate changes of each groove's samples into changes that include the effect of earlier samples."""
     nothing = (0.0, 0.0, 0.0, 0.0)
     first, second, third = nothing, nothing, nothing
-    for j in range(2 * samples):  # a lap to know what reaches the first samples
+    for j in range(2 * samples):  # the first lap gives the effect on the first samples
         place = j if j < samples else j - samples
         b, i = place // WIDTH, place % WIDTH
         # one groove after the other would wait for each sum
@@ -103,7 +103,7 @@ def _change(p, e, tolerance):
 
 @kernel_part
 def _change_all(p, eights, samples, tolerance):
-    """Change all samples as they want; how many changes exceed the tolerance."""
+    """Apply the changes of all samples; returns the number of changes above the tolerance."""
     _follow_on(eights, samples)
     moved = spread(0.0)
     for b in range(eights.shape[1]):
@@ -120,7 +120,7 @@ def _change_all(p, eights, samples, tolerance):
 
 @kernel
 def settle_moving(row, memory, tolerance, first):
-    """Relax a point in which every sample follows those before it; whether it settled, and sweeps.
+    """Relax a point with linked samples; returns whether it converged, and sweeps.
 
     Parameters as for `equilibrium_relaxation.settle_still`; `tolerance` in place of the row's, and the number of the
     `first` sweep, `FRESH` or `NEAR`.

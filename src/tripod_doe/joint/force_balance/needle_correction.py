@@ -1,6 +1,6 @@
 """Correction of the `kinetostatic` balance by needles that follow its rollers.
 
-The balance treats the needles of a trunnion as one, at one skew and with equal slip on trunnion and bore.
+The balance treats all needles of a trunnion as one needle with one skew and equal slip on trunnion and bore.
 `needle_motion` moves every needle along the motion of the balance; the difference of its forces from that law is added
 to the balance at every sample, which is then solved again.
 """
@@ -39,11 +39,11 @@ class NeedleMemory(ByReference):
     held: FloatArray  # force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8)
     steps: NeedleSteps
     forces: NeedleForces
-    blocks: IntArray  # of eight needles that carry in the motion that was read, shape (1,)
+    blocks: IntArray  # of eight loaded needles in the motion that was read, shape (1,)
 
     @classmethod
     def for_samples(cls, samples: int, revolutions: int) -> NeedleMemory:
-        """Memory for a number of samples per revolution, and of revolutions whose forces are kept apart."""
+        """Memory for a number of samples per revolution, and a number of revolutions with separate forces."""
         motions = RollerMotions.for_samples(samples)
         forces = NeedleForces.of_last(revolutions, samples)
         return cls(
@@ -53,7 +53,7 @@ class NeedleMemory(ByReference):
 
 @kernel
 def _read_motions(row, memory, ring):
-    """Read the motion of every roller on its trunnion off the balance."""
+    """Read the motion of every roller on its trunnion from the balance."""
     p = point_constants_of(row)
     eccentricity, nothing = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta, spread(0.0)
     for k in range(3):
@@ -87,7 +87,7 @@ def _mean(pair, at):
 
 @kernel_part
 def _add_forces(row, memory, ring, k, revolutions):
-    """Add the forces of the needles of trunnion k beyond the balance's own law, which gets their mean skew."""
+    """Add the difference of the needle forces of trunnion k from the law of the balance, which uses their mean skew."""
     p, samples, (one, other) = point_constants_of(row), memory.samples, revolutions
     skew = _mean((ring.forces.skews[one], ring.forces.skews[other]), k)
     forces = ring.forces.forces[one, k], ring.forces.forces[other, k]
@@ -107,7 +107,7 @@ def _add_forces(row, memory, ring, k, revolutions):
 
 @kernel_part
 def _add_swing(row, memory, k, forces, places):
-    """Add the swing of roller k that the balance's own tilt misses.
+    """Add the swing of roller k that is missing in the tilt of the balance.
 
     Its needles' friction acts at their pitch circle, not at the groove, and their middle moves. `forces` and `places`
     along the trunnion are those of two revolutions, shape (sample,) each, whose mean counts.
@@ -137,8 +137,8 @@ class Followers:
     slide: NDArray[np.bool_]  # whether the needles of a point slide, and the joint is bent and turns; shape (point,)
     # of the needle that carries the most, rad, over all revolutions, shape (point, trunnion, cycles sample)
     skews: FloatArray
-    settled: NDArray[np.bool_]  # whether the balance settled with moving needles, shape (point,)
-    revolutions: int  # last revolutions that are kept apart
+    settled: NDArray[np.bool_]  # whether the balance converged with moving needles, shape (point,)
+    revolutions: int  # last revolutions with separate results
     _loads: FloatArray  # mean normal force at a groove, shape (point,)
     _table: FloatArray
     _initial: FloatArray
@@ -159,7 +159,7 @@ class Followers:
         revolutions: int = 2,
         record: bool = False,
     ) -> Followers:
-        """Needles at their initial skews, shape (point, trunnion), which they keep unless they may `move`.
+        """Needles at their initial skews, shape (point, trunnion), which stay constant unless needles `move`.
 
         `table` is from `needle_constants`; with `record` every needle is recorded.
         """
@@ -174,8 +174,8 @@ class Followers:
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
         """Move the needles of point i along the settled balance, and add their effects to it.
 
-        `row` holds its constants; its tilt is replaced by the motion's. The kernels are called one by one: in
-        a common one they would all be compiled once more.
+        `row` holds its constants; its tilt is replaced by the motion's. The kernels are called separately: a common
+        kernel would compile all of them again.
         """
         ring, table = self._memory, self._table[i]
         _read_motions(row, memory, ring)
@@ -192,7 +192,7 @@ class Followers:
         _add_needles(row, memory, ring, self.revolutions - 2, self.revolutions - 1)
 
     def add(self, row: FloatArray, memory: Memory, revolution: int) -> None:
-        """Add the effects that the needles followed last have in one of their last revolutions."""
+        """Add the effects of the last followed needles in one of their last revolutions."""
         _add_needles(row, memory, self._memory, revolution, revolution)
 
     def follow_on(self, row: FloatArray, memory: Memory, i: int) -> None:
@@ -211,7 +211,7 @@ class Followers:
         _add_needles(row, memory, self._memory, self.revolutions - 2, self.revolutions - 1)
 
     def _press(self, steps: NeedleSteps, table: FloatArray) -> None:
-        """Find the shifts of the rollers at these steps of the motion that was read."""
+        """Compute the shifts of the rollers at these steps of the motion."""
         self._memory.blocks[0] = -(-press_needles(table, self._memory.motions, steps) // WIDTH)
 
     def _turn(self, i: int, tilt: float, table: FloatArray, skews: FloatArray, steps: NeedleSteps) -> None:
@@ -227,16 +227,16 @@ class Followers:
         return bool(self._move and self.slide[i] and self.settled[i])
 
     def settles(self, i: int) -> bool:
-        """Whether the needles of point i are followed until they repeat in any case."""
+        """Whether the needles of point i are always followed until their motion repeats."""
         return NeedleConstants._make(self._table[i]).settles > 0
 
     @property
     def repeat(self) -> bool:
-        """Whether the needles that were followed last repeat, where they were followed until they do."""
+        """Whether the motion of the last followed needles repeats, if they were followed for that."""
         return bool(self._memory.forces.history[1])
 
     def recorded(self, i: int) -> NDArray[np.void] | None:
-        """Every needle of point i, which was followed last; None where its needles do not move."""
+        """Records of every needle of point i, the last followed point; None if its needles do not move."""
         if not (self._records.size and self.moves(i)):
             return None
         return self._records[..., : int(NeedleConstants._make(self._table[i]).needles)].swapaxes(1, 2)

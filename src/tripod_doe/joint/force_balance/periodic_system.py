@@ -1,10 +1,9 @@
-"""A linear system around the revolution: samples that act on later ones, closed to a lap.
+"""A linear system around the revolution: samples act on later samples, periodically.
 
 Every sample has nine equations for the changes of its nine unknowns. Six numbers y (tilts and spins of the rollers)
-follow from them and act on later samples by h = y_(-2) / 2 - 2 y_(-1). So each sample is solved for itself, with its
-answer to a change of h, and what is left is a recursion dy_j = c_j + C_j dh_j around the revolution. It is crossed in
-stretches of a few samples; what couples them is solved with pivots from neighbouring stretches, since recursions may
-grow either way.
+follow from them and act on later samples by h = y_(-2) / 2 - 2 y_(-1). So each sample is solved alone, with its
+sensitivity to h; a recursion dy_j = c_j + C_j dh_j around the revolution remains. It is evaluated in stretches of a few
+samples; the coupling of stretches is solved with pivots from neighbours, since recursions may grow in either direction.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ _STRETCH = 8
 class LinearLap(ByReference):
     """The system, its solution, and memory for it."""
 
-    # of each sample: derivatives for its unknowns (two of each roller, three loads), by how much each equation is
-    # missed, and derivatives for h, (sample, 9, 16)
+    # of each sample: derivatives for its unknowns (two of each roller, three loads), residual of each equation, and
+    # derivatives for h, (sample, 9, 16)
     equations: FloatArray
     # by how much y differs from what the unknowns say, and derivatives of that for unknowns of the same roller (two,
     # and its load) and for its h, (sample, 6, 6)
@@ -70,7 +69,7 @@ class LinearLap(ByReference):
 def _eliminate(matrix, count, columns):
     """Solve for `count` unknowns in place: the first columns are the system, others of them right-hand sides.
 
-    With more rows than unknowns, those that are not needed end as equations without these unknowns.
+    With more rows than unknowns, the surplus rows become equations without these unknowns.
     """
     rows = matrix.shape[0]
     for i in range(count):
@@ -98,12 +97,12 @@ def _eliminate(matrix, count, columns):
 
 @inner_kernel
 def solve_samples(lap, first, last, linked):
-    """Solve samples for themselves, and where they are linked their answers to a change of h.
+    """Solve each sample alone, and for linked samples the sensitivity to h.
 
     Args:
         lap: The system, which stands in `equations` and `follows`; solutions go into `changes` and `steps`.
         first, last: The samples, without the last one.
-        linked: Whether samples act on later ones; if not, the solution is complete, at two thirds of the price.
+        linked: Whether samples act on later ones; if not, the solution is complete, at two thirds of the cost.
     """
     solutions = 7 if linked else 1
     for j in range(first, last):
@@ -126,7 +125,7 @@ def solve_samples(lap, first, last, linked):
 
 @inner_kernel
 def _cross_stretch(stretch, lap):
-    """How y at the end of a stretch follows from y before it, and what comes on top: into `lap.across`."""
+    """Write y at the end of a stretch as a linear function of y before it, into `lap.across`."""
     across, past, following = lap.across, lap.past, lap.following
     clear(across)
     for row in range(12):
@@ -149,7 +148,7 @@ def _cross_stretch(stretch, lap):
 
 @inner_kernel
 def _fit_stretches(lap):
-    """Find y before every stretch, with which all stretches fit together."""
+    """Solve for y before every stretch so that all stretches join."""
     pair, across, links, starts, stretches = lap.pair, lap.across, lap.links, lap.starts, lap.starts.shape[0]
     for stretch in range(stretches):
         _cross_stretch(stretch, lap)
@@ -210,7 +209,7 @@ def _follow(lap):
 
 @inner_kernel
 def link_samples(lap):
-    """Let samples that were solved with their answers act on each other around the revolution.
+    """Couple the samples around the revolution, from their separate solutions and sensitivities.
 
     Args:
         lap: The system.

@@ -52,7 +52,7 @@ class PointConstants(NamedTuple):
     tilt: float
     yaw: float
     lag: float  # angle in rad by which the trunnions stay behind their grooves
-    pace: float  # samples a second; zero if nothing that changes between samples matters
+    pace: float  # samples a second; zero if samples are independent
     tolerance: float  # relative tolerance of all iterations
 
 

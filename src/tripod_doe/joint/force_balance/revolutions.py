@@ -1,8 +1,8 @@
-"""Thrust of single revolutions of a balance whose needles turn, and once they repeat.
+"""Thrust of single revolutions of a balance with turning needles, and of the periodic state of the needles.
 
-A balance is solved with the mean of what its needles do in the last two revolutions, which gives the orders that every
-model reports. With what they do in one of them, it is solved from there in two or three sweeps. Of two revolutions the
-last but one is as far from their mean as the last: the thrust is all but linear in what changes.
+A balance is solved with the mean needle forces of the last two revolutions; this gives the orders that every model
+reports. From there, two or three sweeps solve it with the needle forces of one revolution. The last two revolutions
+differ equally from their mean, with opposite signs: thrust is almost linear in the needle forces.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tripod_doe.joint.outputs import SETTLED, STEP_ERROR
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH
 
 _DIFFERS, _SETTLES = 1e2, 1e1
-"""Tolerances of a balance that is solved for a small difference, and for needles that have settled, over its own."""
+"""Factors on the tolerance of a balance: solved for a small difference, and with needles in their periodic state."""
 
 
 @dataclass(frozen=True)
@@ -31,16 +31,16 @@ class Revolutions:
     """Thrust at each groove in the last revolutions of a block of points."""
 
     each: FloatArray  # in N, at least two, shape (point, revolution, groove, sample)
-    # once needles repeat, shape (point, groove, sample), NaN where that was not asked; and whether they do
+    # once needles repeat, shape (point, groove, sample), NaN if not requested; and whether they repeat
     repeating: FloatArray
     repeat: NDArray[np.bool_]
-    # mean of the last two with needles in steps of half the size, shape (point, groove, sample), NaN where not asked
+    # mean of the last two with needles in half steps, shape (point, groove, sample), NaN if not requested
     finer: FloatArray
-    asked: frozenset[str]  # outputs that need more than each revolution
+    asked: frozenset[str]  # requested outputs that need more than the single revolutions
 
     @classmethod
     def of(cls, points: int, count: int, samples: int, names: Collection[str]) -> Revolutions:
-        """No thrust in a number of revolutions, with what these outputs need."""
+        """Zero thrust in a number of revolutions, with arrays for these outputs."""
         asked = frozenset(names).intersection((SETTLED, STEP_ERROR))
         repeating, finer = (
             np.full((points, 3, samples), 0.0 if name in asked else np.nan) for name in (SETTLED, STEP_ERROR)
@@ -48,7 +48,7 @@ class Revolutions:
         return cls(np.zeros((points, count, 3, samples)), repeating, np.ones(points, bool), finer, asked)
 
     def all_alike(self, i: int, thrust: FloatArray) -> None:
-        """Let all revolutions of point i have the same thrust."""
+        """Give all revolutions of point i the same thrust."""
         self.each[i] = thrust
         if SETTLED in self.asked:
             self.repeating[i] = thrust
@@ -81,7 +81,7 @@ class Revolutions:
 
 
 def _thrust(row: FloatArray, memory: Memory, otherwise: FloatArray, loose: float) -> FloatArray:
-    """Thrust at each groove once the balance has settled, shape (groove, sample); `otherwise` where it does not."""
+    """Thrust at each groove of the converged balance, shape (groove, sample); `otherwise` if it does not converge."""
     if not settle_moving(row, memory, loose * PointConstants._make(row).tolerance, NEAR)[0]:
         return otherwise
     thrust = np.empty((*memory.eights.shape, WIDTH))

@@ -21,7 +21,7 @@ class GrooveForces(NamedTuple):
     moment: float
     moment_slope: float
     trunnion_force: float  # (f t + P) / N, which the leaning normal must balance
-    feedback: float  # derivative of the trunnion force for the force that the contact angle was made from
+    feedback: float  # derivative of the trunnion force for the force that sets the contact angle
     # sin_a, cos_a: of the contact angle
     sin_a: float
     cos_a: float
@@ -45,8 +45,8 @@ class GrooveForces(NamedTuple):
     spin: float
     spin_gain: float
     inertia_gain: float  # derivative of the moment for the spin of earlier samples
-    tilt_gain: float  # derivative of sin_a for the force that the contact angle was made from
-    swing_gain: float  # derivative of the trunnion force for those of earlier samples
+    tilt_gain: float  # derivative of sin_a for the force that sets the contact angle
+    swing_gain: float  # derivative of the trunnion force for trunnion forces of earlier samples
     axis_z: float  # part of the roller's axis along the groove
 
 
@@ -66,7 +66,7 @@ class Contact(NamedTuple):
     # t_tau, t_n: the trunnion's direction across the groove and along the normal
     t_tau: float
     t_n: float
-    steepness: float  # derivative of the normal's part along the trunnion for the contact angle, but for its sign
+    steepness: float  # magnitude of d(normal's part along the trunnion) / d(contact angle)
 
 
 class AddedMotion(NamedTuple):
@@ -81,17 +81,17 @@ class AddedMotion(NamedTuple):
     swing: float
     swing_gain: float
     inertia: float  # moment about the trunnion over N and the change of the spin, mm s/rad
-    past_spin: float  # what earlier samples add to the backward difference of the spin, rad/s
+    past_spin: float  # part of the spin's backward difference from earlier samples, rad/s
     trunnion_force: float  # inertial force along the trunnion, over N
     # needle_force, needle_moment: what needles that move by themselves add along and about the trunnion, over N; the
     # moment in mm
     needle_force: float
     needle_moment: float
-    steering: float  # what a yawed roller's axis has along the groove beyond its trunnion, rad
+    steering: float  # axial component of a yawed roller's axis minus its trunnion's, rad
 
 
 STILL = AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""Of a roller without mass that stays where it is between samples."""
+"""Added motion of a massless roller at rest between samples: zero."""
 
 
 @inlined_kernel
@@ -206,7 +206,7 @@ def thrust_of_each(p, m, g):
 
 @inlined_kernel
 def spider_wrench(p, m, g, cos_phi, sin_phi):
-    """What one groove does to the spider over N: two forces across the shaft, moments about shaft and input axis."""
+    """Load of one groove on the spider over N: two forces across the shaft, moments about shaft and input axis."""
     sigma = flank(p)
     arm = sigma * p.roller_radius
     force_r = sigma * g.sin_a + g.friction_tau * g.cos_a

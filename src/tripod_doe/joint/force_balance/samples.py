@@ -1,7 +1,7 @@
-"""One revolution of one point: the unknowns at every groove and sample, and what both balances share.
+"""One revolution of one point: the unknowns at every groove and sample, and functions that both balances share.
 
 Samples are kept and computed eight at a time (`lanes`): a record of `EIGHT_SAMPLES` for each groove and eight samples,
-of which those beyond the last repeat the first ones, so that they never decide anything.
+padded beyond the last sample with the first samples, so that padding never affects a decision.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ EIGHT_SAMPLES = np.dtype(
             "root",  # a_H of the contact ellipse, mm
             "normal",  # N
             "moved",
-            "far",  # whether a sweep changed slip or lean, and by much
+            "far",  # whether a sweep changed slip or lean, and strongly
             "across_1",
             "across_2",
-            "about_shaft",  # what the groove does to the spider over N
+            "about_shaft",  # load of the groove on the spider over N
             "load_1",
             "load_2",
-            "load_about",  # what inertia does to the spider
+            "load_about",  # inertial load on the spider
             "past_tilt",
-            "past_spin",  # earlier samples' part of backward differences
+            "past_spin",  # part of backward differences from earlier samples
             "tilt",
             "tilt_gain",
             "spin",
@@ -53,7 +53,7 @@ EIGHT_SAMPLES = np.dtype(
             "needle_force",
             "needle_moment",
             "needle_swing",
-            "steering",  # what needles and yaw add (`AddedMotion`)
+            "steering",  # terms from needles and yaw (`AddedMotion`)
         )
     ]
 )
@@ -112,10 +112,10 @@ def skew_of(turns, k):
 def _steer(p, eights, samples, most):
     """Store how the roller of a groove is steered by its yaw, at most `most` rad.
 
-    Its spin about the normal stands in `spin`, and the way in which yaw steers it in `steering`.
+    `spin` holds its spin about the normal, `steering` the direction in which yaw steers it.
     """
     yaw = 0.0
-    for j in range(2 * samples):  # a lap to know what comes before the first sample
+    for j in range(2 * samples):  # the first lap gives the state before the first sample
         e, i = eights[(j % samples) // WIDTH], j % samples % WIDTH
         yaw = yawed(p, yaw, most, e.spin[0, i])
         if j >= samples:
@@ -127,7 +127,7 @@ def _steer(p, eights, samples, most):
 
 @kernel_part
 def _steer_as_first(eights, k, samples):
-    """Steer the roller of groove k as that of the first, which was at every angle a third of a revolution later."""
+    """Steer the roller of groove k like the first roller a third of a revolution (k = 1) or two thirds later."""
     for j in range(WIDTH * eights.shape[1]):
         first, e = (j + k * samples // 3) % samples, eights[k, j // WIDTH]
         e.steering[0, j % WIDTH] = eights[0, first // WIDTH].steering[0, first % WIDTH]
@@ -218,7 +218,7 @@ def balance_spider(p, first, second, third):
 
 @kernel_part
 def follow_root(p, e):
-    """Take the contact ellipse along with its normal force, one Newton step; change and new value of a_H."""
+    """Update a_H for the normal force by one Newton step; returns change and new value."""
     floor = 1e-3 * abs(p.torque) / p.pitch_radius
     before = load(e.root, 0)
     radius = before / p.axis_factor
@@ -229,7 +229,7 @@ def follow_root(p, e):
 
 @inlined_kernel
 def changed(change, limit):
-    """1 where a change is larger than its limit, or no number."""
+    """1 if a change is larger than its limit, or NaN."""
     return select(change <= limit, 0.0, 1.0)
 
 
@@ -244,7 +244,7 @@ def sum_of(lanes):
 
 @inlined_kernel
 def force_scale(p):
-    """How large the force along a trunnion may be, over the mean normal force."""
+    """Limit of the force along a trunnion over the mean normal force."""
     return p.groove_friction + p.needle_friction + inertial_force(p, 1.0)[0] / mean_load(p)
 
 
@@ -272,7 +272,7 @@ def remember(memory, before):
 
 @kernel
 def repeat_first(memory):
-    """Let the entries beyond the last sample repeat the first ones."""
+    """Copy the first samples to the entries beyond the last sample."""
     eights, samples = memory.eights, memory.samples
     for k in range(3):
         for j in range(samples, WIDTH * eights.shape[1]):

@@ -1,4 +1,4 @@
-"""Results of a solved point: the thrust at each groove, its parts, the powers, and how well these balance."""
+"""Results of a solved point: the thrust at each groove, its parts, the powers, and their balance."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tripod_doe.joint.force_balance.samples import Memory, motion_at, skew_of
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load, pick, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 
-_LEAST_LOSS = 1e-3  # of the transmitted power; a joint with less friction is measured against that
+_LEAST_LOSS = 1e-3  # of the transmitted power; reference for joints with less friction
 
 
 class Solution(NamedTuple):
-    """Arrays that the kernels fill, one entry a point; see `equilibrium.Equilibrium`."""
+    """Arrays that the kernels fill, one entry per point; see `equilibrium.Equilibrium`."""
 
     # thrust, parts: shapes (point, 3, eights, 8) and (point, 6, eights, 8)
     thrust: FloatArray
@@ -35,7 +35,7 @@ class Solution(NamedTuple):
 
     @classmethod
     def of_nothing(cls, points: int, samples: int) -> Solution:
-        """No thrust, no power: what points without a torque have."""
+        """Zero thrust and power, for points without torque."""
         eights = -(-samples // WIDTH)
         return cls(
             np.zeros((points, 3, eights, WIDTH)),
@@ -60,7 +60,7 @@ def _largest_of(lanes):
 
 @inlined_kernel
 def _add(sums, b, k, value):
-    """Sum over the grooves, of which k = 0 is the first."""
+    """Sum over the grooves; k = 0 starts the sum."""
     store(sums, b, (spread(0.0) if k == 0 else load(sums, b)) + value)
 
 
@@ -131,7 +131,7 @@ def _account_point(row, memory, thrust, parts, power, residual, unexplained, ext
 
 @kernel
 def thrust_alone(row, memory, thrust):
-    """Write the thrust at each groove, shape (3, eights, 8), and nothing else of a balance."""
+    """Write only the thrust of a balance at each groove, shape (3, eights, 8)."""
     p = point_constants_of(row)
     for k in range(3):
         for b in range(memory.eights.shape[1]):
@@ -142,7 +142,7 @@ def thrust_alone(row, memory, thrust):
 
 
 def account(row: FloatArray, memory: Memory, solution: Solution, i: int) -> None:
-    """Write the answer of point i, whose balance stands in `memory`; `row` holds its constants."""
+    """Write the results of point i from its balance in `memory`; `row` holds its constants."""
     _account_point(
         row,
         memory,
