@@ -8,6 +8,11 @@
 
 `--add` keeps the rows that are there, and adds those of the studies that are named.
 
+    python benchmarks/model_error.py --renew     # 10 s
+
+computes `kinetostatic` anew at all rows, where only that model has changed: `equilibrium`, which has not, tells the third
+order that errors are relative to.
+
 Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
 that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
 and so are the rollers at points of the needles. Beside rollers, whose needles keep their skew, those of `kinetostatic`
@@ -126,6 +131,29 @@ def main(folders: list[Path], add: bool = False) -> None:
     if add:
         head = f"{RECORDED.read_text(encoding='utf-8').splitlines()[0]}; {made}"
         table = joined(pd.read_csv(RECORDED, comment="#"), table)
+    _write(head, table)
+
+
+def renewed(known: pd.DataFrame) -> pd.DataFrame:
+    """The record with `kinetostatic` as it is now, where `equilibrium` tells what its errors are relative to."""
+    table, given = known.copy(), [name for name in POINT if name in known]
+    for at in np.flatnonzero(known["equilibrium"].notna() & known["kinetostatic"].notna()):
+        point, needles = known.loc[at, given].to_dict(), known.loc[at, "needles"] == 1
+        reference = orders("equilibrium", point, needles)[1] / (1 + known.loc[at, "equilibrium"])
+        second, third = orders("kinetostatic", point, needles) / reference
+        table.loc[at, "kinetostatic"] = third - 1
+        if not np.isnan(known.loc[at, "kinetostatic_2"]):
+            table.loc[at, "kinetostatic_2"] = second
+    return table
+
+
+def renew() -> None:
+    """Write the record with `kinetostatic` as it is now."""
+    head, known = RECORDED.read_text(encoding="utf-8").splitlines()[0], pd.read_csv(RECORDED, comment="#")
+    _write(f"{head}; kinetostatic by kernels {source_hashes().kernels}", renewed(known))
+
+
+def _write(head: str, table: pd.DataFrame) -> None:
     RECORDED.write_text(f"{head}\n{table.to_csv(index=False, float_format='%.6g')}", encoding="utf-8")
 
 
@@ -139,5 +167,8 @@ def joined(known: pd.DataFrame, added: pd.DataFrame) -> pd.DataFrame:
 
 
 if __name__ == "__main__":
-    words = [word for word in sys.argv[1:] if word != "--add"]
-    main([Path(word) for word in words], add="--add" in sys.argv)
+    words = [word for word in sys.argv[1:] if word not in ("--add", "--renew")]
+    if "--renew" in sys.argv:
+        renew()
+    else:
+        main([Path(word) for word in words], add="--add" in sys.argv)

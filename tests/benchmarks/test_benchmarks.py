@@ -51,6 +51,13 @@ def test_optimisations_and_their_peers_find_fronts(benchmark, capsys):
     assert all(0 < float(row[3].split()[0]) < 1 for row in rows)
 
 
+def test_prices_of_balances_are_told_with_and_without_a_look_at_vibrations(benchmark, capsys):
+    benchmark("prices").main(["--rounds", "1", "--joints", "2", "--only", "balances"])
+    told = dict(line.split(": ") for line in capsys.readouterr().out.splitlines())
+    assert float(told["kinetostatic"].split()[0]) > float(told["equilibrium"].split()[0]) > 0
+    assert float(told["kinetostatic, look at all adds, over kinetostatic"].split()[0]) > 0
+
+
 def test_a_robust_front_stands_beside_brute_force(benchmark, capsys):
     """Samples of brute force and of the search differ; what is stated of a third order holds for both."""
     benchmark("robust_front").main(["--steps", "4", "--sample", "32", "--share", "1", "--seeds", "1"])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -111,7 +113,7 @@ class Assembly:
 
 def _aligned_zeros(shape: int | tuple[int, ...], dtype: type = np.float64) -> NDArray[Any]:
     """Zeros whose rows of lanes begin with a line of the processor's cache: a row that lies in two costs two reads."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    size = (math.prod(shape) if isinstance(shape, tuple) else shape) * np.dtype(dtype).itemsize
     memory = np.zeros(size + _CACHE_LINE, np.uint8)
     start = -memory.ctypes.data % _CACHE_LINE
     return memory[start : start + size].view(dtype).reshape(shape)
@@ -119,14 +121,14 @@ def _aligned_zeros(shape: int | tuple[int, ...], dtype: type = np.float64) -> ND
 
 def _unit(values: Iterable[float]) -> FloatArray:
     vector: FloatArray = np.asarray(tuple(values), float)
-    unit: FloatArray = vector / np.linalg.norm(vector)
+    unit: FloatArray = vector / math.sqrt(vector @ vector)
     return unit
 
 
 def _checked_direction(where: str, values: Iterable[float]) -> FloatArray:
-    vector = np.asarray(tuple(values), float)
-    if not np.all(np.isfinite(vector)) or np.linalg.norm(vector) == 0:
-        raise InputError(f"{where}: {tuple(values)} has no direction")
+    vector = tuple(values)
+    if not (all(map(math.isfinite, vector)) and any(vector)):
+        raise InputError(f"{where}: {vector} has no direction")
     return _unit(vector)
 
 
@@ -143,8 +145,14 @@ def _rotation(quaternion: Iterable[float]) -> FloatArray:
 
 def _across(direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors that complete a direction to a right-handed frame."""
-    first = _unit(np.cross(direction, _AXES[np.argmin(np.abs(direction))]))
-    return first, np.cross(direction, first)
+    first = _unit(_cross(direction, _AXES[np.argmin(np.abs(direction))]))
+    return first, _cross(direction, first)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product of two vectors; that of numpy takes ten times as long to find out that they are two."""
+    (a_x, a_y, a_z), (b_x, b_y, b_z) = a.tolist(), b.tolist()
+    return np.array([a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x])
 
 
 def _index(names: dict[str, int], name: str, where: str) -> int:
@@ -243,9 +251,15 @@ def _bearing_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
         row["skew_lever"] = lever * np.sin(bearing.skew)
         for name in ("sliding", "sliding_transition", "rolling", "rolling_transition"):
             row[name] = getattr(friction, name)
-        node, weight = roots_gegenbauer(2 * LOAD_ZONE_NODES, bearing.exponent + 0.5)
-        row["node"], row["weight"] = node[:LOAD_ZONE_NODES] ** 2, weight[:LOAD_ZONE_NODES]  # even sums: half of them
+        row["node"], row["weight"] = _load_zone_nodes(bearing.exponent)
     return table
+
+
+@cache
+def _load_zone_nodes(exponent: float) -> tuple[FloatArray, FloatArray]:
+    """Squares of nodes, and weights, of sums over a load zone whose loads have such an exponent."""
+    node, weight = roots_gegenbauer(2 * LOAD_ZONE_NODES, exponent + 0.5)
+    return node[:LOAD_ZONE_NODES] ** 2, weight[:LOAD_ZONE_NODES]  # even sums: half of them
 
 
 def _check_bearing(where: str, bearing: parts.NeedleBearing) -> None:
@@ -302,7 +316,7 @@ def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) ->
                 if abs(axis @ ahead) > 1e-9:
                     raise InputError(f"{where}: reference_a {joint.reference_a} is not across axis_a {joint.axis_a}")
                 motion = (joint.angle, joint.rate, joint.acceleration)
-                side = np.cross(axis, ahead)  # across the reference: zero where b's reference is at the angle
+                side = _cross(axis, ahead)  # across the reference: zero where b's reference is at the angle
                 reference = _checked_direction(where, joint.reference_b)
                 row(PERPENDICULAR, direction_a=side, turned_a=-ahead, direction_b=reference, motion=motion)
             case parts.Fixed():

@@ -59,8 +59,9 @@ class _Look(NamedTuple):
         return self.states * self.between
 
 
-_SUSPECTS, _LEAD = _Look(24, 2, 4e-3), 8
-"""For a first look at a third of a revolution, after such a part of one."""
+_SUSPECTS, _BEFORE, _LEAD = _Look(24, 2, 4e-3), 12, 8
+"""For a first look at a sixth of a revolution, after such a part of one; and what part of one a second motion begins
+before the end of a first."""
 _DIES_OUT = -1.0
 """Logarithm of the growth in a revolution below which no vibration is expected."""
 _ASKS, _DECIDES = _Look(24, 6, 4e-3), _Look(144, 2, 1e-3)
@@ -136,12 +137,12 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
 
 
 def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
-    """Whether oscillations grow, on average over a third of a revolution, at rates as if the motion stood still.
+    """Whether oscillations grow, on average over a sixth of a revolution, at rates as if the motion stood still.
 
-    Vibrations are much faster than the revolution, so they grow by little else, and thirds are alike but for skews. All
-    of 107 joints of the field that vibrate were suspected, and an eighth of the others.
+    Vibrations are much faster than the revolution, so they grow by little else. Thirds are alike but for skews, and with
+    half a revolution all that moves along the axis changes sign: sixths are alike but for skews and the shaft's length.
     """
-    start, samples = _SUSPECTS.samples // _LEAD, _SUSPECTS.samples // 3
+    start, samples = _SUSPECTS.samples // _BEFORE, _SUSPECTS.samples // 6
     smooth = run(
         assembly,
         _METHOD,
@@ -152,10 +153,10 @@ def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
     )
     if smooth.times.size <= start + samples:
         return True
-    third = _Smooth(smooth, _SUSPECTS)
-    states = [third.state(start + k) for k in range(_SUSPECTS.between // 2, samples, _SUSPECTS.between)]
+    part = _Smooth(smooth, _SUSPECTS)
+    states = [part.state(start + k) for k in range(_SUSPECTS.between // 2, samples, _SUSPECTS.between)]
     revolution = 2 * math.pi / values.speed
-    rates = oscillating_rates(departure_matrices(assembly, states, revolution / 3), _FAST * values.speed)
+    rates = oscillating_rates(departure_matrices(assembly, states, revolution / 6), _FAST * values.speed)
     return not revolution * rates.mean() <= _DIES_OUT
 
 

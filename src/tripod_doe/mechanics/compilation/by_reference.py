@@ -70,26 +70,32 @@ class _Reference(types.Type):
 
 
 def _reference_to(bundle: ByReference) -> _Reference:
-    fields = tuple((name, _type_of(value)) for name, value in _fields(bundle))
-    return _Reference(type(bundle).__name__, fields)
+    return _reference(type(bundle), tuple(_kind_of(value) for _, value in _fields(bundle)))
 
 
-def _type_of(value: Any) -> types.Type:
-    if isinstance(value, int):
-        return types.int64
+def _kind_of(value: Any) -> Any:
+    """What decides the type of a field, which costs less to find than the type."""
     if isinstance(value, np.ndarray):
-        return _array_type(value.dtype, value.ndim, value.flags.writeable)
-    kind: types.Type = typeof(value)
-    return kind
+        return value.dtype, value.ndim, value.flags.writeable
+    return int if isinstance(value, int) else typeof(value)
 
 
 @cache
-def _array_type(dtype: np.dtype[Any], dimensions: int, writeable: bool) -> types.Type:
-    """Type of a contiguous array; `typeof` looks through all fields of records each time."""
+def _reference(bundle: type[ByReference], kinds: tuple[Any, ...]) -> _Reference:
+    """Type of a pointer to such a bundle, made once: numba would look through all fields of all arrays each time."""
+    names = (field.name for field in dataclasses.fields(bundle))
+    return _Reference(bundle.__name__, tuple((name, _type_of(kind)) for name, kind in zip(names, kinds, strict=True)))
+
+
+def _type_of(kind: Any) -> types.Type:
+    if kind is int:
+        return types.int64
+    if not isinstance(kind, tuple):
+        return kind
+    dtype, dimensions, writeable = kind
     example = np.empty((1,) * dimensions, dtype)
     example.flags.writeable = writeable
-    kind: types.Type = typeof(example)
-    return kind
+    return typeof(example)
 
 
 def _words_of(kind: types.Type) -> int:
