@@ -53,3 +53,24 @@ def test_errors_of_the_balances_are_recorded_beside_those_that_are_there(recorde
     assert table["kinetostatic"][0] == 0.4
     assert abs(table["kinetostatic"][1]) < 0.02
     assert table["kinetostatic"].isna().tolist() == [False, False, True]
+
+
+def test_a_record_is_renewed_where_kinetostatic_has_changed(recorder):
+    """A row beside needles gets today's answers, relative to the third order that equilibrium's error tells."""
+    known = pd.DataFrame(
+        {
+            "joint_angle_deg": [9.0, 9.0],
+            "needles": [1, 0],
+            "equilibrium": [-0.02, -0.02],
+            "kinetostatic": [0.5, 0.5],
+            "kinetostatic_2": [0.5, 0.5],
+        }
+    )
+    third = {
+        model: float(td.simulate(model=model, joint_angle_deg=9).thrust_amplitude.sel(order=3))
+        for model in ("equilibrium", "kinetostatic")
+    }
+    found = recorder.renewed(known)
+    assert found["kinetostatic"][0] == pytest.approx(0.98 * third["kinetostatic"] / third["equilibrium"] - 1, abs=1e-9)
+    assert found["kinetostatic_2"][0] < 0.1
+    pd.testing.assert_frame_equal(found.drop(index=0), known.drop(index=0))

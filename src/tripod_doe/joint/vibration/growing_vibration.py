@@ -139,8 +139,8 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
 def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
     """Whether oscillations grow, on average over a sixth of a revolution, at rates as if the motion stood still.
 
-    Vibrations are much faster than the revolution, so they grow by little else. Thirds are alike but for skews, and with
-    half a revolution all that moves along the axis changes sign: sixths are alike but for skews and the shaft's length.
+    Vibrations are much faster than the revolution, so they grow by little else. Thirds are alike but for skews, and
+    half a revolution on all that moves along the axis has changed sign: sixths differ by skews and the shaft's length.
     """
     start, samples = _SUSPECTS.samples // _BEFORE, _SUSPECTS.samples // 6
     smooth = run(
