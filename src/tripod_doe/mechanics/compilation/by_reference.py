@@ -70,7 +70,7 @@ class _Reference(types.Type):
 
 
 def _reference_to(bundle: ByReference) -> _Reference:
-    return _reference(type(bundle), tuple(_kind_of(value) for _, value in _fields(bundle)))
+    return _reference(type(bundle), tuple(_kind_of(value) for _, value in _fields(bundle)))  # type: ignore[arg-type]
 
 
 def _kind_of(value: Any) -> Any:
@@ -83,7 +83,7 @@ def _kind_of(value: Any) -> Any:
 @cache
 def _reference(bundle: type[ByReference], kinds: tuple[Any, ...]) -> _Reference:
     """Type of a pointer to such a bundle, made once: numba would look through all fields of all arrays each time."""
-    names = (field.name for field in dataclasses.fields(bundle))
+    names = (field.name for field in dataclasses.fields(bundle))  # type: ignore[arg-type]
     return _Reference(bundle.__name__, tuple((name, _type_of(kind)) for name, kind in zip(names, kinds, strict=True)))
 
 
