@@ -23,8 +23,9 @@ from ordinary_joints import drawn_joints
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATES
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.run import Limits, run
 

@@ -20,13 +20,10 @@ from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.simulator import simulator as joint
-from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
-from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_file import DesignKind
 
 ROOT = Path(__file__).parent.parent
@@ -130,23 +127,6 @@ def test_the_picture_shows_what_its_study_gives(tmp_path):
     angle, curve = found.iloc[:, 0].to_numpy(), found.iloc[:, -1].to_numpy()
     straight = np.polyval(np.polyfit(angle[4:], curve[4:], 1), 2)
     assert curve[0] < 0.8 * straight  # at small angles it bends
-
-
-def test_the_map_of_vibrations_shows_which_joints_vibrate():
-    """Regression: one joint that vibrates in the picture, and its neighbour with other damping that does not."""
-    drawn = (ROOT / "docs" / "pictures" / "vibration_map.svg").read_text().partition("<!--\n")[2].partition("-->")[0]
-    study = parse_study((ROOT / "studies" / "vibration_map.toml").read_text())
-    operating = {name: study.base[name] for name in ("torque_n_m", "speed_rpm")}
-    names = ["contact_damping_s_per_mm", "joint_angle_deg", "groove_sliding_friction"]
-    cells = pd.read_csv(io.StringIO(drawn)).set_index(names)
-    dry = cells.xs(0.001)
-    ended = dry.index[(dry["vibrates"] == 1) & (cells.xs(0.0)["vibrates"] == 0)][0]
-    for damping, vibrates in ((0.001, True), (0.0, False)):
-        given = dict(zip(names, (damping, *ended), strict=True))
-        found = growing_vibration(point_values({**operating, **given}).point(0))
-        assert (found is not None) == vibrates
-        if found:
-            assert found.hertz == pytest.approx(cells.loc[(damping, *ended), "vibration_frequency_hz"], rel=0.05)
 
 
 def test_models_and_what_they_ignore():

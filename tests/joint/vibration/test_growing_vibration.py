@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import tripod_doe as td
@@ -14,12 +16,14 @@ from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Wanted
 from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.vibration.growing_vibration import Vibration, damping_against, growing_vibration
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.stability.floquet import Growth
 from tripod_doe.model_interface import Outcome
+from tripod_doe.study.definition.study import parse_study
 
 REVOLUTIONS, SAMPLES, TOLERANCE = 3, 180, 4e-3
 SMOOTH, UNDAMPED = {"method": "adaptive-euler"}, {"method": "generalized-alpha", "step": 6e-5}
@@ -131,6 +135,24 @@ def test_what_turns_freely_does_not_vibrate(simulated):
     frictions = ("groove_sliding", "groove_rolling", "needle_sliding", "needle_rolling")
     result = simulated(**{f"{name}_friction": 0.0 for name in frictions})
     assert str(result["outcome"].values) == "0", str(result["outcome_detail"].values)
+
+
+def test_the_map_of_vibrations_shows_which_joints_vibrate():
+    """Regression: one joint that vibrates in the picture, and its neighbour with other damping that does not."""
+    root = Path(__file__).parents[3]
+    drawn = (root / "docs" / "pictures" / "vibration_map.svg").read_text().partition("<!--\n")[2].partition("-->")[0]
+    study = parse_study((root / "studies" / "vibration_map.toml").read_text())
+    operating = {name: study.base[name] for name in ("torque_n_m", "speed_rpm")}
+    names = ["contact_damping_s_per_mm", "joint_angle_deg", "groove_sliding_friction"]
+    cells = pd.read_csv(StringIO(drawn)).set_index(names)
+    dry = cells.xs(0.001)
+    ended = dry.index[(dry["vibrates"] == 1) & (cells.xs(0.0)["vibrates"] == 0)][0]
+    for damping, vibrates in ((0.001, True), (0.0, False)):
+        given = dict(zip(names, (damping, *ended), strict=True))
+        found = growing_vibration(point_values({**operating, **given}).point(0))
+        assert (found is not None) == vibrates
+        if found:
+            assert found.hertz == pytest.approx(cells.loc[(damping, *ended), "vibration_frequency_hz"], rel=0.05)
 
 
 @pytest.mark.slow
