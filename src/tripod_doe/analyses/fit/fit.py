@@ -30,6 +30,7 @@ _BAD = 1e-4  # probability of a larger chi squared, by chance, below which a rec
 _FEWEST = 4  # records from which on one can be judged by the others
 _LOOKS = 16  # descents on the interpolated model
 _WEIGHINGS = 2  # by the errors of the model at the minimum so far
+_REACH = 30.0  # of chi squared, where an interval ends at 3.84: what new weights may gain, and some more
 _RESTARTS = 6  # from better minima
 _CORRECTIONS = 5  # of the cheap model by the one asked for
 _STAYS = 0.1  # of the standard deviation: a minimum that moves less by a correction stays
@@ -113,13 +114,19 @@ def solve(
         own = rows.with_errors_times(size.of(rows.order))
         plain = Problem(layout, Misfit(own, ~bad, layout.priors()), predict)
         again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
-        descents = distinct([plain.descend(each) for each in again])
+        descents = distinct([plain.descend(each) for each in _within_reach(again, plain.misfit.data)])
     corrections, at_rest = 0, True
     if finer is not None:
         tell("refinement")
         plain, descents, corrections, at_rest = _corrected(plain, descents, predict, finer)
     fitted = _with_profiles(plain, descents, bad, failed, size, tell)
     return replace(fitted, corrections=corrections, at_rest=at_rest)
+
+
+def _within_reach(descents: list[Descent], data: int) -> list[Descent]:
+    """Those that may still become the best minimum, or reach into an interval, when all go down once more."""
+    least = min(each.cost for each in descents)
+    return [each for each in descents if each.cost - least <= _REACH * max(1.0, least / data)]
 
 
 def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np.bool_]:

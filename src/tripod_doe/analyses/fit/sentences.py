@@ -203,9 +203,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
         )
     if attrs["aligned_by_order"]:
         skews = [name for name in fit["unknown"].values.tolist() if name.startswith("initial_skew_")]
-        more = (
-            " The trunnions are then not told apart: skews may change places in a circle, 1 to 2 to 3." if skews else ""
-        )
+        more = " Trunnions then look alike: skews may change places in a circle, 1 to 2 to 3." if skews else ""
         yield f"Without a reference angle, records are aligned by an order of their own.{more}"
     yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(fit)}"
     if attrs["search_model"] != attrs["model"]:
