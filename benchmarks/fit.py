@@ -142,8 +142,11 @@ class Kinetostatic:
 
 
 def drawn_orders(points: list[dict[str, float]], seed: int) -> list[np.ndarray] | None:
-    """Orders by `kinetostatic` at the points of a joint with an error drawn for them."""
-    random, own = np.random.default_rng([seed, 77]), Kinetostatic.at(points)
+    """Orders by `kinetostatic` at the points of a joint with an error drawn for them.
+
+    One more point leaves the errors at the others as they are.
+    """
+    own = Kinetostatic.at(points)
     if not np.isfinite(own.orders).all():
         return None
     angles = np.log([point["joint_angle_deg"] for point in points])
@@ -151,18 +154,22 @@ def drawn_orders(points: list[dict[str, float]], seed: int) -> list[np.ndarray] 
         np.exp(-((np.subtract.outer(angles, angles) / NEAR) ** 2) / 2) + 1e-9 * np.eye(len(points))
     )
 
-    def errors(own: float, shared: float) -> np.ndarray:
+    chance = np.stack([np.random.default_rng([seed, 77, at]).standard_normal((7, 4)) for at in range(len(points))], -1)
+
+    def errors(which: int, own: float, shared: float) -> np.ndarray:
         """Relative errors at all points, real and imaginary part of these deviations."""
-        each, together = random.standard_normal((2, 2, len(points)))
+        each, together = chance[which, :2], chance[which, 2:]
         return own * (each[0] + 1j * each[1]) + shared * (alike @ (together[0] + 1j * together[1]))
 
     initial = np.array([[point[f"initial_skew_{at}_deg"] for at in (1, 2)] + [0.0] for point in points])
     each = (own.second * np.conj(AHEAD) * own.skew).sum(axis=1) / (own.skew**2).sum(axis=1)
     turned = each[:, None] * AHEAD * (own.skew - initial)
-    second = sum(errors(*OF_GROOVE) * own.second[:, at] + errors(*OF_TURNING) * turned[:, at] for at in range(3))
-    size = np.exp(SPREAD * random.standard_normal(2))
+    second = sum(
+        errors(at, *OF_GROOVE) * own.second[:, at] + errors(3 + at, *OF_TURNING) * turned[:, at] for at in range(3)
+    )
+    size = np.exp(SPREAD * np.random.default_rng([seed, 77]).standard_normal(2))
     own.orders[:, 2] += size[0] * second
-    own.orders[:, 3] *= 1 + size[1] * errors(*OF_THIRD)
+    own.orders[:, 3] *= 1 + size[1] * errors(6, *OF_THIRD)
     return list(own.orders)
 
 
