@@ -54,13 +54,13 @@ def create_app(settings: Settings) -> FastAPI:
         version=version("tripod-doe"),
         description="Parameter studies for the thrust force of tripod joints.",
         openapi_url=f"{API}/openapi.json",
-        docs_url=None,  # its pages load scripts from elsewhere
+        docs_url=None,  # FastAPI's pages load scripts from other servers
         redoc_url=None,
         lifespan=lifespan,
         root_path_in_servers=False,  # it belongs to the page
     )
     app.state.service, app.state.sessions = service, sessions
-    for module in (runs, studies, results, reports, views, shares):  # what is asked for most is looked for first
+    for module in (runs, studies, results, reports, views, shares):  # the most frequent requests come first
         app.include_router(module.router, prefix=API)
     for part in (asset_files, help, run_pages, study_editor):
         app.include_router(part.router)

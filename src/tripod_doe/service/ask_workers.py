@@ -34,7 +34,7 @@ def _view(service: Service, run_id: str, items: Items, step: str | None) -> dict
 
 
 def _subtracted(items: Items) -> str:
-    """Id of the run that a view subtracts, empty where it subtracts none."""
+    """Id of the run that a view subtracts; empty if it subtracts no run."""
     minus = dict(items).get("minus", "")
     return "" if "=" in minus else minus
 
@@ -52,7 +52,7 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
 
 
 def motion(service: Service, run_id: str, number: int, step: str | None = None) -> str:
-    """The page that moves one point of a run."""
+    """The page that animates one point of a run."""
     page: str = service.simulate_again("explorer.explorer_functions:motion", str(service.results(run_id, step)), number)
     return page
 

@@ -6,7 +6,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest values that the service takes; `MEANINGS` says what each limits."""
+    """Largest values that the service accepts; `MEANINGS` explains each limit."""
 
     body_bytes: int = 256 * 1024
     measurement_bytes: int = 16 * 1024 * 1024

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 MOST_ALIKE, MOST = 10, 200
-"""Messages in a minute: from one line of code, and in all."""
+"""Most messages in a minute: from one line of code, and in total."""
 
 _MINUTE = 60.0
 _LONGEST = 10_000  # characters of a message, with its traceback
@@ -19,7 +19,7 @@ _CONTROL = re.compile(r"[^\S \n\t]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Bounded(logging.Filter):
-    """Passes a limited number of messages a minute."""
+    """Passes a limited number of messages per minute."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
@@ -28,7 +28,7 @@ class Bounded(logging.Filter):
         self._passed = self._held = 0
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a message is passed; the first of a minute also counts the messages held back before."""
+        """Whether to pass a message; the first message of a minute also reports how many were held back before."""
         held = 0
         if self._clock() >= self._until:
             held, self._until = self._held, self._clock() + _MINUTE
@@ -56,7 +56,7 @@ class Plain(logging.Formatter):
 
 
 def printable(text: str) -> str:
-    """A text whose control characters, line ends and tabs aside, are written as escapes."""
+    """A text with control characters as escapes, except line ends and tabs."""
     return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 

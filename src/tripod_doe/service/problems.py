@@ -1,4 +1,4 @@
-"""Complaints as objects: the sentences of the command line with key, value, near match, line and column apart."""
+"""Complaints as objects: sentences of the command line, split into key, value, near match, line and column."""
 
 import ast
 import math
@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.errors import ForbiddenError, InputError, TooLargeError
 
 SERVER_ENDS = "the server is about to end: ask again when it is back"
-"""Message of requests that the end of the server cuts short."""
+"""Message for requests that the end of the server interrupts."""
 
 _MESSAGE = re.compile(
     r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<message>.*)", re.DOTALL
@@ -24,8 +24,8 @@ _NEAR = re.compile(r"did you mean '([^']+)'")
 _AT = re.compile(r"\(at line (\d+), column (\d+)\)")
 _MOST = 50  # problems that one answer lists
 _LONGEST, _LONGEST_LINE = 1_000, 10_000  # characters of a value and of a message
-_LARGEST = 10**30  # beyond it a whole number is of no use to anybody
-_TABLES = {"designs": "design"}  # as the checked form calls them, and as a file writes them
+_LARGEST = 10**30  # nobody needs larger whole numbers
+_TABLES = {"designs": "design"}  # name in the model, name in a file
 
 
 class Problem(BaseModel):
@@ -44,7 +44,7 @@ class Problem(BaseModel):
 
 
 class RefusedError(Exception):
-    """A request that is answered by a status and a list of problems."""
+    """A request that is refused with a status and a list of problems."""
 
     def __init__(self, status: int, *problems: Problem | str, headers: dict[str, str] | None = None) -> None:
         self.status = status
@@ -58,7 +58,7 @@ class RefusedError(Exception):
 
 
 def refusal_of(error: InputError, texts: Mapping[str, str]) -> RefusedError:
-    """An error of a study file or of a question as the refusal of the request that sent it."""
+    """Turn an error in a study file or a question into the refusal of its request."""
     status = 403 if isinstance(error, ForbiddenError) else 413 if isinstance(error, TooLargeError) else 422
     return RefusedError(status, *problems_of(error, texts))
 
@@ -74,7 +74,7 @@ def form_problem(item: Mapping[str, Any]) -> Problem:
 
 
 def _plain(value: Any) -> Any:
-    """A value that JSON can hold; None in place of another one."""
+    """The value if JSON can hold it, else None."""
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
     if isinstance(value, str):
@@ -83,17 +83,17 @@ def _plain(value: Any) -> Any:
 
 
 def problems_of(error: InputError | str, texts: Mapping[str, str]) -> list[Problem]:
-    """Take the sentences of an error apart.
+    """Split the sentences of an error into problems.
 
     Args:
-        error: What was raised, or its text; one complaint a line.
-        texts: Uploaded files by name; a sentence about one starts with its name.
+        error: The exception, or its text; one complaint per line.
+        texts: Uploaded files by name; a sentence about a file starts with its name.
     """
     problems: list[Problem] = []
     lines = str(error).split("\n")
     for line in lines[:_MOST]:
         if line.strip():
-            file = problems[-1].file if line.startswith("  ") and problems else None  # a list goes on
+            file = problems[-1].file if line.startswith("  ") and problems else None  # continues a list
             problems.append(_problem(line.strip()[:_LONGEST_LINE], file, texts))
     if len(lines) > _MOST:
         problems.append(Problem(message=f"and {len(lines) - _MOST:,} more"))
@@ -102,7 +102,7 @@ def problems_of(error: InputError | str, texts: Mapping[str, str]) -> list[Probl
 
 def _problem(message: str, file: str | None, texts: Mapping[str, str]) -> Problem:
     while (name := next((name for name in texts if _STEP.sub("", message).startswith(f"{name}: ")), None)) is not None:
-        file, message = name, _STEP.sub("", message).removeprefix(f"{name}: ")  # a workflow's goes on with its study's
+        file, message = name, _STEP.sub("", message).removeprefix(f"{name}: ")  # after the workflow, the study
     match = _MESSAGE.fullmatch(message)
     assert match is not None
     table, key, value, rest = match["table"], match["key"], match["value"], match["message"]
@@ -141,7 +141,7 @@ def _place(message: str, text: str | None, path: list[str]) -> tuple[int | None,
 
 
 def _value(written: str | None) -> Any:
-    """A value as a message repeats it, as a value again; what is no literal stays text."""
+    """Parse a value that a message repeats; text that is no literal stays text."""
     if written is None:
         return None
     try:
@@ -169,14 +169,14 @@ class Place:
 
 
 def place_of(text: str, path: list[str]) -> Place | None:
-    """Find a key, or the innermost table around it that the text writes.
+    """Find a key, or the innermost table around it that the text contains.
 
     Args:
         text: The TOML text; it need not be valid.
         path: Names of the tables and of the key, from the outside in.
 
     Returns:
-        None where the text writes none of them.
+        None if the text contains none of them.
     """
     best: tuple[int, Place] | None = None
     for written, place, line in _written(text):
@@ -197,7 +197,7 @@ def _written(text: str) -> list[tuple[list[str], Place, str]]:
 
 
 def _places(text: str) -> Iterator[tuple[list[str], Place, str]]:
-    """Headers and keys at the start of lines, with their whole paths; what stands in long strings is passed over."""
+    """Headers and keys at the start of lines, with their full paths; skips the text of multi-line strings."""
     table: list[str] = []
     closing = ""
     for number, line in enumerate(text.split("\n"), start=1):
@@ -217,7 +217,7 @@ def _names(written: str) -> list[str]:
 
 
 def _inside(line: str, rest: list[str]) -> int | None:
-    """Column of a key of the inline table on a line; None where there is none, or nothing is left to look for."""
+    """Column of a key in the inline table on a line; None if there is no such key, or `rest` is empty."""
     if not rest or "{" not in line:
         return None
     found = re.search(rf"""[{{,][ \t]*["']?({re.escape(rest[-1])})["']?[ \t]*=""", line)

@@ -1,4 +1,4 @@
-"""The server's process: its folder, its socket, and an end in order."""
+"""The server's process: its folder, its socket, and a clean shutdown."""
 
 import fcntl
 import json
@@ -29,10 +29,10 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.forking import end_fork_server
 
-_GRACE = 3  # seconds that open answers get at the end
-_QUESTION_GRACE = 1.5  # seconds for questions, whose clients then still hear that the server ends
+_GRACE = 3  # seconds for open answers at the end
+_QUESTION_GRACE = 1.5  # seconds for questions; then there is time left to tell their clients that the server ends
 _LOCK = ".service.lock"
-_ACCEPTED_AT_ONCE = 16  # each fails, and is logged, where the table of files is full
+_ACCEPTED_AT_ONCE = 16  # if the table of files is full, each fails and is logged
 
 
 def serve(settings: Settings) -> None:
@@ -77,20 +77,20 @@ def serve(settings: Settings) -> None:
 
 
 class _Server(uvicorn.Server):
-    """A server that ends its event streams when it is asked to end: they would hold it up otherwise."""
+    """A server that closes its event streams when it shuts down: else they would delay it."""
 
     def __init__(self, config: uvicorn.Config, service: Service) -> None:
         super().__init__(config)
         self._service = service
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin; the system keeps more connections waiting than asyncio accepts at once."""
+        """Start; let the system queue more connections than asyncio accepts at once."""
         await super().startup(sockets)
         for listener in sockets or ():
             listener.listen(socket.SOMAXCONN)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """End on a signal, at once on the second; that is how a server ends, so its exit code is 0."""
+        """End on the first signal, at once on the second; a signal is the normal end, so the exit code is 0."""
         self._service.runs.events.close()
         ending = threading.Timer(_QUESTION_GRACE, self._service.end_questions)
         ending.daemon = True
@@ -101,7 +101,7 @@ class _Server(uvicorn.Server):
 
 @contextmanager
 def _private_files() -> Iterator[None]:
-    """Keep results, logs and the table of runs from other users; clients get them by the token."""
+    """Make results, logs and the table of runs private to this user; clients get them with the token."""
     before = os.umask(0o077)
     try:
         yield
@@ -111,7 +111,7 @@ def _private_files() -> Iterator[None]:
 
 @contextmanager
 def _held(settings: Settings) -> Iterator[None]:
-    """Make the folder if need be, and hold it for this server; one that is read-only holds nothing."""
+    """Make the folder if needed, and lock it for this server; a read-only server locks nothing."""
     folder = settings.folder
     if settings.read_only:
         if not folder.is_dir():
@@ -123,7 +123,7 @@ def _held(settings: Settings) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         _refuse_exchangeable(folder)
         lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
-        for name in (_LOCK, TABLE, f"{TABLE}-wal", f"{TABLE}-shm"):  # also those of an earlier version
+        for name in (_LOCK, TABLE, f"{TABLE}-wal", f"{TABLE}-shm"):  # also files of an earlier version
             with suppress(FileNotFoundError):
                 _make_private(folder / name)
     except OSError as error:
@@ -140,12 +140,12 @@ def _held(settings: Settings) -> Iterator[None]:
 
 
 def _refuse_exchangeable(folder: Path) -> None:
-    """Refuse a folder in which others could put something else in the place of results, or of the folder itself."""
+    """Refuse a folder if other users could replace the results in it, or the folder itself."""
     named = option("folder", str(folder))
     for place in (folder.resolve(), *folder.resolve().parents):
         state = place.stat()
         is_open = is_open_to_change(state) if place == folder.resolve() else state.st_mode & stat.S_IWOTH
-        if is_open and not state.st_mode & stat.S_ISVTX:  # of /tmp, others take nothing away
+        if is_open and not state.st_mode & stat.S_ISVTX:  # in /tmp, others cannot remove it
             raise InputError(f"{named}: other users can write here; run: chmod go-w {place}")
 
 

@@ -1,4 +1,4 @@
-"""The service behind routes and pages: one object that a server owns."""
+"""The service behind routes and pages: one object per server."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
 _QUESTIONS = "workers.questions"
-_ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches, the first one the answer
-_SMALL_SECONDS = 5.0  # CPU time of an answer that is not long
-_SPARE_THREADS = 40  # for what asks no worker
-_WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
+_ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches; the first is the result
+_SMALL_SECONDS = 5.0  # CPU time of a short answer
+_SPARE_THREADS = 40  # for requests that need no worker
+_WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps without an analysis
 
 
 class Service:
@@ -49,14 +49,14 @@ class Service:
     All methods may wait for a process or for the disk: call them from a thread, not from the event loop.
 
     Attributes:
-        runs: Looks after the runs.
+        runs: The supervisor of the runs.
         extremes: Best and worst points of the runs.
         shares: Links that open one run.
-        computes: Whether points are simulated for who asks.
-        is_open: Whether who asks may still do so.
-        left: Set when the client that asks leaves: what it only wants to know is then not answered any more. What it
-            ordered, as a run, is done.
-        threads: Threads that it needs so that some are free where all questions that may wait do so.
+        computes: Whether this client may simulate points.
+        is_open: Whether the client's access is still open.
+        left: Set when the client leaves: its questions are then dropped. Orders, such as a submitted run, are still
+            carried out.
+        threads: Threads that it needs, so that some stay free even if the most questions wait.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -76,17 +76,17 @@ class Service:
         self._started = self._closed = False
 
     def asked_by(self, left: threading.Event) -> Service:
-        """The service as a client asks it that may leave."""
+        """The service for one client, who may leave."""
         asked = copy(self)
         asked.left = left
         return asked
 
     def seen_by(self, settings: Settings, is_open: Callable[[], bool]) -> Service:
-        """The service as a reader sees it: it changes nothing, and holds one run where the settings name one.
+        """The service for a reader: it changes nothing, and shows only one run if the settings name one.
 
         Args:
-            settings: Of this reader.
-            is_open: Whether the reader may still ask.
+            settings: Settings for this reader.
+            is_open: Whether the reader's access is still open.
         """
         seen = copy(self)
         seen.settings, seen.is_open, seen.computes = settings, is_open, False
@@ -106,7 +106,7 @@ class Service:
         threading.Thread(target=self._adopt_directories, name="directories", daemon=True).start()
 
     def _adopt_directories(self) -> None:
-        """Show the directories that the command line filled; name those that cannot be shown on standard error."""
+        """Show directories that the command line filled; report on standard error those that cannot be shown."""
         self._pool.warm()
         limits = self.settings.limits
         for path in result_directories(self.settings.folder, self.runs.known_places()):
@@ -118,7 +118,7 @@ class Service:
                 if self._closed:
                     return
                 log.warning("%s is not shown: %s", path.name, error)
-            except Exception:  # the others are still to be shown
+            except Exception:  # still show the others
                 log.exception("%s is not shown", path.name)
 
     def close(self) -> None:
@@ -127,7 +127,7 @@ class Service:
         self.end_questions()
 
     def end_questions(self) -> None:
-        """Answer no question any more, also none that is asked already (`ServerEndsError`)."""
+        """Answer no more questions, not even waiting ones (`ServerEndsError`)."""
         self._closed = True
         for pool in self._pools:
             pool.close()
@@ -147,7 +147,7 @@ class Service:
 
     @contextmanager
     def _upload_folder(self) -> Iterator[Path]:
-        """Name a new folder beside the runs; what is not moved from there is removed at the end."""
+        """Name a new folder beside the runs; at the end, remove all that was not moved from there."""
         folder = self.settings.folder
         try:
             place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=folder))
@@ -178,7 +178,7 @@ class Service:
     def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`.
 
-        One that proves to be long starts again where large answers are made: it keeps no small one waiting.
+        A long question starts again on the worker for large answers, so that small questions do not wait.
         """
         seconds = self.settings.limits.query_seconds
         try:
@@ -189,7 +189,7 @@ class Service:
             return self._large.ask(question, seconds, as_json, self.left, **arguments)
 
     def ask_large(self, question: str, **arguments: Any) -> Any:
-        """Ask a question with a large answer of a worker that answers no others, so that small ones need not wait."""
+        """Ask a question with a large answer, on a separate worker, so that small questions need not wait."""
         return self._large.ask(question, self.settings.limits.query_seconds, False, self.left, **arguments)
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
@@ -197,13 +197,13 @@ class Service:
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _ask_plan(self, question: str, body: bytes, **arguments: Any) -> Any:
-        """Ask a question about an order, of a worker that answers no others: long plans keep no query waiting."""
+        """Ask a question about an order, on a separate worker, so that queries need not wait for long plans."""
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
         return self._planning.ask(place, limits.query_seconds, False, body=body, limits=limits, **arguments)
 
     def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:
-        """Best and worst point of a run; None where its cube lacks the order."""
+        """Best and worst point of a run; None if its cube lacks the order."""
         try:
             path = str(self.directory(run.id))
             extremes: dict[str, Any] | None = self.ask("explorer.explorer_functions:extremes", path=path, order=order)
@@ -212,14 +212,14 @@ class Service:
         return extremes
 
     def cube_path(self, run_id: str, step: str | None, analysis: str | None) -> str:
-        """Path of the results of a run, of a step, or of an analysis; without either the answer of a search."""
+        """Path of the results of a run, a step or an analysis; for a search without a step or analysis, its answer."""
         run = self.runs.find(run_id)
         if run.is_search and step is None and analysis is None:
             analysis = _ANSWERS[run.kind][0]
         return str(self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step))
 
     def analysis_files(self, run_id: str, step: str | None = None) -> dict[str, str]:
-        """Files of a run's analyses by name; of a workflow, those of its steps."""
+        """Files of a run's analyses by name; for a workflow, the analyses of its steps."""
         run = self.runs.find(run_id)
         if run.is_search and step is None:
             files = {name: self.directory(run_id) / f"{name}.nc" for name in _ANSWERS[run.kind]}
@@ -232,13 +232,13 @@ class Service:
         return {name: str(path) for name, path in analysis_files(self.results(run_id, step)).items()}
 
     def studies_behind(self, run_id: str, name: str, step: str | None = None) -> dict[str, str]:
-        """Directories of the studies that an analysis has read, by step; the step of a single study is empty."""
+        """Directories of the studies that an analysis has read, by step; a single study has an empty step name."""
         run = self.runs.find(run_id)
         if run.kind == "study" or step:
             return {step or "": str(self.results(run_id, step))}
         steps = run.plan["steps"]
         wanted, found = list(steps.get(name, {}).get("inputs", ())), {}
-        while wanted:  # an analysis may read another one, and that one a study
+        while wanted:  # an analysis may read another analysis, which reads a study
             other = wanted.pop(0)
             if "points" in steps.get(other, {}):
                 found[other] = str(self.results(run_id, other))
@@ -253,7 +253,7 @@ class Service:
         return answer
 
     def plan_of(self, run_id: str) -> dict[str, Any]:
-        """The price of a run when it was submitted, and the choice of its models where a pilot makes it."""
+        """The price of a run at submission, and its choice of models if a pilot makes one."""
         run, directory = self.runs.find(run_id), self.directory(run_id)
         plan = dict(run.plan)
         if run.plan.get("model_chosen_by_pilot"):
@@ -262,7 +262,7 @@ class Service:
         return plan
 
     def upload_of(self, run_id: str) -> dict[str, Any]:
-        """The study or workflow that was submitted as a run, and its files."""
+        """The submitted study or workflow of a run, and its files."""
         run = self.runs.find(run_id)
         folder = self.directory(run_id) / UPLOAD
         if run.is_left_alone:
@@ -290,7 +290,7 @@ class Service:
         return text
 
     def extend(self, run_id: str, body: bytes) -> Run:
-        """Queue a run with a study that grew: its results are kept, and only new points run.
+        """Queue a run with a larger study: its results stay, and only new points run.
 
         Raises:
             RefusedError: 409 if the run is not at rest, or runs a workflow.
@@ -298,7 +298,7 @@ class Service:
         return self._extend("extend", run_id, body)
 
     def derive(self, run_id: str, body: bytes) -> Run:
-        """Queue a run with variables by formula added to its study: its results are kept.
+        """Queue a run with variables by formula added to its study: its results stay.
 
         Raises:
             RefusedError: As for `extend`.
@@ -346,10 +346,10 @@ class Service:
         return directory
 
     def results(self, run_id: str, step: str | None = None) -> Path:
-        """The directory with the cube of a run, or of a step of it; of the candidates of an optimisation their file.
+        """The directory with the cube of a run or its step; for the candidates of an optimisation, their file.
 
         Raises:
-            RefusedError: 404 if there is no such run or step, 409 where a workflow or a search needs a step.
+            RefusedError: 404 if there is no such run or step, 409 if a workflow or a search needs a step.
         """
         run, directory = self.runs.find(run_id), self.directory(run_id)
         if run.kind == "study":
@@ -367,7 +367,7 @@ class Service:
         return path_within(directory, "steps", step)
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
-        """The result of an analysis of a run, or of a study step; RefusedError 404 if there is none of this name."""
+        """The result of an analysis of a run, or of a study step; RefusedError 404 if there is no such analysis."""
         if self.runs.find(run_id).is_search and step is None:
             made = {name: Path(path) for name, path in self.analysis_files(run_id).items()}
         else:

@@ -27,13 +27,13 @@ class Settings:
     host: str = "127.0.0.1"
     port: int = 8811
     workers: int | None = None  # worker processes of each run; None leaves it to the run
-    read_only: bool = False  # whether all changes are refused, and nothing is run
+    read_only: bool = False  # whether to refuse all changes, and run nothing
     demo: bool = False  # whether a small finished study is put into the list
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)  # what a client must know
-    read_token: str = field(default="", repr=False)  # of clients who only read; empty without any
-    notifier: Notifier | None = field(default=None, repr=False)  # who gets word of the end of a run
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)  # secret that a client must send
+    read_token: str = field(default="", repr=False)  # token for clients who only read; empty without one
+    notifier: Notifier | None = field(default=None, repr=False)  # notifies somebody when a run ends
     only_run: str = ""  # the one run that a link opens; empty for all others
-    limits: Limits = field(default_factory=Limits)  # what it takes
+    limits: Limits = field(default_factory=Limits)  # limits of requests and runs
     key: str = field(default_factory=lambda: secrets.token_urlsafe(16), repr=False)  # of its addresses; see `sessions`
     cookie: str = field(default_factory=lambda: f"tripod_doe_{secrets.token_hex(4)}")  # its name: ports share cookies
 
@@ -44,7 +44,7 @@ class Settings:
 
 
 def read_token(path: Path) -> str:
-    """The token in a file; a file that is not there is made, readable for its owner alone.
+    """The token in a file; makes a missing file, readable for its owner alone.
 
     Raises:
         InputError: If the file cannot be read or made, is open to other users, or holds no usable token.
@@ -74,11 +74,9 @@ def read_token(path: Path) -> str:
 
 
 def _make_token(path: Path) -> None:
-    """Make a file with a new token; one that somebody else makes meanwhile stays, and is looked at as any other."""
+    """Make a file with a new token; a file that another process makes meanwhile stays, and is then checked as usual."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    number, fresh = tempfile.mkstemp(
-        dir=path.parent, prefix=".token-"
-    )  # a name that no other user can have taken before
+    number, fresh = tempfile.mkstemp(dir=path.parent, prefix=".token-")  # a name that no other user can predict
     try:
         with open(number, "w", encoding="ascii") as stream:
             stream.write(secrets.token_urlsafe(32) + "\n")

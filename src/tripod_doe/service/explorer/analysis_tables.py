@@ -21,15 +21,15 @@ from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 _MOST_ROWS = 200
 _SIDE_NUMBERS = ("_conf", "_low", "_high", "_error", "_flag")  # endings of numbers shown beside another, or not at all
-_OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of the analysis, not about the joint
+_OF_METHOD = ("samples", "resolved", "samples_needed")  # describe the method of the analysis, not the joint
 
 
 def results(paths: Mapping[str, str], order: int | None) -> Any:
     """Results of analyses by name, at one order of the thrust.
 
     Returns:
-        For each: ``name``, ``kind``, ``findings``, the ``orders`` that it has, its ``text`` table (heads, rows, points
-        of each row) where its kind has one, and ``tables`` of its numbers.
+        For each result: ``name``, ``kind``, ``findings``, its ``orders``, its ``text`` table (heads, rows, points
+        of each row) if its kind has one, and ``tables`` of its numbers.
     """
     return [_result(name, read_dataset(Path(path)), order) for name, path in paths.items()]
 
@@ -89,7 +89,7 @@ def _label(coordinate: xr.DataArray) -> str:
 
 
 def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
-    """A number with what is known of its error; a dash where there is none."""
+    """A number with its error, if known; a dash for a missing number."""
     errors = {
         ending: float(result[name + ending].isel({dim: at[str(dim)] for dim in result[name + ending].dims}))
         for ending in ("_conf", "_error", "_low", "_high")
@@ -111,8 +111,8 @@ def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> A
 
     Args:
         result: File of the result.
-        cubes: Result directories of the studies that it has read, by the names of their steps; of a study its own,
-            without a name.
+        cubes: Result directories of the studies that the analysis has read, by step; a single study has one entry,
+            with an empty name.
 
     Returns:
         ``step`` and ``items`` of the address of the view.
@@ -125,11 +125,11 @@ def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> A
         return {"step": step, "items": view_behind(cube, data, variable, cell).items()}
 
 
-_JOINED = re.compile(r" \+ |:")  # of pairs of mechanisms and of interactions
+_JOINED = re.compile(r" \+ |:")  # in names of pairs of mechanisms and of interactions
 
 
 def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, Any]:
-    """The values of all coordinates at one cell of a variable, cells counted in its own order.
+    """The values of all coordinates at one cell of a variable; cells are counted in the order of its dimensions.
 
     Raises:
         InputError: If there is no such variable or cell.
@@ -149,11 +149,11 @@ def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, 
 
 
 def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) -> View:
-    """The view that shows the points from which a number was made.
+    """The view that shows the points from which a number was computed.
 
     Returns:
-        Of the output, over the factors or mechanisms that the number is about, at the values along the dimensions that
-        cube and result share; for a quantile the points beyond it.
+        It shows the output over the number's factors or mechanisms, at its place along the dimensions that cube and
+        result share; for a quantile, the points beyond it.
     """
     at, axes = cell_coordinates(result, variable, cell), coordinate_axes(cube)
     named = [name for value in at.values() if isinstance(value, str) for name in _JOINED.split(value) if name in axes]
@@ -173,7 +173,7 @@ def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) 
 
 
 def _of_run(result: xr.Dataset, at: Mapping[str, Any]) -> dict[str, Any]:
-    """Method and setting of a timed run, which stand beside its number."""
+    """Method and setting of a timed run, which are shown beside its number."""
     if "run" not in at or "setting_kind" not in result:
         return {}
     run = result.sel(run=at["run"]) if "run" in result.indexes else result.isel(run=int(at["run"]))
@@ -181,7 +181,7 @@ def _of_run(result: xr.Dataset, at: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _output(cube: xr.Dataset, result: xr.Dataset, at: Mapping[str, Any]) -> str:
-    """The output that a number is about; the first one that the cube shows where the analysis names none of it."""
+    """The output that a number describes; the cube's first one if the analysis names no output of this cube."""
     known = [choice.name for choice in choices(cube)]
     declared = str(result.attrs.get("outputs", "")).split(", ")
     wanted = [at.get("output"), *declared, *(name for name in known if name == result.attrs.get("output"))]
@@ -193,7 +193,7 @@ def _text(value: object) -> str:
 
 
 def cube_behind(result: xr.Dataset, at: Mapping[str, Any], steps: list[str]) -> str:
-    """The step of a workflow whose cube holds the points behind a cell; the first where the analysis does not tell."""
+    """The workflow step whose cube holds the points behind a cell; the first step if the analysis names none."""
     for name, dim in (("scene", "run"), ("case_scene", "case")):
         if dim in at and name in result and result[name].dims == (dim,):
             which = int(np.flatnonzero(result[dim].values == at[dim])[0]) if dim in result.coords else int(at[dim])
@@ -203,6 +203,6 @@ def cube_behind(result: xr.Dataset, at: Mapping[str, Any], steps: list[str]) -> 
 
 
 def points_of_claim(text: str) -> list[tuple[str, list[int]]]:
-    """Steps with numbers of their points, from what a claim tells: ``cases 0 2; ablation``."""
+    """Steps with the numbers of their points, from the text of a claim: ``cases 0 2; ablation``."""
     parts = [part.split() for part in text.split(";") if part.strip()]
     return [(step, [int(number) for number in numbers]) for step, *numbers in parts]

@@ -12,48 +12,48 @@ from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
 
-_MANY_LEVELS = 8  # of both factors, from which a map says more than lines
+_MANY_LEVELS = 8  # of both factors; with more levels a map is clearer than lines
 _PREFERRED = ("thrust_amplitude", "axial_drift_mm", "axial_force_n")
 _DENSE = 40  # values of an output's dimension above which it is a curve
 _MOST_LISTED = 200  # points that can be chosen from a list
 _FIRST = {"order": 3, "statistic": "mean"}
-"""First place of a view along dimensions of outputs; elsewhere the first value."""
+"""Where a new view starts along dimensions of outputs; other dimensions start at their first value."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A coordinate that a view can lie along, or stand still at."""
+    """A coordinate that a view can show along an axis, or fix at one value."""
 
-    # name, label: its name in the cube and for people
+    # name, label: its name in the cube and on the page
     name: str
     label: str
-    dim: str  # its dimension: its own name, or ``point`` in a list of points
-    texts: tuple[str, ...]  # its values as selections take them; empty where it is a sampled factor
-    # low, high: its ends, of a number
+    dim: str  # its dimension: the same name, or ``point`` in a list of points
+    texts: tuple[str, ...]  # its values as selections take them; empty for a sampled factor
+    # low, high: its ends, if numeric
     low: float | None
     high: float | None
-    of_design: bool  # whether it is a factor of the study, and not a dimension of an output
+    of_design: bool  # whether it is a factor of the study; False for a dimension of an output
     numeric: bool  # whether its values are numbers
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A variable that can be shown, in its group, with what it means."""
+    """A variable that can be shown, with its group and its meaning."""
 
     name: str
     label: str
     group: str
     meaning: str
-    formula: str = ""  # of one that follows from others
+    formula: str = ""  # of a variable that is computed from others
 
 
 def design_of(cube: xr.Dataset) -> tuple[str, ...]:
-    """Dimensions of the design; none of a cube that holds no points, as the result of an analysis."""
+    """Dimensions of the design; empty for a Dataset without points, such as the result of an analysis."""
     return tuple(map(str, cube["outcome"].dims)) if "outcome" in cube else ()
 
 
 def coordinate_axes(cube: xr.Dataset) -> dict[str, Axis]:
-    """All coordinates with values: dimensions, and in a list of points its factors."""
+    """All coordinates with values: the dimensions, and the factors of a list of points."""
     design = design_of(cube)
     factors = factor_names(cube) if design else []
     names = [*factors, *(str(dim) for dim in cube.dims if dim not in factors and cube[dim].dims)]
@@ -93,7 +93,7 @@ def variable_axes(cube: xr.Dataset, variable: str) -> list[Axis]:
 
 
 def full_view(cube: xr.Dataset, view: View) -> View:
-    """Fill in what a view leaves open: a variable, how it is shown, and a value along each dimension that is not shown.
+    """Fill in what a view leaves open: the variable, the kind of view, and a value along each dimension not shown.
 
     Raises:
         InputError: If it names what this cube does not have.
@@ -108,7 +108,7 @@ def full_view(cube: xr.Dataset, view: View) -> View:
     axes = {axis.name: axis for axis in variable_axes(cube, variable)}
     if not axes:
         return replace(view, variable=variable, kind="points", x="", by="", select=())
-    x, by = (name if name in axes else "" for name in (view.x, view.by))  # others are left from another variable
+    x, by = (name if name in axes else "" for name in (view.x, view.by))  # others belong to another variable
     view = replace(view, variable=variable, x=x, by=by)
     view = _with_kind(view, axes)
     shown = {axes[name].dim for name in (view.x, view.by) if name}
@@ -123,7 +123,7 @@ def full_view(cube: xr.Dataset, view: View) -> View:
 def drawn_view(cube: xr.Dataset, asked: View) -> View:
     """Fill in a view as `full_view` does, and refuse coordinates and levels that no variable of this cube has.
 
-    Coordinates of other variables are left out: a page keeps them while a person goes from one variable to another.
+    Drops coordinates of other variables: the page keeps them while the user changes the variable.
 
     Raises:
         InputError: If it names what this cube does not have.
@@ -153,7 +153,7 @@ def _is_number(text: str) -> bool:
 
 
 def _can_subtract(cube: xr.Dataset, view: View, select: tuple[str, ...]) -> bool:
-    """Whether what a view subtracts is another run, or a level of a coordinate at which it stands still."""
+    """Whether a view subtracts another run, or a level of a coordinate that it fixes."""
     level = view.minus_level
     return bool(design_of(cube)) and (level is None or any(text.startswith(f"{level[0]}=") for text in select))
 
@@ -163,7 +163,7 @@ def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
 
 
 def _start(cube: xr.Dataset, axis: Axis) -> str:
-    """First place of a view along an axis: where most points have finished, or as the field would choose."""
+    """Where a view starts along an axis: the value with most finished points, or the usual choice in the field."""
     wanted = str(_FIRST.get(axis.name, ""))
     if not axis.of_design or not axis.texts:
         return wanted if wanted in axis.texts else next(iter(axis.texts), "0")
@@ -172,7 +172,7 @@ def _start(cube: xr.Dataset, axis: Axis) -> str:
 
 
 def _with_kind(view: View, axes: dict[str, Axis]) -> View:
-    """A kind that the variable can be shown in, with dimensions for it."""
+    """The view with a kind that suits its variable, and dimensions for this kind."""
     own = [axis for axis in axes.values() if axis.dim == axis.name and axis.name != "point"]
     design = [axis for axis in axes.values() if axis.of_design and axis.name != "point"]
     listed = "point" in axes
@@ -192,13 +192,13 @@ def _with_kind(view: View, axes: dict[str, Axis]) -> View:
     if kind == "points":
         return replace(view, kind=kind, x=x)
     others = [axis.name for axis in below if axis.name != x] + ["point"] * (listed and kind == "lines")
-    chosen = kind == "lines" and bool(view.x)  # then without lines of its own is a choice, too
+    chosen = kind == "lines" and bool(view.x)  # then an empty `by` is a choice, too
     by = view.by if view.by in others else "" if chosen or not others else others[-1] if listed else others[0]
     return replace(view, kind=kind, x=x, by=by)
 
 
 def _rank(axis: Axis) -> int:
-    """Order in which axes are taken: curves along what is measured densely, then factors, then words."""
+    """Order in which axes are chosen: dense dimensions first, then factors, then axes of words."""
     dense = axis.numeric and not axis.of_design and len(axis.texts) > _DENSE
     return 0 if dense else 1 if axis.numeric else 2
 

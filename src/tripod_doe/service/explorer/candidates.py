@@ -1,4 +1,4 @@
-"""Candidates of an optimisation as a list of points, so that a front is explored as any other results are."""
+"""Candidates of an optimisation as a list of points, so that the explorer shows a front as it shows other results."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ _LABELS = {outcome.label: outcome for outcome in Outcome}
 
 
 def as_points(data: xr.Dataset) -> xr.Dataset:
-    """Stored candidates as points: variables are factors, objectives and constraints results; other data unchanged."""
+    """Turn stored candidates into points: variables become factors, objectives and constraints become results."""
     if kind_of(data) != "optimisation":
         return data
     points = data.rename(candidate="point").assign_coords(point=np.arange(data.sizes["candidate"], dtype=np.int32))
@@ -39,7 +39,7 @@ def as_points(data: xr.Dataset) -> xr.Dataset:
 
 
 def _study(data: xr.Dataset) -> str:
-    """The head and the base values of a study of these joints."""
+    """The head and the base values of a study of the candidates' joints."""
     file = file_of(data)
     base = {name: value for name, value in file.base.items() if name not in file.variables}
     return tomlkit.dumps({"study": {"name": file.optimisation.name, "scene": file.optimisation.scene}, "base": base})
@@ -49,7 +49,7 @@ def front(path: str) -> Any:
     """A stored front for a page.
 
     Returns:
-        ``findings``, ``heads`` and ``rows`` of texts, the ``knee`` (None of an empty front), and the ``count`` of
+        ``findings``, ``heads`` and ``rows`` of texts, the ``knee`` (None for an empty front), and the ``count`` of
         candidates.
     """
     data = read_dataset(Path(path))

@@ -1,4 +1,4 @@
-"""Controls of a view: one per dimension, and for factors of a list a range."""
+"""Controls of a view: one per dimension, and a range for each factor of a list of points."""
 
 from dataclasses import asdict
 from typing import Any
@@ -15,9 +15,9 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
     """The controls of a view that is filled in.
 
     Returns:
-        ``kinds`` of views that suit the variable; axes that can lie ``below`` and ``beside``; those that stand
-        ``still`` with their values, the ``levels`` of these that can be subtracted; and ``ranges`` of factors with both
-        ends as texts, empty where they are open.
+        ``kinds`` of views that suit the variable; axes that can be ``below`` and ``beside``; ``still``, the axes at a
+        fixed value, with their values; their ``levels`` that can be subtracted; and ``ranges`` of factors with both
+        ends as texts, empty for an open end.
     """
     axes = variable_axes(cube, view.variable)
     own = [axis for axis in axes if axis.name == axis.dim and axis.name != "point"]

@@ -1,4 +1,4 @@
-"""Cubes and analyses in words and numbers for a page: what there is to choose from, and what was found."""
+"""Cubes and analyses in words and numbers for a page: what can be chosen, and the findings."""
 
 import math
 from typing import Any
@@ -29,7 +29,7 @@ def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def describe_analysis(name: str, result: xr.Dataset) -> dict[str, Any]:
-    """The result of an analysis: what it is, what it found in sentences, its table, and its variables."""
+    """The result of an analysis: its kind, its findings in sentences, its table, and its variables."""
     table = table_of(result)
     description = describe_cube(result)
     return {

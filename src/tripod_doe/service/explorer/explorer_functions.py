@@ -1,4 +1,4 @@
-"""Questions of the cube explorer, answered by a worker: what there is, a figure, one point."""
+"""Functions behind the cube explorer, which a worker runs: the choices, a figure, one point."""
 
 import json
 from collections.abc import Sequence
@@ -37,13 +37,13 @@ from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records
 
 Items = Sequence[Sequence[str]]
-"""A view as its address says it: names and texts."""
+"""A view as in its address: names and texts."""
 
 _MOST_ROWS = 500
 
 
 def explore(path: str, items: Items, place: str, minus_name: str = "") -> Any:
-    """Changes that a view of a result directory allows, and its names elsewhere.
+    """Changes that a view of a result directory allows, and the same view as a command and as Python.
 
     Args:
         minus_name: Name of the run that is subtracted.
@@ -106,7 +106,7 @@ def numbers(path: str, items: Items, other: str | None = None) -> Any:
 def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, Any]:
     if view.minus:
         cells = shown_cells(cube, view, other)
-        kept = shown(cells).notnull() | (cells["outcome"] != Outcome.FINISHED)  # others are left out by the condition
+        kept = shown(cells).notnull() | (cells["outcome"] != Outcome.FINISHED)  # the condition drops the others
         columns = records(cube_arrays(cells), view.variable)
         columns = {name: column[kept.values.ravel()] for name, column in columns.items()}
     else:
@@ -150,7 +150,7 @@ def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def extremes(path: str, order: int) -> Any:
-    """Least and largest value of the first result at an order, with the numbers of their points; None without any."""
+    """Smallest and largest value of the first result at an order, with the numbers of their points; None if none."""
     with opened(path) as cube:
         view = full_view(cube, View(kind="points", select=(f"order={order}",) if "order" in cube.coords else ()))
         values = seen(cube, view)
@@ -170,7 +170,7 @@ def extremes(path: str, order: int) -> Any:
 
 
 def point(path: str, number_of_point: int) -> Any:
-    """Everything about one point: its factors, how it ended, its scalar results, figures of the rest."""
+    """Everything about one point: its factors, its outcome, its scalar results, figures of the other results."""
     with opened(path) as cube:
         return _point(cube, number_of_point)
 
@@ -210,7 +210,7 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
 
 
 def motion(path: str, number_of_point: int) -> Any:
-    """The page that moves one point, which is simulated for it again, with its contacts."""
+    """The page that animates one point, which is simulated again to get its contacts."""
     with opened(path) as cube:
         if _function(cube) or study_of(cube).get("study", {}).get("scene", "joint") != "joint":
             raise InputError("only the scene joint can be seen in motion")
@@ -219,12 +219,12 @@ def motion(path: str, number_of_point: int) -> Any:
 
 
 def _function(cube: xr.Dataset) -> bool:
-    """Whether points are computed by a function of the user's own."""
+    """Whether a user's function computes the points."""
     return bool(study_of(cube).get("study", {}).get("function"))
 
 
 def parameters(scene: str) -> Any:
-    """Parameters of a scene with their defaults as texts, empty where the model decides."""
+    """Parameters of a scene with their defaults as texts, empty if the model decides."""
     if scene not in SCENES:
         raise InputError(f"scene = {scene!r}: unknown{near_match(scene, SCENES)}")
     known = load_simulator(scene).parameters.values()
@@ -232,7 +232,7 @@ def parameters(scene: str) -> Any:
 
 
 def _price(found: xr.Dataset) -> str:
-    """The cost of the point, as the price of another one like it."""
+    """The cost of the point, as the price of a similar point."""
     seconds = float(found["cpu_seconds"]) if "cpu_seconds" in found else np.nan
     return f"This point took {duration(seconds)} of CPU time." if np.isfinite(seconds) else ""
 

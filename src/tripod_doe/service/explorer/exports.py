@@ -1,4 +1,4 @@
-"""A view as somebody would write it elsewhere: the command, the lines of Python, the study file of what is seen."""
+"""A view in other forms: the command, the lines of Python, and the study file that give the same numbers."""
 
 import shlex
 from typing import Any
@@ -33,7 +33,7 @@ def query_python(place: str, view: View) -> str:
 
 
 def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
-    """The command that computes one point again; empty for a function of the user's own."""
+    """The command that computes one point again; empty for a point of a user's function."""
     study = study_of(cube)
     head = study.get("study", {})
     if head.get("function"):
@@ -60,7 +60,7 @@ def _plain(value: object) -> str:
 
 
 def study_of(cube: xr.Dataset) -> dict[str, Any]:
-    """The study in a cube, as TOML gives it; empty where there is none."""
+    """The parsed TOML study in a cube; empty if the cube has none."""
     try:
         return parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
     except InputError:
@@ -68,10 +68,10 @@ def study_of(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
-    """A study file whose points are those that a view shows, for the variable that it shows.
+    """A study file whose points are the points of a view, for the variable of the view.
 
     Returns:
-        TOML; the study itself where the view shows more points than a list should name, or no points of a study.
+        TOML; the whole study if the view has too many points for a list, or does not show points of a study.
     """
     whole, study = str(cube.attrs.get("study", "")), study_of(cube)
     names = factor_names(cube) if design_of(cube) else []
@@ -98,7 +98,7 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
 
 
 def _pinned(cube: xr.Dataset, view: View, names: list[str]) -> dict[str, Any]:
-    """Factors at which a view stands still."""
+    """Factors that a view fixes at one value."""
     found: dict[str, Any] = {}
     for text in view.select:
         name, _, wanted = text.partition("=")

@@ -1,4 +1,4 @@
-"""An uploaded measurement beside a point of a cube."""
+"""An uploaded measurement compared with a point of a cube."""
 
 import json
 import tempfile
@@ -77,7 +77,7 @@ def uploaded(measurement: str) -> Iterator[Path]:
 
 
 def preview(measurement: str) -> dict[str, Any]:
-    """Headings, first rows, and which heading is taken for which column; what is not clear is a complaint.
+    """Headings, first rows, and the column assigned to each heading; an unclear heading gives a complaint.
 
     Raises:
         InputError: If it is no table.
@@ -106,7 +106,7 @@ def compare_upload(path: str, measurement: str, **settings: Any) -> dict[str, An
 
 
 def lay_over(path: str, measurement: str, **settings: Any) -> Any:
-    """The same as findings, a table of orders and figures of measurement and model over each other."""
+    """The same comparison as findings, a table of orders, and figures with measurement and model overlaid."""
     compared = compared_upload(path, measurement, **settings)
     return {
         "findings": find_in_comparison(compared),
@@ -121,7 +121,7 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
 
 
 def _third_of(compared: xr.Dataset) -> list[str]:
-    """The point, and the third order in a row of the overview of several files."""
+    """The point, and its third order: one row of the overview of several files."""
     third = compared.sel(order=3)
     measured, model = float(third["measured_amplitude"]), float(third["model_amplitude"])
     point = ", ".join(f"{name} {value}" for name, value in json.loads(str(compared.attrs["point"])).items())
@@ -135,7 +135,7 @@ def _third_of(compared: xr.Dataset) -> list[str]:
 
 
 def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:
-    """Measurement and model along a dimension ``of``, with the uncertainty of the former where it is known."""
+    """Measurement and model along a dimension ``of``, with the uncertainty of the measurement if known."""
     both = [compared[f"{which}_{ending}"] for which in ("measured", "model")]
     pairs = {name: xr.concat(both, xr.Variable("of", ["measured", "model"])).assign_attrs(units="N")}
     if (unsure := f"measured_{ending}_uncertainty") in compared:

@@ -1,4 +1,4 @@
-"""Cubes as questions need them: small ones stay in memory between questions, large ones are read as far as asked."""
+"""Open cubes for workers: small cubes stay in memory, large cubes are read only as far as needed."""
 
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -17,17 +17,17 @@ from tripod_doe.study.result_directory.result_cube import cube_files, cube_so_fa
 _SMALL = 64_000_000  # bytes
 _MOST = 4
 _kept: OrderedDict[tuple[object, ...], xr.Dataset] = OrderedDict()
-"""Cubes in memory, large ones of running studies in temporary files, by the state of the files they are made from."""
+"""Open cubes by the state of their source files: in memory, or in temporary files for large running studies."""
 
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[xr.Dataset]:
     """Open a result directory with its costs, or a netCDF file.
 
-    While a study runs, this is its cube so far, made again when a block has been finished.
+    While a study runs, this is its cube so far, assembled again after each finished block.
 
     Raises:
-        CubeError: If no point has finished, or what is there is damaged.
+        CubeError: If no point has finished, or the files are damaged.
     """
     place = Path(path)
     state = unshown_state(place)
@@ -53,7 +53,7 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
 
 
 def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:
-    """Keep a cube in place of an older state of the same, and of the one that was not asked for the longest."""
+    """Keep a cube; drop an older state of the same cube, and the cube that was not used for the longest time."""
     for other in [other for other in _kept if other[0] == key[0]]:
         _kept.pop(other).close()
     _kept[key] = cube

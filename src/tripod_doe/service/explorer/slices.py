@@ -24,9 +24,9 @@ from tripod_doe.study.query.query import narrowed, query
 
 
 def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
-    """A cube with the number of each point as a coordinate, by which a mark in a figure leads to its point.
+    """A cube with the number of each point as a coordinate, with which a mark in a figure leads to its point.
 
-    Of the result of an analysis, which has no points, cells of the variable are numbered.
+    The result of an analysis has no points: there the cells of the variable are numbered.
     """
     design = design_of(cube) or (tuple(map(str, cube[variable].dims)) if variable else ())
     if not design:
@@ -35,7 +35,7 @@ def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
 
 
 def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
-    """One point of a cube by its number; InputError if there is none of this number."""
+    """One point of a cube by its number; InputError if the cube has no such point."""
     design = design_of(cube)
     shape = tuple(cube.sizes[dim] for dim in design)
     count = int(np.prod(shape))
@@ -46,10 +46,10 @@ def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
 
 
 def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
-    """The slice that a view shows: its variable first, then its error, the outcome and its detail where there are any.
+    """The slice that a view shows: its variable, then its error, the outcome and its detail if present.
 
-    Dimensions with one value left are dropped, but for those that the view lies along; cells that the condition leaves
-    out are NaN and count as finished, so that they stay blank.
+    Drops dimensions with one value left, except the axes of the view; cells that the condition leaves out are NaN and
+    count as finished, so that they stay blank.
 
     Raises:
         InputError: If a name or the condition is wrong, or no cell is left.
@@ -71,10 +71,10 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
 
 
 def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figure:
-    """Draw a view that is filled in; with another cube or a level to subtract, the difference to it.
+    """Draw a filled-in view; with another cube or a level to subtract, draw the difference.
 
     Raises:
-        InputError: If the view cannot be drawn of this cube, with what to change.
+        InputError: If this cube has nothing to draw for the view, with what to change.
     """
     data = shown_cells(cube, view, other)
     limits = None
@@ -84,7 +84,7 @@ def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figur
 
 
 def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> xr.Dataset:
-    """What `seen` gives, less the same of another cube or of the level that the view subtracts."""
+    """The slice of `seen`, minus the same slice of another cube or of the level that the view subtracts."""
     data = seen(cube, view)
     if other is not None:
         return _difference(data, _seen_of_other(other, view))
@@ -94,7 +94,7 @@ def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -
 
 
 def _note(data: xr.Dataset) -> str:
-    """Number of shown points without a number, with the reasons; empty where all have one."""
+    """Count of shown points without a value, with the reasons; empty if all have one."""
     if "outcome" not in data:
         return ""
     failed, codes = is_failed(data).values, data["outcome"].values
@@ -115,7 +115,7 @@ def _note(data: xr.Dataset) -> str:
 
 
 def _at_level(view: View, name: str, level: str) -> View:
-    """The same view at another value of a coordinate that stands still in it."""
+    """The same view at another value of a fixed coordinate."""
     kept = [text for text in view.select if text.partition("=")[0] != name]
     return replace(view, select=(*kept, f"{name}={level}"), minus="")
 
@@ -143,9 +143,9 @@ def _drawn(data: xr.Dataset, view: View, limits: tuple[float, float] | None) -> 
 
 
 def colour_range(cube: xr.Dataset, view: View) -> tuple[float, float] | None:
-    """Range of a variable over the whole design, at the same values along the dimensions of outputs.
+    """Range of a variable over the whole design, at the view's place along the dimensions of outputs.
 
-    Colours then mean the same in every slice; None where no number is known.
+    Colours then mean the same in every slice; None if no number is known.
     """
     design = design_of(cube)
     axes = [axis.name for axis in coordinate_axes(cube).values() if axis.dim not in design]
@@ -162,7 +162,7 @@ def _limits(view: View, extremes: tuple[float, float] | None) -> tuple[float, fl
 
 
 def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """The first slice less the other one, where both have the same coordinates."""
+    """The first slice minus the other, at the coordinates that both have."""
     variable, taken = shown(data), shown(other)
     try:
         first, second = xr.align(variable, taken, join="exact")
@@ -205,7 +205,7 @@ def _parallel_axis(column: xr.DataArray) -> dict[str, Any]:
 
 
 class _Numbers(BackendArray):
-    """Positions of the cells of an array in their order."""
+    """Lazy array: each cell holds its own position in the array's order."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.shape, self.dtype = shape, np.dtype(np.int32)

@@ -1,4 +1,4 @@
-"""A view of a cube: what is shown, over what, of which slice. The address of the page is its text."""
+"""A view of a cube: a variable, its axes and the slice. The address of the page is its text."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from urllib.parse import urlencode
 from tripod_doe.errors import InputError, near_match
 
 KINDS = ("lines", "map", "points", "matrix", "parallel")
-"""Kinds of views: lines over a dimension, colours over two, one mark per point, marks over all pairs of axes, one line
-per point over many axes."""
+"""Kinds of views: lines over one dimension, colours over two, one mark per point, marks over all pairs of axes, and
+one line per point over many axes."""
 
 OF_POINTS = ("points", "matrix", "parallel")
 """Kinds that show the points of the design one by one."""
@@ -21,7 +21,7 @@ _WORDS = ("variable", "kind", "x", "by", "where", "analysis", "minus")
 
 @dataclass(frozen=True)
 class View:
-    """The selected part of a cube; the cube decides where a field is empty."""
+    """The selected part of a cube; for an empty field, the cube decides."""
 
     variable: str = ""  # name of the variable
     kind: str = ""  # one of `KINDS`
@@ -33,11 +33,11 @@ class View:
     low: float | None = None
     high: float | None = None
     analysis: str = ""  # name of the analysis whose result is shown in place of the cube
-    minus: str = ""  # what is subtracted: the values of another run, by its id, or those of this cube at ``name=value``
+    minus: str = ""  # what to subtract: another run, by its id, or this cube's values at ``name=value``
 
     @classmethod
     def from_items(cls, items: Iterable[tuple[str, str]]) -> View:
-        """The view that the items of an address describe; unknown ones are none of its business.
+        """The view that the items of an address describe; ignores unknown items.
 
         Raises:
             InputError: If a limit is no number, low is not below high, or the kind is unknown.
@@ -66,7 +66,7 @@ class View:
 
     @property
     def minus_level(self) -> tuple[str, str] | None:
-        """Coordinate and value whose numbers are subtracted; None where those of a run are, or none."""
+        """Coordinate and value whose numbers are subtracted; None if the view subtracts a run, or nothing."""
         name, equals, level = self.minus.partition("=")
         return (name, level) if equals else None
 

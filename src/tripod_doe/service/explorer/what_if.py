@@ -1,4 +1,4 @@
-"""One point simulated again with other values: its price before, its curves after; and what makes its force."""
+"""One point simulated again with other values: its price, its curves, and a study of the causes of its force."""
 
 import re
 from pathlib import Path
@@ -19,22 +19,22 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import plan
 from tripod_doe.study.simulate import simulate
 
-_FACTOR = "replicate"  # of every scene, and without effect
-_OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price
+_FACTOR = "replicate"  # a factor that every scene has, and that has no effect
+_OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # start of complaints about the study written for the price
 
 
 def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
     """Price of one point by recorded prices.
 
     Returns:
-        ``cpu_seconds``, None where no price is recorded, and ``foreseen``: why the point will fail, empty if it is not
-        known to.
+        ``cpu_seconds``, None if no price is recorded, and ``foreseen``: why the point will fail, empty if no failure
+        is foreseen.
 
     Raises:
         InputError: If a parameter cannot be used.
     """
     base = {name: value for name, value in parameters.items() if name != _FACTOR}
-    factors = {_FACTOR: {"values": [parameters.get(_FACTOR, 0)]}}  # a study has one
+    factors = {_FACTOR: {"values": [parameters.get(_FACTOR, 0)]}}  # a study needs a factor
     study = {"study": {"name": "a point", "scene": scene}, "base": base, "factors": factors}
     try:
         checked = parse_study(tomlkit.dumps(study), "point", StudyFolder(Path.cwd(), trusted=False))
@@ -60,10 +60,10 @@ def simulated(scene: str, parameters: dict[str, Any]) -> Any:
 
 
 def contribution_study(path: str, number_of_point: int) -> Any:
-    """A study file that tells which friction makes the thrust at one point of a cube.
+    """A study file whose run shows which friction causes the thrust at one point of a cube.
 
     Raises:
-        InputError: If the point is none of a joint.
+        InputError: If the point does not belong to the scene of the joint.
     """
     with opened(path) as cube:
         found = point_of(cube, number_of_point)

@@ -20,7 +20,7 @@ _ELSEWHERE = {
 }
 _KEPT = "private, max-age=31536000, immutable"
 _BRIEFLY = "private, max-age=60"
-_READING = threading.Lock()  # hundreds of first requests at once would each read and pack a file
+_READING = threading.Lock()  # else hundreds of simultaneous first requests would each read and compress a file
 
 
 @router.get("/assets/{stamp}/{name}")
@@ -31,7 +31,7 @@ def versioned(stamp: str, name: str, request: Request) -> Response:
 
 @router.get("/assets/{name}")
 def unversioned(name: str, request: Request) -> Response:
-    """A file that the browser asks for anew from time to time."""
+    """A file that the browser requests again from time to time."""
     return _answer(name, request, _BRIEFLY)
 
 
@@ -47,7 +47,7 @@ def _answer(name: str, request: Request, kept: str) -> Response:
 
 @cache
 def stamp() -> str:
-    """Part of the address of all files: a browser keeps them until one of them changes."""
+    """Part of every file's address: a browser caches the files until one of them changes."""
     own = sorted(file.name for file in files("tripod_doe.service.page").joinpath("assets").iterdir())
     digest = hashlib.sha256()
     for name in [*own, "report.css"]:
@@ -58,7 +58,7 @@ def stamp() -> str:
 
 @cache
 def _read(name: str) -> tuple[bytes, bytes]:
-    """A file, plain and packed; names are those of files that there are, never paths."""
+    """A file, plain and compressed; `name` is the name of an existing file, never a path."""
     package, inside = _ELSEWHERE.get(name, ("tripod_doe.service.page", f"assets/{name}"))
     known = {file.name for file in files("tripod_doe.service.page").joinpath("assets").iterdir()} | _ELSEWHERE.keys()
     if name not in known:

@@ -22,6 +22,6 @@ def refusal_answer(request: HTTPConnection, refusal: RefusedError, settings: Set
 
 
 def _is_page(request: HTTPConnection) -> bool:
-    """Whether a browser opens this address, and not a program or a script of the page."""
+    """Whether a browser opens this address, not a program or a script of the page."""
     path = str(request.scope["path"]).removeprefix(request.scope["root_path"])
     return "text/html" in request.headers.get("accept", "") and not path.startswith(_OF_PROGRAMS)

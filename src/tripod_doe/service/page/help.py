@@ -1,4 +1,4 @@
-"""The documentation behind the link "Help": the site that the installation brings along, or how to get it."""
+"""The documentation behind the link "Help": the site in the installation, or how to get it."""
 
 from fastapi import APIRouter
 from starlette.responses import FileResponse, Response
@@ -15,7 +15,7 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
-"""Of the site: nothing inline, nothing from elsewhere; its search reads pages of the site."""
+"""Policy of the site: no inline code, nothing from other servers; its search may read pages of the site."""
 
 _KINDS = {
     ".css": "text/css; charset=utf-8",
@@ -29,7 +29,7 @@ _KINDS = {
 
 @router.get("/help/{place:path}")
 def help_page(place: str, service: AnyService) -> Response:
-    """A file of the site; it holds nothing of this server's runs, so it needs no token."""
+    """A file of the site; it contains no data of this server's runs, so it needs no token."""
     site = site_folder()
     if site is None:
         return show("help.html", service.settings, root="", install=INSTALL, build=BUILD)

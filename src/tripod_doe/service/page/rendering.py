@@ -1,4 +1,4 @@
-"""How pages are written: the templates, what they say in words, and the policy under which browsers show them."""
+"""Page rendering: the templates, functions that put values into words, and the content security policy."""
 
 import json
 from datetime import datetime
@@ -21,10 +21,10 @@ POLICY = (
     "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
     f"style-src 'self' {_EMPTY_STYLE}; frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
-"""No inline script, no inline style, nothing from elsewhere.
+"""No inline script, no inline style, nothing from other servers.
 
-Two exceptions: the hash of an empty style element, which Plotly makes and fills by rules, not by text; and pictures
-from data: and blob: addresses, as which Plotly draws heat maps and saves figures.
+Two exceptions: the hash of an empty style element, which Plotly creates and fills with rules, not with text; and
+pictures from data: and blob: addresses, with which Plotly draws heat maps and saves figures.
 """
 
 HELP = {
@@ -76,7 +76,7 @@ def _templates() -> Environment:
 
 
 def show(template: str, settings: Settings, here: str = "", root: str | None = None, **values: Any) -> HTMLResponse:
-    """A whole page; `root` is empty for who has no session."""
+    """A whole page; `root` is empty for a client without a session."""
     root = settings.root if root is None else root
     pages = [page for page in _PAGES if not (settings.read_only and page[0] in ("/new", "/compare"))]
     pages = [] if settings.only_run else pages
@@ -98,7 +98,7 @@ def _help_on(part: str) -> Markup:
 
 
 def _to_come(run: Run) -> str:
-    """CPU time that the missing points will take, by the price of those that have ended or by the plan."""
+    """CPU time that the missing points will need, estimated from the finished points or from the plan."""
     if not run.counts.missing:
         return ""
     ended = run.counts.total - run.counts.missing
@@ -109,12 +109,12 @@ def _to_come(run: Run) -> str:
 
 
 def _in_file(value: object) -> str:
-    """A value as a study file has it; a dash where it is not set."""
+    """A value as in a study file; a dash if it is not set."""
     if value is None:
         return "-"
     return value if isinstance(value, str) else level(value) if isinstance(value, float) else json.dumps(value)
 
 
 def _day(stamp: str) -> str:
-    """A time in UTC as a list shows it."""
+    """A UTC time in the form of the lists."""
     return datetime.fromisoformat(stamp).strftime("%Y-%m-%d %H:%M UTC")

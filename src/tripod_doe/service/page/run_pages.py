@@ -47,7 +47,7 @@ def runs(
     service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
 ) -> HTMLResponse:
     """The list of runs, or of those in the bin."""
-    newest = service.runs.events.newest()  # before the list: what changes meanwhile comes as an event
+    newest = service.runs.events.newest()  # read before the list, so that later changes arrive as events
     everything = service.runs.in_bin() if bin else service.runs.all()
     choices: dict[str, Any] = {
         "tags": tags_of(everything),
@@ -79,7 +79,7 @@ def run_list(
 def _listed(
     service: Service, request: Request, asked: RunFilter, order: int, page: int, in_bin: bool
 ) -> dict[str, Any]:
-    """What a page of the list shows."""
+    """Values that a page of the list shows."""
     passed = asked.select(service.runs.in_bin() if in_bin else service.runs.all())
     shown = page_of(passed, page)
     query = [(name, value) for name, value in _items(request) if name != "page" and value]
@@ -99,7 +99,7 @@ def _listed(
 
 @router.get("/parts/extremes")
 def extremes(service: AnyService, asked: AskedRuns, order: Order = 3, page: PageNumber = 1) -> dict[str, bool]:
-    """Look for the best and worst points of runs on a page of the list; whether it has anything new to show."""
+    """Look up the best and worst points of the runs on a page of the list; tell whether any are new."""
     everything = service.runs.all()
     return {"new": service.extremes.update(page_of(asked.select(everything), page or 1), order, everything)}
 
@@ -115,7 +115,7 @@ def run_head(run_id: str, service: AnyService) -> HTMLResponse:
 
 @router.get("/runs/{run_id}")
 def explorer(run_id: str, request: Request, service: AnyService) -> Response:
-    """The cube explorer; the query string is the view. Of a search without one its progress, or its result."""
+    """The cube explorer; the query string is the view. For a search without a view, its progress or its result."""
     run = service.runs.find(run_id)
     if run.is_search and not request.query_params:
         return RedirectResponse(
@@ -140,7 +140,7 @@ def explorer(run_id: str, request: Request, service: AnyService) -> Response:
 
 @router.get("/runs/{run_id}/view")
 def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
-    """Controls, copies and title of a view; only the words that say so where no point has finished yet."""
+    """Controls, copies and title of a view; only a message if no point has finished yet."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
     found = ask_workers.explore(service, run_id, _items(request), step) if _begun(run) else None
@@ -200,7 +200,7 @@ def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
 
 @router.get("/runs/{run_id}/analyses")
 def analyses(run_id: str, service: AnyService, order: int | None = None, step: str | None = None) -> HTMLResponse:
-    """What the analyses of a run found; each number leads to its points."""
+    """Findings of a run's analyses; each number links to its points."""
     run = service.runs.find(run_id)
     found = service.ask("explorer.analysis_tables:results", paths=service.analysis_files(run_id, step), order=order)
     return _run_page("analyses.html", service, run, "Analyses", analyses=found, step=step, order=order)
@@ -210,7 +210,7 @@ def analyses(run_id: str, service: AnyService, order: int | None = None, step: s
 def behind(
     run_id: str, analysis: str, variable: str, cell: int, service: AnyService, step: str | None = None
 ) -> RedirectResponse:
-    """From a number of an analysis to the view of its points."""
+    """Redirects from a number of an analysis to the view of its points."""
     items = ask_workers.behind(service, run_id, analysis, variable, cell, step)
     return RedirectResponse(f"{service.settings.root}/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
 
@@ -236,7 +236,7 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
 
 @router.get("/runs/{run_id}/study")
 def study(run_id: str, service: AnyService) -> HTMLResponse:
-    """The text that was submitted."""
+    """The submitted text."""
     run = service.runs.find(run_id)
     tab = "File" if run.is_search else "Study"
     return _run_page("study.html", service, run, tab, texts=service.submitted_texts(run_id))
@@ -244,7 +244,7 @@ def study(run_id: str, service: AnyService) -> HTMLResponse:
 
 @router.get("/runs/{run_id}/steps")
 def steps(run_id: str, service: AnyService) -> HTMLResponse:
-    """The chain of a workflow, or the stages of a search, with states and times."""
+    """The steps of a workflow, or the stages of a search, with states and times."""
     run = service.runs.find(run_id)
     if run.is_search:
         return _run_page("progress.html", service, run, "Progress")
@@ -255,7 +255,7 @@ def steps(run_id: str, service: AnyService) -> HTMLResponse:
 
 @router.get("/runs/{run_id}/result")
 def result(run_id: str, service: AnyService) -> HTMLResponse:
-    """The answer of a search, and the joint that it gives."""
+    """The result of a search, and its joint."""
     run = service.runs.find(run_id)
     if not run.is_search:
         raise RefusedError(404, "only fits and optimisations have a result of this kind")
@@ -297,7 +297,7 @@ def diff(service: AnyService, a: str = "", b: str = "") -> HTMLResponse:
 
 @router.get("/compare")
 def compare(service: AnyService, run: str = "") -> HTMLResponse:
-    """Upload a measurement and lay it over a point."""
+    """Upload a measurement and compare it with a point."""
     studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
     chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
     axes = ask_workers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
@@ -306,7 +306,7 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
 
 @router.post("/parts/runs/{run_id}/compare")
 def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
-    """A measurement over a point, in words and figures."""
+    """A measurement compared with a point, in words and figures."""
     found = service.ask_body("lay_over", body, path=str(service.results(run_id)))
     return {"html": part("laid_over.html", **found), "figures": found["figures"], "third": found["third"]}
 
@@ -328,12 +328,12 @@ def _items(request: Request) -> list[tuple[str, str]]:
 
 
 def _begun(run: Run) -> bool:
-    """Whether any point of a run has been done."""
+    """Whether any point of a run has ended."""
     return run.counts.total > run.counts.missing
 
 
 def _explored(service: Service, run: Run, request: Request, step: str | None) -> tuple[dict[str, Any] | None, str]:
-    """What the view can be changed to; or why there is nothing to see, in words."""
+    """Changes that the view allows; or a message why there is nothing to see."""
     if not _begun(run):
         return None, ""
     try:

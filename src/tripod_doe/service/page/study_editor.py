@@ -24,7 +24,7 @@ def new(
     joint: str = "",
     candidate: int | None = None,
 ) -> HTMLResponse:
-    """Write a study: from the gallery, an earlier run, the contributions at a point, or the joint of a search."""
+    """Write a study, starting from the gallery, an earlier run, a point's contributions, or the joint of a search."""
     if joint:
         upload = {
             "study": study_of_joint(service.runs.find(joint).shown_name, service.base_of(joint, candidate), candidate),
@@ -53,7 +53,7 @@ def new(
 
 @router.get("/runs/{run_id}/extend")
 def extend(run_id: str, service: WritingService) -> HTMLResponse:
-    """Write a larger version of the study of a run, with the price of what is new."""
+    """Write a larger version of a run's study, with the price of the new points."""
     run = service.runs.refuse_extension(run_id)
     upload = service.upload_of(run_id)
     if "study" not in upload:
@@ -77,7 +77,7 @@ def change(body: Body, service: WritingService) -> dict[str, str]:
 
 @router.post("/parts/runs/{run_id}/price")
 def price_of_extension(run_id: str, body: Body, service: WritingService) -> HTMLResponse:
-    """The price of what a larger study, or variables by formula, add to a run, in words."""
+    """The price, in words, of the additions of a larger study or of variables by formula."""
     return HTMLResponse(part("price.html", plan=service.plan_extension(run_id, body)))
 
 

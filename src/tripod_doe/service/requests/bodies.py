@@ -1,4 +1,4 @@
-"""Bodies of requests, read in a worker: JSON that fits its form, within the limits."""
+"""Bodies of requests, parsed in a worker: JSON that fits its form, within the limits."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from tripod_doe.service.problems import Problem, RefusedError, form_problem
 
 _ESCAPED = re.compile(rb"\\.", re.DOTALL)
-_TEXTS = re.compile(rb'"[^"]*"?')  # what has no end goes to the end: each byte once
+_TEXTS = re.compile(rb'"[^"]*"?')  # an unclosed text runs to the end, so each byte is read once
 _MOST_DIGITS = 100
 _LONGEST = 100  # characters of a key in a message
 _MOST_PROBLEMS = 20
@@ -42,7 +42,7 @@ def read_json(body: bytes, nesting: int) -> Any:
         text = body.decode()
         value = json.loads(text, object_pairs_hook=_object, parse_constant=_refuse_constant, parse_int=_whole)
         if "\\ud" in text.lower():
-            json.dumps(value, ensure_ascii=False).encode()  # half of a pair of surrogates is no text
+            json.dumps(value, ensure_ascii=False).encode()  # a single surrogate cannot be encoded
         return value
     except UnicodeError as error:
         raise RefusedError(422, "the body is not UTF-8 text") from error
@@ -71,7 +71,7 @@ def _whole(text: str) -> int:
 
 
 def _depth(body: bytes) -> int:
-    """How deep brackets stand within each other in a JSON text, those in strings left out."""
+    """Nesting depth of the brackets in a JSON text, without brackets in strings."""
     depth = deepest = 0
     for letter in re.findall(rb"[\[{\]}]", _TEXTS.sub(b"", _ESCAPED.sub(b"", body))):
         depth += 1 if letter in b"[{" else -1

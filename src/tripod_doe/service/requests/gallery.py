@@ -29,7 +29,7 @@ _PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
 
 @cache
 def gallery() -> list[dict[str, str]]:
-    """Everything to start from: ``id``, ``kind``, ``name`` and ``question`` of each."""
+    """All files to start from: ``id``, ``kind``, ``name`` and ``question`` of each file."""
     found = [_entry(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
     for name, path in _files().items():
         text = path.read_text(encoding="utf-8")
@@ -39,10 +39,10 @@ def gallery() -> list[dict[str, str]]:
 
 
 def gallery_upload(name: str) -> dict[str, Any]:
-    """One of them as it can be submitted: ``study`` or ``workflow``, and the ``files`` that it names, by plain names.
+    """One gallery file, ready to submit: ``study`` or ``workflow``, and the ``files`` it names, by plain names.
 
     Raises:
-        InputError: If there is none of this name.
+        InputError: If there is no such file.
     """
     kind = name.removeprefix("template-")
     if name != kind and kind in TEMPLATES:
@@ -58,7 +58,7 @@ def gallery_upload(name: str) -> dict[str, Any]:
 
 
 def _plain_text(path: Path, texts: dict[str, str]) -> str:
-    """The text of a file that names others by their plain names; their texts are added to `texts`."""
+    """The text of a file, with plain names for the files that it names; adds their texts to `texts`."""
 
     def plain(found: re.Match[str]) -> str:
         places = (path.parent, path.parent.parent / "studies")  # a workflow may name a table of a study
@@ -66,7 +66,7 @@ def _plain_text(path: Path, texts: dict[str, str]) -> str:
         if other is None:
             return found[0]
         if other.name not in texts:
-            texts[other.name] = ""  # files that name each other would have no end
+            texts[other.name] = ""  # else files that name each other would loop
             texts[other.name] = _plain_text(other, texts)
         return f'{found[1]}{found[2]}"{other.name}"'
 
@@ -91,7 +91,7 @@ def _entry(name: str, text: str) -> dict[str, str]:
 
 
 def _files() -> dict[str, Path]:
-    """The project's files by their ids: of an installation, or of the clone that this is run from."""
+    """The project's files by their ids, from the installation or from the clone that runs this code."""
     place = next((place for place in _PLACES if (place / "studies").is_dir()), None)
     if place is None:
         return {}
@@ -105,12 +105,12 @@ def _files() -> dict[str, Path]:
 
 
 def study_of_joint(name: str, base: str, candidate: int | None) -> str:
-    """A study of the joint that a search gave, over the joint angle.
+    """A study of the joint of a search's result, over the joint angle.
 
     Args:
-        name: Of the run of the search.
-        base: Its table [base].
-        candidate: Of a front; None for the joint of a fit, or at the knee.
+        name: Name of the search's run.
+        base: The result's table [base].
+        candidate: Number on a front; None for the joint of a fit, or at the knee.
     """
     which = "" if candidate is None else f", candidate {candidate}"
     head = json.dumps(f"{name}{which}", ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""Prices of what was uploaded, before anything of it runs."""
+"""Prices of uploads, before any of their points run."""
 
 from pathlib import Path
 from typing import Any
@@ -28,14 +28,13 @@ def plan_upload(folder: Path, kind: str, limits: Limits, timing: bool) -> dict[s
 
     Args:
         folder: Where its files are.
-        kind: Of the submitted file, one of `KINDS`.
-        limits: What is allowed.
-        timing: Whether points are timed, for at most ten seconds; otherwise recorded prices are used where there are
-            any.
+        kind: Kind of the submitted file, one of `KINDS`.
+        limits: Limits of the service.
+        timing: Whether to time points, for at most ten seconds; else recorded prices are used, if there are any.
 
     Returns:
-        For a workflow the sums over its studies, and each of them under ``steps``; for a fit or an optimisation its
-        points under ``steps``, too.
+        For a workflow, the sums over its studies, and each study under ``steps``; for a fit or an optimisation, its
+        points also under ``steps``.
 
     Raises:
         InputError: If anything in it cannot be used.
@@ -112,7 +111,7 @@ def _plan_optimisation(path: Path, limits: Limits, timing: bool) -> dict[str, An
 
 
 def _search(name: str, question: str, kind: str, points: int) -> dict[str, Any]:
-    """What fits and optimisations say in the same way; a joint that jams is an answer to a search, and no failure."""
+    """Fields that fits and optimisations share; for a search, a joint that jams is a result, not a failure."""
     own = {"kind": "study", "inputs": [], "points": points, "unique": points, "expected_outcomes": ["jammed"]}
     return {
         "name": name,
@@ -134,10 +133,10 @@ def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
 
 
 def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
-    """Plan a study that keeps the limits."""
+    """Plan a study that is within the limits."""
     counted = max(point_count(study), most_points(study))
     price = plan(study, timing, recorded=True)
-    share = max(counted / max(price.points, 1), 1.0)  # of the points that follow from a pilot, where there is one
+    share = max(counted / max(price.points, 1), 1.0)  # of the points that follow from a pilot, if there is one
     _check_limits(
         limits, study.origin, max(counted, price.points), round((price.cube_bytes or 0) * share), price.cpu_hours
     )

@@ -1,8 +1,8 @@
-"""A study file as a form, and a form's change as a change of its text: comments and order of the text stay.
+"""A study file as a form; a change in the form changes the file's text, and keeps its comments and order.
 
-A parameter is one field: empty where it keeps its default, ``600`` for a value that all points share, ``25, 50, 100``
+A parameter is one field: empty for the default, ``600`` for a value that all points share, ``25, 50, 100``
 for values of a factor, ``2 : 14 : 13`` for a range with a count and ``2 : 14`` for a range to sample, with ``log`` at
-the end for a logarithmic scale. What a field cannot say, as a distribution, is written in the text.
+the end for a logarithmic scale. The text alone holds what a field cannot express, such as a distribution.
 """
 
 from collections.abc import Mapping
@@ -78,7 +78,7 @@ def _word(value: Any) -> str:
 
 
 def _factor_text(factor: Mapping[str, Any]) -> str | None:
-    """A factor as its field shows it; None where a field cannot say it."""
+    """The text of a factor's field; None if a field cannot express the factor."""
     if set(factor) == {"values"} and isinstance(factor["values"], list):
         return ", ".join(_word(value) for value in factor["values"]) + ("," if len(factor["values"]) == 1 else "")
     if {"low", "high"} <= set(factor) <= _RANGE_KEYS:
@@ -130,7 +130,7 @@ def _set_parameter(document: Any, name: str, field: str) -> None:
                 del document["factors"]
         _set(document, "base", name, _scalar(field))
         return
-    if document.get("design", {}).get("kind") != "one-at-a-time":  # there it is the base point
+    if document.get("design", {}).get("kind") != "one-at-a-time":  # there [base] is the base point
         _set(document, "base", name, "")
     if "factors" not in document:
         document["factors"] = tomlkit.table(is_super_table=True)
@@ -140,7 +140,7 @@ def _set_parameter(document: Any, name: str, field: str) -> None:
 
 
 def _factor(name: str, field: str) -> dict[str, Any] | None:
-    """The factor that a field describes; None where it is one value or empty."""
+    """The factor that a field describes; None for one value or an empty field."""
     words, scale = (field[:-3].rstrip(), "log") if field.endswith("log") and ":" in field else (field, "linear")
     if ":" in words:
         try:

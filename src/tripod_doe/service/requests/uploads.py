@@ -1,6 +1,6 @@
-"""Uploads of a client: texts by plain names.
+"""Uploads of a client: texts with plain file names.
 
-What they may name is decided where they are read (`tripod_doe.study.definition.study_folder`).
+`tripod_doe.study.definition.study_folder`, which reads them, decides which files they may name.
 """
 
 import json
@@ -13,19 +13,19 @@ from tripod_doe.errors import ForbiddenError, TooLargeError
 from tripod_doe.service.limits import Limits
 
 KINDS = ("study", "workflow", "fit", "optimisation")
-"""Kinds of files that can be submitted, each by the name of its key in a request and of its first table."""
+"""Kinds of files that can be submitted: the key in a request, and the name of the file's first table."""
 
 STUDY = "study.toml"
-"""Name under which a submitted study is kept."""
+"""File name of a submitted study."""
 
 UPLOAD = "upload"
-"""Folder of a result directory with what the client submitted."""
+"""Folder of a result directory with the files that the client submitted."""
 
-_RECORDS = (".csv", ".txt")  # endings of tables and records, which may be long
+_RECORDS = (".csv", ".txt")  # endings of tables and records, which may be large
 
 
 def main_file(kind: str) -> str:
-    """Name under which the submitted text of a kind is kept."""
+    """File name of a submitted text, by its kind."""
     return f"{kind}.toml"
 
 
@@ -51,17 +51,17 @@ def upload_texts(body: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
 
 
 def write_upload(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write uploaded texts into a folder of their own."""
+    """Write uploaded texts into a new folder."""
     folder.mkdir(parents=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8", newline="")
 
 
 def refuse_large_texts(size: int, texts: Mapping[str, str], limits: Limits) -> None:
-    """Refuse (TooLargeError) a request that is long beside its tables and records.
+    """Refuse (TooLargeError) a request that is too long without its tables and records.
 
     Args:
-        size: Of its body, in bytes.
+        size: Size of its body in bytes.
     """
     long = sum(len(json.dumps(text)) for name, text in texts.items() if name.endswith(_RECORDS))
     if size - long > limits.body_bytes:
@@ -71,7 +71,7 @@ def refuse_large_texts(size: int, texts: Mapping[str, str], limits: Limits) -> N
 
 
 def refuse_many_files(texts: Mapping[str, str], limits: Limits) -> None:
-    """Refuse (TooLargeError) an upload of more files than are taken."""
+    """Refuse (TooLargeError) an upload of too many files."""
     if len(texts) - 1 > limits.files:
         raise TooLargeError(f"files: {len(texts) - 1:,} files; at most {limits.files:,} are taken here")
 

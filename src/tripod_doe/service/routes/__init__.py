@@ -1,1 +1,1 @@
-"""Routes of the HTTP interface, a module for each kind of resource."""
+"""Routes of the HTTP interface, one module for each kind of resource."""

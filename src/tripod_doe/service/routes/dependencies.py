@@ -1,4 +1,4 @@
-"""Dependencies of all routes: the service, the body of a request, and the errors that any of them may give."""
+"""Dependencies of all routes: the service, the body of a request, and the errors that any route may give."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ IN_SANDBOX = {
     "content-security-policy": "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 }
-"""Headers of pages with their own styles and script: in the sandbox they reach neither cookie nor interface."""
+"""Headers of pages with inline styles and scripts: the sandbox keeps them from the cookie and the interface."""
 
 REFUSALS = errors_at(400, 401, 413, 422, 500, 503)
-"""What any route may answer."""
+"""Errors that any route may give."""
 
 CHANGES = errors_at(403, 408, 409, 415)
-"""What routes that change something may answer as well."""
+"""Additional errors of routes that change something."""
 
 
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
@@ -49,7 +49,7 @@ async def _service(request: Request) -> Service:  # without async, each request 
 
 
 async def _body(request: Request) -> bytes:
-    return await request.body()  # which `Guard` has received
+    return await request.body()  # `Guard` has received it
 
 
 Body = Annotated[bytes, Depends(_body)]

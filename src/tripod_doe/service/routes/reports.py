@@ -1,4 +1,4 @@
-"""Routes to reports: pages in a sandbox, and what they link to."""
+"""Routes to reports: pages in a sandbox, and the files they link to."""
 
 from typing import Literal
 

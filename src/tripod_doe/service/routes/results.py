@@ -121,7 +121,7 @@ def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> 
 
 
 class _TemporaryFile(FileResponse):
-    """A file that is sent in pieces, then removed with its folder, also where the client has gone."""
+    """A file that is sent in pieces, then removed with its folder, even if the client has left."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send it."""

@@ -69,7 +69,7 @@ async def list_runs(asked: AskedRuns, service: AnyService, page: PageNumber = No
 
 
 async def _stream_slot(service: AnyService) -> AsyncIterator[None]:
-    """Count a stream before it begins, as nothing can be refused afterwards, until its answer has ended."""
+    """Count a stream until its answer ends; count it before it begins, the last moment to refuse it."""
     most, events = service.settings.limits.streams, service.runs.events
     if events.streams >= most:
         raise RefusedError(503, f"{most:,} event streams are open, the limit here")
@@ -119,7 +119,7 @@ async def watch_run(
 async def _stream(service: AnyService, run_id: str | None, last_event_id: str | None) -> AsyncIterator[ServerSentEvent]:
     events = service.runs.events
     async for event in events.watch(run_id, last_event_id, _HEARTBEAT):
-        if not service.is_open():  # a link that was revoked meanwhile
+        if not service.is_open():  # the link was revoked meanwhile
             return
         if event is None:
             yield ServerSentEvent(comment="still here")

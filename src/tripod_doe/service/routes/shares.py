@@ -1,4 +1,4 @@
-"""Routes about links that open one run for reading; only the owner of the server makes, sees and revokes them."""
+"""Routes for links that open one run for reading; only the server's owner can make, list and revoke them."""
 
 from datetime import UTC, datetime
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Routes about studies that need not have run: schemas, limits, prices, and one simulated point."""
+"""Routes that need no run: schemas, limits, prices, and one simulated point."""
 
 from importlib.metadata import version
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""Annotations of runs: changed over HTTP, and read again where the command line has changed it."""
+"""Annotations of runs: changed over HTTP, and read again after the command line has changed them."""
 
 import logging
 import time
@@ -9,27 +9,27 @@ from tripod_doe.errors import InputError
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.study.result_directory.annotation import FILE, Annotation, read_annotation
 
-_PAUSE = 2.0  # seconds between two looks
+_PAUSE = 2.0  # seconds between two checks
 
 log = logging.getLogger(__name__)
 
 
 def with_annotation(run: Run, annotation: Annotation) -> Run:
-    """A run with what people write about it."""
+    """A run with the given annotation."""
     return run.changed(label=annotation.name, owner=annotation.owner, tags=annotation.tags, note=annotation.note)
 
 
 class AnnotationFiles:
-    """The files in which people write about runs, read when they change."""
+    """The annotation files of runs, read when they change."""
 
     def __init__(self) -> None:
         self._times: dict[str, int] = {}
         self._due = 0.0
 
     def changed(self, runs: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Annotation]]:
-        """Annotations by the ids of runs whose file has changed since the last look; nothing where that was just now.
+        """Annotations, by run id, whose file has changed since the last check; nothing right after a check.
 
-        Reading may take its time: nothing that others wait for is to be held meanwhile.
+        Reading may be slow: do not hold a lock meanwhile.
         """
         if time.monotonic() < self._due:
             return
@@ -41,13 +41,13 @@ class AnnotationFiles:
             self._times[run_id] = written
             try:
                 annotation = read_annotation(directory)
-            except InputError as error:  # the file is left as it is, and the run shown without it
+            except InputError as error:  # leave the file unchanged, and show the run without it
                 log.warning("%s", error)
                 continue
             yield run_id, annotation
 
     def is_current(self, run_id: str, directory: Path) -> bool:
-        """Whether the file of a run is the one that was read; where it is not, the next look reads it again."""
+        """Whether a run's file is unchanged since it was read; if not, the next check reads it again."""
         return self._time_of(directory) == self._times.get(run_id, 0)
 
     @staticmethod

@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 
 class Bin:
-    """The runs in the bin; their rows stay in the table, marked, and their directories where they were."""
+    """The runs in the bin; their rows stay in the table, marked as binned, and their directories are not moved."""
 
     def __init__(self, folder: Path, table: RunTable) -> None:
         self._folder, self._table = folder, table
@@ -34,7 +34,7 @@ class Bin:
             return sorted(self._runs.values(), key=lambda run: run.binned, reverse=True)
 
     def show(self, runs: Iterable[Run]) -> None:
-        """Take these rows of the table for what is in the bin."""
+        """Set the runs in the bin, from rows of the table."""
         with self._lock:
             self._runs = {run.id: run for run in runs}
 
@@ -63,12 +63,12 @@ class Bin:
             if self._runs.pop(run_id, None) is None:
                 return
             if directory.exists():
-                directory.rename(doomed)  # a kill from here on leaves nothing that could be taken for a run
+                directory.rename(doomed)  # a kill after this line leaves no directory that looks like a run
             self._table.remove(run_id)
         shutil.rmtree(doomed, ignore_errors=True)
 
     def empty(self, days: float) -> None:
-        """Remove what has been in the bin for more than some days, and what a kill left of earlier removals."""
+        """Remove runs that were in the bin for more than `days`, and leftovers of removals that a kill interrupted."""
         for left in self._folder.glob(f"{_DELETED}*"):
             shutil.rmtree(left, ignore_errors=True)
         oldest = stamp(datetime.now(UTC) - timedelta(days=days))

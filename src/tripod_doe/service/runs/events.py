@@ -11,7 +11,7 @@ from itertools import takewhile
 
 from tripod_doe.service.runs.run_table import Run
 
-_KEPT = 512  # events that a stream which was away can still get, each with the whole note of its run
+_KEPT = 512  # events kept for streams that reconnect, each with the whole note of its run
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Event:
 
     number: int  # counted from the start of the server
     run_id: str  # the run
-    text: str | None  # the run as JSON; None where it was deleted
+    text: str | None  # the run as JSON; None if it was deleted
 
 
 class Events:
@@ -35,15 +35,15 @@ class Events:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: set[asyncio.Event] = set()
         self.closing = False
-        self.streams = 0  # that were admitted and have not ended; changed in the event loop only
+        self.streams = 0  # admitted and not ended; changed in the event loop only
 
     @property
     def watching(self) -> int:
-        """Streams that are open."""
+        """Number of open streams."""
         return len(self._waiting)
 
     def latest(self, run_id: str) -> str:
-        """A run as JSON, as it was published last."""
+        """A run as JSON, as last published."""
         event = self._latest.get(run_id)
         return event.text if event and event.text else ""
 
@@ -52,11 +52,11 @@ class Events:
         self._loop = loop
 
     def publish(self, run: Run) -> None:
-        """Tell that a run changed."""
+        """Announce that a run changed."""
         self._append(run.id, json.dumps(run.record(), allow_nan=False))
 
     def forget(self, run_id: str) -> None:
-        """Tell that a run was deleted."""
+        """Announce that a run was deleted."""
         self._append(run_id, None)
 
     def close(self) -> None:
@@ -84,7 +84,7 @@ class Events:
             waiting.set()
 
     def newest(self) -> str:
-        """The id of the newest event: a stream after it tells only what comes."""
+        """The id of the newest event: a stream that starts after it gets only later events."""
         return f"{self._boot}-{self._count}"
 
     def name_of(self, event: Event) -> str:
@@ -92,13 +92,12 @@ class Events:
         return f"{self._boot}-{event.number}"
 
     async def watch(self, run_id: str | None, last_id: str | None, pause: float) -> AsyncIterator[Event | None]:
-        """Events of a run, or of all runs: those after `last_id`, else the latest of each, then all that come.
+        """Events of a run, or of all runs: first all after `last_id`, or the latest of each run, then all new ones.
 
         Args:
             run_id: The run; None for all.
             last_id: The id of the last event that the client has seen, None for a new one.
-            pause: Seconds of silence after which None is given, so that the client and what lies between see a sign of
-                life.
+            pause: Seconds of silence after which None is given, so that the client and proxies see a sign of life.
         """
         woken = asyncio.Event()
         self._waiting.add(woken)
@@ -120,12 +119,12 @@ class Events:
             self._waiting.discard(woken)
 
     def _number_in(self, last_id: str | None) -> int | None:
-        """Number of the last event that a client has seen; None where it was another server's, or no event's."""
+        """Number of the last event that a client has seen; None if another server made the id, or it is invalid."""
         boot, _, number = (last_id or "").partition("-")
         return int(number) if boot == self._boot and number.isdecimal() and len(number) < 20 else None
 
     def _since(self, seen: int | None, run_id: str | None) -> tuple[list[Event], int]:
-        """Events after one that was seen, and the number of the newest; the latest of each run where some are gone."""
+        """Events after event `seen`, and the newest number; the latest event of each run if some are no longer kept."""
         with self._lock:
             oldest = self._events[0].number if self._events else self._count + 1
             if seen is None or seen < oldest - 1:

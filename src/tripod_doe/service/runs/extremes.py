@@ -1,4 +1,4 @@
-"""Best and worst point of each run by one order of the thrust, for the list of runs: found once per state of a run."""
+"""Best and worst point of each run at one order of the thrust, for the list of runs; cached per state of a run."""
 
 import threading
 import time
@@ -14,7 +14,7 @@ class Extremes:
     """Known extremes of runs.
 
     Args:
-        find: (run, order) -> extremes of its cube, or None where it has none to tell.
+        find: (run, order) -> extremes of the run's cube, or None if it has none.
     """
 
     def __init__(self, find: Callable[[Run, int], Mapping[str, Any] | None]) -> None:
@@ -28,14 +28,14 @@ class Extremes:
         return {run_id: entry[2] for run_id, entry in found.items() if entry and entry[2]}
 
     def update(self, runs: list[Run], order: int, there: list[Run]) -> bool:
-        """Look into the cubes of runs that have more points than at the last look; gives whether anything is new.
+        """Read the cubes of runs that have more points than at the last call; return whether anything is new.
 
         Args:
-            runs: Those to look at.
-            order: Of the thrust.
-            there: All runs; what is known of others is forgotten.
+            runs: Runs to update.
+            order: Order of the thrust.
+            there: All existing runs; cached extremes of other runs are dropped.
         """
-        if not self._lock.acquire(blocking=False):  # another page has asked, and its answer is this one's
+        if not self._lock.acquire(blocking=False):  # another page is updating; its result serves this page, too
             return False
         try:
             stale = [run for run in runs if self._is_stale(run, order)]

@@ -1,4 +1,4 @@
-"""The list of runs as people look for one: filtered, sorted, a page at a time."""
+"""The list of runs, filtered, sorted and split into pages."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -32,20 +32,20 @@ SORTS: tuple[str, ...] = get_args(Sort)
 class RunFilter:
     """Filters of the list of runs; empty ones let every run pass."""
 
-    text: str = ""  # words that all stand in name, question, note, owner, tags, factors, models or id
-    tags: tuple[str, ...] = ()  # tags that a run has, all of them
-    states: tuple[str, ...] = ()  # its state is one of these
+    text: str = ""  # all its words occur in name, question, note, owner, tags, factors, models or id
+    tags: tuple[str, ...] = ()  # the run has all these tags
+    states: tuple[str, ...] = ()  # the run has one of these states
     folder: str = ""  # its name begins with this folder: `customer` holds `customer/joint-7`
     since: str = ""  # submitted on this day or later, YYYY-MM-DD in UTC
     until: str = ""  # submitted on this day or earlier
     sort: str = "newest"
 
     def __bool__(self) -> bool:
-        """Whether it leaves any run out."""
+        """Whether the filter can leave a run out."""
         return bool(self.text or self.tags or self.states or self.folder or self.since or self.until)
 
     def select(self, runs: Sequence[Run]) -> list[Run]:
-        """The runs that pass, in the order that is asked for."""
+        """The runs that pass, in the requested order."""
         words = self.text.casefold().split()
         key, reverse = _KEYS[self.sort]
         return sorted((run for run in runs if self._passes(run, words)), key=key, reverse=reverse)
@@ -65,7 +65,7 @@ class RunFilter:
 
 
 def _searched(run: Run) -> str:
-    """Every text of a run in which words are looked for."""
+    """All texts of a run that the search covers."""
     plan = run.plan
     parts = [run.id, run.name, run.label, run.question, run.note, run.owner, run.state.value, run.kind, *run.tags]
     parts += [str(name) for key in ("factors", "models") for name in plan.get(key, ())]
@@ -73,7 +73,7 @@ def _searched(run: Run) -> str:
 
 
 def page_of(runs: Sequence[T], page: int) -> list[T]:
-    """The runs, or what stands for them, on a page counted from 1."""
+    """The runs, or their stand-ins, on one page; pages count from 1."""
     return list(runs[(page - 1) * PAGE : page * PAGE])
 
 
@@ -88,12 +88,12 @@ def tags_of(runs: Sequence[Run]) -> list[str]:
 
 
 def folders_of(runs: Sequence[Run]) -> list[str]:
-    """All folders that names of runs lie in, also those within others."""
+    """All folders in the names of runs, including nested folders."""
     parts = [run.shown_name.split("/")[:-1] for run in runs]
     return sorted({"/".join(part[: depth + 1]) for part in parts for depth in range(len(part))})
 
 
 def short_ids(runs: Sequence[Run]) -> dict[str, str]:
-    """Beginnings of the ids of runs whose names are equal, which tell them apart."""
+    """For runs with equal names, the first six characters of their ids, by id."""
     names = Counter(run.shown_name for run in runs)
     return {run.id: run.id[:6] for run in runs if names[run.shown_name] > 1}

@@ -1,4 +1,4 @@
-"""The one run that a link opens, in the place of all runs: others are not there, whatever asks for them."""
+"""The one run that a link opens, in place of all runs: every request for another run gets 404."""
 
 from pathlib import Path
 
@@ -9,11 +9,11 @@ from tripod_doe.service.runs.supervisor import Supervisor
 
 
 class OneRun:
-    """What reads of a `Supervisor`, of one run; nothing of it writes.
+    """The reading methods of a `Supervisor`, for one run; no method writes.
 
     Args:
         runs: All runs.
-        run_id: The one that is seen.
+        run_id: The visible run.
     """
 
     def __init__(self, runs: Supervisor, run_id: str) -> None:
@@ -21,14 +21,14 @@ class OneRun:
 
     @property
     def events(self) -> Events:
-        """What changes."""
+        """Changes of all runs."""
         return self._runs.events
 
     def find(self, run_id: str) -> Run:
         """The run.
 
         Raises:
-            RefusedError: 404 for any other.
+            RefusedError: 404 for any other run.
         """
         if run_id != self._id:
             raise RefusedError(404, f"{run_id[:100]}: no run of this id")

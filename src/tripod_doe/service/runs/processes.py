@@ -1,10 +1,10 @@
-"""The processes of runs: started to outlive the server, found again, and stopped.
+"""The processes of runs: start them so that they outlive the server, find them again, stop them.
 
-A run holds an open file that is locked before it starts: the lock ends with its process, however that ends, so it
-tells without any doubt whether the run is alive, for this server and for the next one. Its number stands in that file.
+A run holds an open file that is locked before it starts. The lock ends with the process, however the process ends, so
+it shows this server and the next one reliably whether the run is alive. The file holds the number of the process.
 
-Why not the lock of the result directory (`DirectoryLock`): a run takes that one seconds after its start, a workflow one
-in each of its steps and none in its own directory, and it would find it held by the file that it inherits.
+Why not the lock of the result directory (`DirectoryLock`): a run takes that lock seconds after its start; a workflow
+locks its steps' directories, not its own; and the file that the run inherits would already hold that lock.
 """
 
 import fcntl
@@ -25,10 +25,10 @@ from tripod_doe.service.workers.forking import start_program
 _COMMANDS = {"study": "run", "workflow": "workflow", "fit": "fit", "optimisation": "optimise"}
 
 LOG = "run.log"
-"""File of a result directory with what the latest run of it said."""
+"""Log of the latest run, a file of the result directory."""
 
 _ALIVE = ".alive"
-_NICE = 5  # answers come before points: a page must not wait for a study
+_NICE = 5  # answers have priority over points: a page must not wait for a study
 _TRIES, _PAUSE = 20, 0.05
 _LAST_BYTES = 65_536
 
@@ -46,7 +46,7 @@ def start_run(directory: Path, words: Sequence[str], memory_bytes: int) -> None:
     """
     try:
         lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
-        os.fchmod(lock, 0o600)  # whoever can open it can hold it
+        os.fchmod(lock, 0o600)  # whoever can open the file can lock it
     except OSError as error:
         raise InputError(f"{directory}: cannot write here: {error.strerror}") from error
     try:
@@ -68,7 +68,7 @@ def is_alive(directory: Path) -> bool:
 
 
 def is_held(directory: Path) -> bool:
-    """Whether any process computes into a result directory, one that was started by hand included."""
+    """Whether any process computes into a result directory, including a process started by hand."""
     return is_alive(directory) or _locked(directory / ".lock")
 
 
@@ -87,12 +87,12 @@ def _locked(path: Path) -> bool:
 
 
 def stop_run(directory: Path) -> bool:
-    """Ask the run of a directory to end after what it is doing, as Ctrl-C does; gives whether one was found."""
+    """Ask the run of a directory to end after its current points, as Ctrl-C does; return whether it has a run."""
     return _signal(directory, signal.SIGINT)
 
 
 def kill_run(directory: Path) -> bool:
-    """End the run of a directory and all processes that it started; gives whether one was found."""
+    """Kill the run of a directory and all processes that it started; return whether it has a run."""
     return _signal(directory, signal.SIGKILL)
 
 
@@ -107,14 +107,14 @@ def _signal(directory: Path, number: signal.Signals) -> bool:
             return True
         if not is_alive(directory):
             return False
-        time.sleep(_PAUSE)  # one that has only just started has not written its number yet
+        time.sleep(_PAUSE)  # a new process has not written its number yet
     return False
 
 
 def run_process(directory: Path) -> int | None:
-    """Number of the process that runs our command line on a directory; None where none is known.
+    """Number of the process that runs our command line on a directory; None if unknown.
 
-    It stands in the file that the process holds. Where that is open, it is no other process of the same number.
+    The number is in the lock file. While the process keeps this file open, no other process has the number.
     """
     path = directory.absolute() / _ALIVE
     try:
@@ -127,7 +127,7 @@ def run_process(directory: Path) -> int | None:
 
 
 def run_log(directory: Path) -> str:
-    """Log of the latest run of a directory, its end where it is long; its own place is left out."""
+    """Log of the latest run of a directory, or only the end of a long log; leaves out the directory's path."""
     try:
         with (directory / LOG).open("rb") as log:
             log.seek(0, os.SEEK_END)

@@ -17,11 +17,11 @@ from tripod_doe.service.runs.run_table import PointCounts, Run
 from tripod_doe.study.journal import Journal, Mark, journal_path
 from tripod_doe.workflow.steps_file import STEPS
 
-_PACE = 0.5  # seconds between two counts: each goes to all who watch
+_PACE = 0.5  # seconds between two counts: each count is sent to all watchers
 
 
 class RunProgress:
-    """The points of a run, counted as they are finished, and the pace at which they are."""
+    """Counts of a run's finished points, and their pace."""
 
     def __init__(self, run: Run, directory: Path) -> None:
         self._steps = directory / STEPS
@@ -31,11 +31,11 @@ class RunProgress:
         self._read_at = -math.inf
 
     def is_due(self) -> bool:
-        """Whether the points were not counted of late."""
+        """Whether the last count is old enough for a new one."""
         return time.monotonic() > self._read_at + _PACE
 
     def read(self) -> tuple[PointCounts, tuple[Mapping[str, Any], ...]]:
-        """Points, and the steps of a workflow, as they are now."""
+        """Current counts of points, and current steps of a workflow."""
         self._read_at = time.monotonic()
         counts = _sum([journal.read() for journal in self._journals])
         if self._first is None:
@@ -43,7 +43,7 @@ class RunProgress:
         return counts, () if self._kind == "study" else self._read_steps()
 
     def eta_seconds(self, counts: PointCounts) -> float | None:
-        """Seconds until the last point, by the pace since the first look; None as long as there is none."""
+        """Seconds until the last point, from the pace since the first count; None without a pace."""
         if self._first is None:
             return None
         started, before = self._first
@@ -51,7 +51,7 @@ class RunProgress:
         return (time.monotonic() - started) * counts.missing / done if done > 0 else None
 
     def _read_steps(self) -> tuple[Mapping[str, Any], ...]:
-        """What was said of steps and stages, in order; other steps of a workflow are waiting."""
+        """Records of steps and stages, in order; steps without a record are waiting."""
         try:
             said = json.loads(self._steps.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -90,10 +90,10 @@ def _sum(counts: Sequence[PointCounts]) -> PointCounts:
 
 
 class Progress:
-    """The points of one result directory, read from its journal as far as they are new.
+    """The points of one result directory; reads only new entries of its journal.
 
     Args:
-        expected: Outcomes besides finished that do not count as failures.
+        expected: Outcomes that do not count as failures, besides finished.
     """
 
     def __init__(self, directory: Path, total: int, expected: Collection[str] = ()) -> None:
@@ -105,7 +105,7 @@ class Progress:
         self._cpu_seconds = 0.0
 
     def read(self) -> PointCounts:
-        """Count what is there now; a journal that is not there yet, busy or damaged leaves what was counted before."""
+        """Count the points now; if the journal is missing, busy or damaged, the last count stays."""
         if journal_path(self._directory).is_file():
             try:
                 with Journal(self._directory, read_only=True) as journal:

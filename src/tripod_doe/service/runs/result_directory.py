@@ -1,6 +1,6 @@
-"""Result directories: which of a folder hold a study, and how a run ended, read from its files alone.
+"""Result directories: which directories of a folder hold a study, and how a run ended, from its files alone.
 
-So the next server sees the same, whoever started the run.
+So the next server gets the same answer, whoever started the run.
 """
 
 import shutil
@@ -15,7 +15,7 @@ from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.result_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
 
-_LEAST = 1_000_000  # bytes without which a run cannot end in order
+_LEAST = 1_000_000  # free bytes that a run needs to end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
 _SILENT = "its process ended without a message; resume goes on at the next missing point"
 
@@ -41,23 +41,23 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
 
 
 def _is_full(directory: Path) -> bool:
-    """Whether the disk is full: then a run cannot even say so."""
+    """Whether the disk is full: then a run cannot even report it."""
     return shutil.disk_usage(directory if directory.exists() else directory.parent).free < _LEAST
 
 
 def has_report(directory: Path) -> bool:
-    """Whether the page exists, which is written last: after the cube of a study, or the last step of a workflow."""
+    """Whether the report exists; it is written last: after the cube of a study, or the last step of a workflow."""
     return _report(directory).is_file()
 
 
 def remove_report(directory: Path) -> None:
-    """Remove the page before a run goes on: the new page then marks its end, without comparing times."""
+    """Remove the report before a run goes on: a new report then marks its end, without comparing times."""
     with suppress(OSError):  # the run reports a folder that cannot be written
         _report(directory).unlink()
 
 
 def remove_stages(directory: Path) -> None:
-    """Remove the stages of an earlier run of a search, which begins anew, over points that are there."""
+    """Remove the stages of a search's earlier run: the search starts again, and reuses the stored points."""
     with suppress(OSError):
         (directory / STEPS).unlink()
 
@@ -67,12 +67,12 @@ def _report(directory: Path) -> Path:
 
 
 def is_directory(path: Path) -> bool:
-    """Whether a directory is there itself, and no link that may lead out of the folder."""
+    """Whether a path is a real directory, not a link that may lead out of the folder."""
     return path.is_dir() and not path.is_symlink()
 
 
 def result_directories(folder: Path, known: Collection[str]) -> list[Path]:
-    """Result directories of studies in a folder, without those of known names."""
+    """Result directories of studies in a folder, except those with known names."""
     return [
         path
         for path in sorted(folder.iterdir())

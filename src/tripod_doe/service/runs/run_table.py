@@ -1,4 +1,4 @@
-"""The table of runs, an SQLite file that outlives the server; a run as clients see it."""
+"""The table of runs, an SQLite file that outlives the server; and a run as clients see it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class State(StrEnum):
 
     @property
     def at_rest(self) -> bool:
-        """Whether no process is at work or waited for."""
+        """Whether no process is running, and none will start."""
         return self in (State.STOPPED, State.FINISHED, State.FAILED)
 
     @property
@@ -50,11 +50,11 @@ class State(StrEnum):
 class PointCounts:
     """Points of a run."""
 
-    total: int  # points to compute: repeated ones count once, excluded ones not at all
+    total: int  # points to compute: repeated points count once, excluded points do not count
     finished: int = 0  # points that ended well: finished, or with an outcome that the study expects
-    failed: int = 0  # all others that have ended
+    failed: int = 0  # all other ended points
     outcomes: Mapping[str, int] | None = None  # points by the label of their outcome
-    cpu_seconds: float = 0.0  # time of all of them, those that ran again counted each time
+    cpu_seconds: float = 0.0  # CPU time of all points; repeated runs of a point add up
 
     @property
     def missing(self) -> int:
@@ -66,27 +66,27 @@ class PointCounts:
 class Run:
     """One run of a study, a workflow, a fit or an optimisation."""
 
-    id: str  # random; also the name of its result directory in the folder
+    id: str  # random; also the name of its result directory
     kind: str  # "study", "workflow", "fit" or "optimisation"
-    # name, question: as its file says
+    # name, question: from its file
     name: str
     question: str
-    state: State  # what it is doing
+    state: State  # its current state
     message: str = ""  # why it failed or stopped; empty otherwise
     # its price, as `plans.plan_upload` gave it when it was submitted
     plan: Mapping[str, Any] = field(default_factory=dict)
     counts: PointCounts = field(default_factory=lambda: PointCounts(0))  # points that have ended
-    # what became of each step of a workflow, or each stage of a fit or an optimisation, in order
+    # results of the steps of a workflow, or of the stages of a fit or an optimisation, in order
     steps: tuple[Mapping[str, Any], ...] = ()
-    # time until the last point by the pace so far; None where it does not run or has no pace yet
+    # time until the last point at the pace so far; None if it does not run or has no pace yet
     eta_seconds: float | None = None
     # created, updated: times in UTC
     created: str = ""
     updated: str = ""
-    retry_failed: bool = False  # whether the run in the queue runs failed points again
-    place: str = ""  # name of its directory where that is not the id: the command line filled it
-    taken: bool = False  # whether the service runs the study of that directory since it was extended here
-    # key, digest: the client's Idempotency-Key, and the hash of what it submitted
+    retry_failed: bool = False  # whether the queued run repeats failed points
+    place: str = ""  # name of its directory, if the command line filled it; else empty, and the id is the name
+    taken: bool = False  # whether the service runs that directory's study, after an extension here
+    # key, digest: the client's Idempotency-Key, and the hash of its upload
     key: str | None = None
     digest: str = ""
     # label, owner, tags, note: what people wrote about it, see `study.result_directory.annotation`
@@ -94,21 +94,21 @@ class Run:
     owner: str = ""
     tags: tuple[str, ...] = ()
     note: str = ""
-    binned: str = ""  # when it was put into the bin; empty outside
+    binned: str = ""  # time when it was put into the bin; empty if it is not there
 
     @property
     def is_search(self) -> bool:
-        """Whether its points follow from those before, so that their number is not known beforehand."""
+        """Whether its points depend on earlier points, so that their number is not known in advance."""
         return self.kind in ("fit", "optimisation")
 
     @property
     def is_left_alone(self) -> bool:
-        """Whether the command line filled its directory, and nothing was added to it here."""
+        """Whether the command line filled its directory, and the service added nothing."""
         return bool(self.place) and not self.taken
 
     @property
     def shown_name(self) -> str:
-        """The name that people gave it, else the name of its study."""
+        """The label of the run, else the name of its study."""
         return self.label or self.name
 
     @property
@@ -147,7 +147,7 @@ class Run:
         return record
 
     def changed(self, **values: Any) -> Run:
-        """The run with other values, updated now."""
+        """A copy with other values, and the present time as `updated`."""
         return replace(self, updated=now(), **values)
 
 
@@ -157,7 +157,7 @@ def now() -> str:
 
 
 def stamp(time: datetime) -> str:
-    """A time in UTC as runs show it."""
+    """A UTC time in the form that runs use."""
     return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -176,7 +176,7 @@ class RunTable:
 
     Args:
         folder: Where the table is; it must exist.
-        read_only: Open what is there, and change nothing.
+        read_only: Open an existing table, and change nothing.
 
     Raises:
         InputError: If it cannot be opened.
@@ -201,23 +201,23 @@ class RunTable:
             self._connection.close()
 
     def all(self) -> list[Run]:
-        """All runs, in the order in which they were submitted; one whose row is damaged has failed, and says so.
+        """All runs, in the order of submission; a run with a damaged row counts as failed, with a message.
 
-        Rows of other ids than a service gives are left out: an id names a directory, and the table may be a stranger's.
+        Skips rows whose id a service cannot have given: an id names a directory, and the table may be a stranger's.
         """
         with self._lock:
             rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
         return [_from_row(*row) for row in rows if _ID.fullmatch(str(row[0]))]
 
     def is_changed(self) -> bool:
-        """Whether another process has changed the table since this was asked last."""
+        """Whether another process has changed the table since the last call."""
         with self._lock:
             version = int(self._connection.execute("PRAGMA data_version").fetchone()[0])
         changed, self._version = version != self._version, version
         return changed
 
     def put(self, run: Run) -> None:
-        """Store a run, new or changed; when this returns, no kill can lose it.
+        """Store a new or changed run; after this returns, no kill can lose it.
 
         Raises:
             StorageError: If the disk is full or fails.
@@ -249,7 +249,7 @@ def _opened(path: Path) -> sqlite3.Connection:
 
 
 def _opened_for_reading(path: Path) -> sqlite3.Connection:
-    """What is there, or an empty table in memory; nothing is written, also where the folder could be."""
+    """The existing table, or an empty table in memory; writes nothing, even into a writable folder."""
     if not path.exists():
         connection = sqlite3.connect(":memory:", check_same_thread=False)
         connection.executescript(_SCHEMA)
@@ -277,8 +277,8 @@ def _from_row(id: str, key: str | None, text: str) -> Run:
             raise ValueError(f"it is of {run.id}")
         if run.place:
             path_within(Path(), run.place)
-        json.dumps(run.record(), allow_nan=False)  # as it is shown
-    except Exception as error:  # whatever stands there: the other runs are to be shown
+        json.dumps(run.record(), allow_nan=False)  # as clients get it
+    except Exception as error:  # whatever the row holds: the other runs must be shown
         message = (
             f"its row in {TABLE} is damaged ({type(error).__name__}: {error}); its results are kept until it is deleted"
         )

@@ -1,7 +1,7 @@
-"""Looks after runs: starts what waits in the queue, counts what is finished, notices what has ended, stops and deletes.
+"""The supervisor of runs: starts queued runs, counts finished points, notices ends, stops and deletes runs.
 
-All that it knows of a run after a restart is in the table and in the run's directory: a lock that is free with points
-missing means that the run is dead, so nothing can stay "running".
+After a restart it reads everything about a run from the table and the run's directory: a free lock with missing
+points means that the run is dead, so no run can stay "running".
 """
 
 import logging
@@ -30,15 +30,15 @@ from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.annotation import annotated, write_annotation
 
-_PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
-_PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to
+_PERIOD = 0.25  # seconds between two checks: a finished point must show within a second
+_PATIENCE = 20.0  # seconds that a run has to end in order after a stop
 
 log = logging.getLogger(__name__)
 
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Log what goes wrong with something, and go on."""
+    """Log any error, and go on."""
     try:
         yield
     except Exception:
@@ -57,17 +57,15 @@ class Supervisor:
         self._bin = Bin(settings.folder, self._table)
         self._progress: dict[str, RunProgress] = {}
         self._interrupted: set[str] = set()
-        self._changing: set[str] = set()  # runs that take a larger study just now
+        self._changing: set[str] = set()  # runs that are taking a larger study now
         self._stop_by: dict[str, float] = {}
-        self._endings: dict[
-            str, tuple[State, str]
-        ] = {}  # endings that are known, but not yet written if the disk is full
+        self._endings: dict[str, tuple[State, str]] = {}  # known endings that a full disk has kept from the table
         self._annotation_files = AnnotationFiles()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
     def start(self) -> None:
-        """Find the runs of earlier servers, and look after all from now on."""
+        """Find the runs of earlier servers, and supervise all runs from now on."""
         rows = self._table.all()
         self._bin.show(run for run in rows if run.binned)
         for run in [run for run in rows if not run.binned]:
@@ -81,7 +79,7 @@ class Supervisor:
         self._thread.start()
 
     def close(self) -> None:
-        """Look after nothing any more; runs at work go on."""
+        """End the supervision; started runs go on."""
         self.events.close()
         self._ended.set()
         self._thread.join()
@@ -117,7 +115,7 @@ class Supervisor:
         self._look_at(run.id)
 
     def all(self) -> list[Run]:
-        """All runs but those in the bin, the newest first."""
+        """All runs except those in the bin, the newest first."""
         with self._lock:
             return list(reversed(self._runs.values()))
 
@@ -140,10 +138,10 @@ class Supervisor:
         return run
 
     def find_by_key(self, key: str, digest: str) -> Run | None:
-        """The run that was submitted with an Idempotency-Key; None where there is none.
+        """The run that was submitted with an Idempotency-Key; None if there is none.
 
         Raises:
-            RefusedError: 422 if something else was submitted with it.
+            RefusedError: 422 if a different upload was submitted with this key.
         """
         with self._lock:
             run = next((run for run in self._runs.values() if run.key == key), None)
@@ -156,8 +154,8 @@ class Supervisor:
 
         Args:
             upload: Folder with its files, on the file system of the folder of runs; it is moved to the run.
-            plan: What `plans.plan_upload` said.
-            key, digest: The client's Idempotency-Key, and the hash of what it submitted.
+            plan: The result of `plans.plan_upload`.
+            key, digest: The client's Idempotency-Key, and the hash of its upload.
 
         Raises:
             RefusedError: 413 if the queue is full.
@@ -192,7 +190,7 @@ class Supervisor:
             raise RefusedError(413, f"{most:,} runs are waiting, which is the limit: try again later")
 
     def stop(self, run_id: str) -> Run:
-        """Stop a run: from the queue at once, otherwise after the points at work.
+        """Stop a run: a queued run at once, a started run after its current points.
 
         Raises:
             RefusedError: 409 if it neither waits nor runs.
@@ -210,7 +208,7 @@ class Supervisor:
             return run
 
     def resume(self, run_id: str, retry_failed: bool = False) -> Run:
-        """Put a run at rest into the queue again, for the points that are missing or, if asked for, failed.
+        """Queue a run at rest again, for its missing points and, with `retry_failed`, its failed points.
 
         Raises:
             RefusedError: 409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
@@ -229,14 +227,14 @@ class Supervisor:
             return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
     def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any], note: Callable[[], None]) -> Run:
-        """Put a run at rest into the queue with a checked upload in place of its own.
+        """Queue a run at rest with a checked upload that replaces its own.
 
         Args:
             run_id: Its id.
             upload: Folder with the files, moved to the run.
-            plan: Of the study in it.
-            note: Called after all checks, to store what the upload adds to the results; the run accepts no other
-                change meanwhile.
+            plan: Plan of its study.
+            note: Called after all checks, to store the additions of the upload; the run accepts no other change
+                meanwhile.
 
         Raises:
             RefusedError: 409 if it waits or runs, 413 if the queue is full.
@@ -253,9 +251,9 @@ class Supervisor:
             self._changing.discard(run_id)
 
     def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
-        """Put an upload in place of the one of a run, and queue it."""
+        """Replace the upload of a run, and queue the run."""
         own, before = (self.directory(run.id) / name for name in (UPLOAD, f".{UPLOAD}.old"))
-        shutil.rmtree(before, ignore_errors=True)  # left by a kill
+        shutil.rmtree(before, ignore_errors=True)  # left over from a kill
         if own.exists():
             own.rename(before)
         upload.rename(own)
@@ -264,7 +262,7 @@ class Supervisor:
         return self._put(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
-        """The run, unless its study may not grow (409): it waits or runs."""
+        """The run; RefusedError 409 if it waits or runs, so that its study may not grow."""
         with self._lock:
             run = self._unchanged(run_id)
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
@@ -272,7 +270,7 @@ class Supervisor:
             return run
 
     def annotate(self, run_id: str, changes: dict[str, Any]) -> Run:
-        """Change what people say about a run: name, owner, tags, note.
+        """Change the annotation of a run: name, owner, tags, note.
 
         Raises:
             RefusedError: 404 if there is no such run.
@@ -285,10 +283,10 @@ class Supervisor:
             return self._put(with_annotation(run, annotation))
 
     def delete(self, run_id: str, from_bin: bool = False) -> None:
-        """Put a run into the bin; said again, nothing more happens.
+        """Put a run into the bin; a second call changes nothing.
 
         Args:
-            from_bin: Whether a run that is in the bin is removed with its directory.
+            from_bin: Whether to remove a run in the bin, with its directory.
 
         Raises:
             RefusedError: 404 if there is no such run; 409 if a process is at work on it, or it is not in the bin yet.
@@ -323,21 +321,21 @@ class Supervisor:
             return run
 
     def _own(self, run_id: str) -> Run:
-        """A run that the service may stop and go on with."""
+        """A run that the service may stop and resume."""
         run = self._unchanged(run_id)
         if run.is_left_alone:
             raise RefusedError(409, f"the command line filled the directory {run.place}: change it there, or extend it")
         return run
 
     def _unchanged(self, run_id: str) -> Run:
-        """A run that takes no other study just now."""
+        """A run that is not taking another study now."""
         run = self.find(run_id)
         if run_id in self._changing:
             raise RefusedError(409, "this run takes a larger study just now: try again in a moment")
         return run
 
     def _put(self, run: Run) -> Run:
-        """Store a run whose state changed, and tell those who watch."""
+        """Store a run whose state changed, and publish it to watchers."""
         before = self._runs.get(run.id)
         if not self.settings.read_only:
             self._table.put(run)
@@ -347,7 +345,7 @@ class Supervisor:
         return run
 
     def _notify(self, run: Run) -> None:
-        """Pass on that a run has ended, beside the work of the supervisor: it may take half a minute."""
+        """Send the notification that a run has ended, in a thread of its own: it may take half a minute."""
         notifier = self.settings.notifier
         if notifier is None or self.settings.read_only:
             return
@@ -377,7 +375,7 @@ class Supervisor:
                 self._start_waiting()
 
     def _for_one(self, run: Run, step: Callable[[str], None]) -> None:
-        """Do something for a run; whatever goes wrong is the failure of this run, and the others go on."""
+        """Call a step for a run; an error fails this run only, and the others go on."""
         try:
             step(run.id)
         except StorageError as error:  # a full disk: the state is stored as soon as it can be
@@ -388,7 +386,7 @@ class Supervisor:
                 self._fail(run.id, f"the service cannot look after it ({type(error).__name__}: {error})")
 
     def _fail(self, run_id: str, message: str) -> None:
-        """End the process of a run if there is one, and store that it failed."""
+        """End the process of a run, if any, and store that the run failed."""
         with self._lock:
             run = self._runs.get(run_id)
             if run is None or run.state.at_rest:
@@ -399,14 +397,14 @@ class Supervisor:
             self._put(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))
 
     def _forget_work(self, run_id: str) -> None:
-        """Forget what is known of the process of a run that has ended."""
+        """Drop the data about the process of an ended run."""
         self._stop_by.pop(run_id, None)
         self._interrupted.discard(run_id)
         self._progress.pop(run_id, None)
         self._endings.pop(run_id, None)
 
     def _read_again(self) -> None:
-        """Take over what the server that runs studies in this folder has written."""
+        """Take over the changes of the server that runs studies in this folder."""
         if not self._table.is_changed():
             return
         rows = self._table.all()
@@ -445,28 +443,28 @@ class Supervisor:
                 return
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
-            if run.is_search and state is State.FINISHED:  # as many points as it took
+            if run.is_search and state is State.FINISHED:  # its points are now the total
                 counts = replace(counts, total=counts.finished + counts.failed)
             ended = run.changed(eta_seconds=None, retry_failed=False)
             self._put(ended.changed(state=state, message=message, counts=counts, steps=steps))
             self._forget_work(run_id)
 
     def _read_annotations(self) -> None:
-        """Take over what the command line wrote about runs."""
+        """Take over annotations that the command line wrote."""
         files = self._annotation_files
         for run_id, annotation in files.changed([(run.id, self.directory(run.id)) for run in self.all()]):
-            with self._lock:  # `annotate` may have been first
+            with self._lock:  # `annotate` may have changed it first
                 run = self._runs.get(run_id)
                 if run and run.annotation != annotation and files.is_current(run_id, self.directory(run_id)):
                     self._put(with_annotation(run, annotation))
 
     def _interrupt(self, run_id: str) -> None:
-        """Ask a run to stop, once: a second time would end it at once."""
+        """Ask a run to stop, only once: a second signal would end it at once."""
         if run_id not in self._interrupted and processes.stop_run(self.directory(run_id)):
             self._interrupted.add(run_id)
 
     def _hasten(self, run_id: str) -> None:
-        """Ask a run to stop that had only just started then, and end one that was asked to and did not."""
+        """Repeat the stop for a run that had just started, and kill a run that did not stop in time."""
         if self._runs[run_id].state is State.STOPPING:
             self._interrupt(run_id)
             due = self._stop_by.setdefault(run_id, time.monotonic() + _PATIENCE)
@@ -475,7 +473,7 @@ class Supervisor:
                 processes.kill_run(self.directory(run_id))
 
     def _start_waiting(self) -> None:
-        """Start the runs that have waited longest, as many as may be at work."""
+        """Start the runs that have waited longest, up to the limit of simultaneous runs."""
         with self._lock:
             for run in [run for run in self._runs.values() if run.state is State.QUEUED]:
                 if sum(other.state.alive for other in self._runs.values()) >= self.settings.limits.running:
@@ -484,7 +482,7 @@ class Supervisor:
 
     def _start(self, run_id: str) -> None:
         run, directory = self._runs[run_id], self.directory(run_id)
-        self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
+        self._put(run.changed(state=State.RUNNING))  # before the start: after a kill here, the run is seen to be dead
         try:
             remove_report(directory)
             if run.is_search:

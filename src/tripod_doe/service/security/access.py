@@ -1,7 +1,7 @@
 """Who asks, and what is open to them: the owner, readers with a token of their own, and links to one run.
 
-Each client's addresses begin with a part that only this client knows: whoever knew it could make the client's browser
-send its cookie to another server (`sessions`). Keys to pages of reports depend on it, too, and end with it.
+Each client's addresses begin with a secret part: whoever knew it could make the client's browser send its cookie to
+another server (`sessions`). Keys to pages of reports also depend on this part, and expire with it.
 """
 
 import base64
@@ -29,10 +29,10 @@ class Access:
 
     name: str  # owner, reader, or the id of a share
     settings: Settings  # of the server as this client sees it
-    is_open: Callable[[], bool] = lambda: True  # whether it has not ended meanwhile
+    is_open: Callable[[], bool] = lambda: True  # False once the access has ended
 
     def check(self, method: str, place: str) -> None:
-        """Refuse (403) what is not open to this client.
+        """Refuse (403) an address that this client may not use.
 
         Args:
             place: The address without the first part.
@@ -46,7 +46,7 @@ class Access:
 
 
 class Accesses:
-    """All who may ask.
+    """All accesses: the owner, readers and links.
 
     Args:
         settings: Of the server.
@@ -55,12 +55,12 @@ class Accesses:
 
     def __init__(self, settings: Settings, shares: Shares) -> None:
         self._settings, self._shares = settings, shares
-        self._of_shares: dict[str, Access] = {}  # cached: every request compares with all of them
+        self._of_shares: dict[str, Access] = {}  # cached: each request is compared with all of them
         self.owner = Access(OWNER, settings)
         self._reader = Access(READER, self._seen(READER)) if settings.read_token else None
 
     def by_token(self, given: str) -> Access | None:
-        """Who presents a token, or the secret of a link; None for a wrong one."""
+        """The access of a token or of a link's secret; None if it is wrong."""
         if _equal(given, self._settings.token):
             return self.owner
         if self._reader and _equal(given, self._settings.read_token):
@@ -69,13 +69,13 @@ class Accesses:
         return self._of_share(share.id, share.run_id) if share else None
 
     def by_first_part(self, part: str) -> Access | None:
-        """To whom a first part of addresses belongs."""
+        """The access with this first part of addresses."""
         if not part.startswith(FIRST_PART):
             return None
         return next((access for access in self._all() if _equal(part, access.settings.root)), None)
 
     def by_report(self, place: str) -> Access | None:
-        """Whose key an address of a page of a report holds."""
+        """The access whose key is in the address of a report's page."""
         return next((access for access in self._all() if is_report_address(place, access.settings)), None)
 
     def _all(self) -> Iterator[Access]:

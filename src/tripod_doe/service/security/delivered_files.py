@@ -12,12 +12,12 @@ from tripod_doe.service.problems import RefusedError
 
 
 def check_delivered(directory: Path, found: bool) -> None:
-    """Refuse a result directory from which a client could get what its owner keeps elsewhere, or keeps private.
+    """Refuse a result directory that could give a client the owner's files from elsewhere, or private files.
 
-    The server runs as one user and answers others who have the token. It delivers regular files that this user owns,
-    from directories that no other user can change, so that a checked file is still the same when it is opened.
-    Nothing is delivered through a symbolic link. Where a directory that the command line filled is open to other users
-    of the machine, a file that is closed to them was closed on purpose.
+    The server runs as one user and answers everyone who has the token. It delivers regular files that this user owns,
+    from directories that no other user can change, so that a checked file is the same when it is opened. It follows no
+    symbolic link. If a directory that the command line filled is readable for other users of the machine, a file that
+    they cannot read is private on purpose.
 
     Args:
         found: Whether the command line filled it.
@@ -30,15 +30,15 @@ def check_delivered(directory: Path, found: bool) -> None:
         for path, state in _entries(directory):
             if reason := _refusal(state, top, found):
                 raise RefusedError(403, f"{path.relative_to(directory.parent)}: {reason}")
-    except OSError:  # it is being deleted, or not yet there: what reads it says so
+    except OSError:  # being deleted, or not there yet: its reader reports that
         return
 
 
 def file_within(folder: Path, place: str) -> Path | None:
-    """The file in a folder that an address names; None where there is none, as where no file can have such a name."""
+    """The file in a folder that an address names; None if there is none, or the name is impossible."""
     path = Path(os.path.normpath(folder / place))
     if not path.is_relative_to(folder) or any(part.startswith(".") for part in path.relative_to(folder).parts):
-        return None  # hidden files are not checked, so none is delivered
+        return None  # hidden files are not checked, so they are not delivered
     try:
         there = path.is_file()
     except OSError:  # a name that is too long
@@ -47,7 +47,7 @@ def file_within(folder: Path, place: str) -> Path | None:
 
 
 def _refusal(state: os.stat_result, top: os.stat_result, found: bool) -> str:
-    """The reason for which an entry is not delivered; empty if it is."""
+    """The reason why an entry is not delivered; empty if it is delivered."""
     if stat.S_ISLNK(state.st_mode):
         return "a symbolic link, and none is followed: put the file itself there"
     if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode)):
@@ -63,7 +63,7 @@ def _refusal(state: os.stat_result, top: os.stat_result, found: bool) -> str:
 
 
 def is_open_to_change(state: os.stat_result) -> bool:
-    """Whether other users can write to a file or add to a directory; the group of one user is no other user."""
+    """Whether other users can write to a file or add to a directory; a group with this user alone does not count."""
     if state.st_mode & stat.S_IWOTH:
         return True
     return bool(state.st_mode & stat.S_IWGRP) and not _is_own_group(state.st_gid)
@@ -71,7 +71,7 @@ def is_open_to_change(state: os.stat_result) -> bool:
 
 @cache
 def _is_own_group(group: int) -> bool:
-    """Whether a group has this user as its only member, as many systems make one for each user."""
+    """Whether this user is the group's only member; many systems make such a group for each user."""
     try:
         entry, own = grp.getgrgid(group), pwd.getpwuid(os.geteuid())
     except KeyError:
@@ -85,7 +85,7 @@ def _is_private(state: os.stat_result) -> bool:
 
 
 def _entries(directory: Path) -> Iterator[tuple[Path, os.stat_result]]:
-    """The directory and all in it that is not hidden, links not followed."""
+    """The directory and all entries in it that are not hidden, without following links."""
     waiting = [directory]
     while waiting:
         path = waiting.pop()

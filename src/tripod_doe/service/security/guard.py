@@ -1,7 +1,7 @@
 """The guard of every request: host, token, origin, content type and size are checked before anything reads it.
 
-A browser on this machine also shows pages of strangers, which can send requests here. So every route checks the name by
-which it is called (a name that a stranger rebinds would make his page ours), a token that strangers lack, and for
+A browser on this machine also shows pages of strangers, which can send requests here. So the guard checks the host name
+of each request (with a rebound name, a stranger's page would count as ours), the token, which strangers lack, and for
 changes the page that sends the request.
 """
 
@@ -31,7 +31,7 @@ API = "/api/v1"
 """Where the routes of the interface start."""
 
 _OPEN = f"{API}/health"
-_WITH_FILES = ("/compare", "/plans", "/price", "/runs", "/extend")  # ends of addresses whose bodies may hold tables
+_WITH_FILES = ("/compare", "/plans", "/price", "/runs", "/extend")  # endings of addresses whose bodies may hold tables
 _PUBLIC = ("/assets/", "/help/")
 _TOKENS = ("token", "share")
 _SAFE = ("GET", "HEAD", "OPTIONS")
@@ -52,17 +52,17 @@ _HEADERS = (
     (b"cross-origin-opener-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
 )
-"""Of every answer that does not bring its own."""
+"""Headers of every answer that does not set its own."""
 
 
 def _share_of(scope: Scope) -> tuple[str, bool] | None:
-    """The reader that asks, and whether for a stream of events; None for the owner, and where no access is needed."""
+    """The reader that sends a request, and whether it wants an event stream; None for the owner or without access."""
     access: Access | None = scope["access"]
     return None if access is None or access.name == OWNER else (access.name, scope["path"].endswith("/events"))
 
 
 async def _send_in_pieces(send: Send, message: Message) -> None:
-    """Send an answer as fast as it is read: uvicorn keeps all of a part that it was given."""
+    """Send an answer in pieces, as fast as the client reads: uvicorn buffers each piece completely."""
     body = message.get("body", b"")
     if message["type"] != "http.response.body" or len(body) <= _PIECE:
         await send(message)
@@ -73,7 +73,7 @@ async def _send_in_pieces(send: Send, message: Message) -> None:
 
 
 def allowed_hosts(host: str) -> frozenset[str]:
-    """Names by which a server that listens on a host may be called; where it listens everywhere, also any address."""
+    """Host names allowed in requests to a server that listens on `host`; also any address if it listens everywhere."""
     names = {*LOOPBACK, host.lower()}
     if host in _ANYWHERE:
         names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
@@ -81,11 +81,11 @@ def allowed_hosts(host: str) -> frozenset[str]:
 
 
 class Guard:
-    """Middleware that checks every request, and gives every answer the headers that keep browsers strict.
+    """Middleware that checks every request, and adds security headers to every answer.
 
     Args:
-        refusal_answer: (request, refusal, settings, root) -> answer, a page where a person asked for one.
-        accesses: Who may ask.
+        refusal_answer: (request, refusal, settings, root) -> answer, a page if a person asked for one.
+        accesses: All who may send requests.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Guard:
         self._any_address = settings.host in _ANYWHERE
         self._turns: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(_AT_ONCE))
         self._readers = asyncio.Semaphore(_READERS_AT_ONCE)
-        self._open: Counter[tuple[str, bool]] = Counter()  # requests by who asks, streams of events apart
+        self._open: Counter[tuple[str, bool]] = Counter()  # open requests per reader; event streams counted separately
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -113,7 +113,7 @@ class Guard:
         headers = Headers(scope=scope)
         try:
             self._check_host(headers)
-            if not scope["path"].isprintable():  # no name of anything holds one
+            if not scope["path"].isprintable():  # no valid name contains such a character
                 raise RefusedError(404, "the address holds a control character")
             inside = self._enter(scope)
             if response := self._welcome(scope, inside):
@@ -127,7 +127,7 @@ class Guard:
                 receive = _again(await self._body(scope, headers, receive))
             self._refuse_crowd(scope)
         except RefusedError as refusal:
-            if refusal.status == 401:  # a person may read it
+            if refusal.status == 401:  # a person may read the answer
                 answer = self._refusal_answer(HTTPConnection(scope), refusal, self._settings, "")
             else:
                 answer = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
@@ -136,7 +136,7 @@ class Guard:
         await self._answer(scope, receive, send)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let the application answer; say so where the server ends before: uvicorn would send a bare 500."""
+        """Let the application answer; if the server ends first, say so: uvicorn would send a bare 500."""
         begun = False
 
         async def noted(message: Message) -> None:
@@ -147,7 +147,7 @@ class Guard:
         try:
             async with self._turn(scope):
                 left = left_of(scope)
-                if left is None or not left.is_set():  # who has left gets no answer when the turn comes
+                if left is None or not left.is_set():  # a client that has left gets no answer on its turn
                     await self._app(scope, receive, noted)
         except BaseExceptionGroup as group:
             if not begun or group.split(BrokenResourceError)[1] is not None:
@@ -160,14 +160,14 @@ class Guard:
 
     @asynccontextmanager
     async def _turn(self, scope: Scope) -> AsyncIterator[None]:
-        """Let readers wait for each other: they take no thread and no connection that the owner needs."""
+        """Queue readers behind each other, so that the owner always has free threads and connections."""
         if (mine := _share_of(scope)) is None:
             yield
             return
         name, streams = mine
         self._open[mine] += 1
         try:
-            if streams:  # they hold no thread
+            if streams:  # streams hold no thread
                 yield
                 return
             async with self._turns[name], self._readers:
@@ -176,7 +176,7 @@ class Guard:
             self._open[mine] -= 1
 
     def _refuse_crowd(self, scope: Scope) -> None:
-        """Refuse what a reader asks for while too much of what it asked for before is not answered."""
+        """Refuse a reader's request while it has too many open requests."""
         mine = _share_of(scope)
         if mine is not None and self._open[mine] >= _MOST_WAITING:
             what = "event streams are open" if mine[1] else "requests are not answered yet"
@@ -193,7 +193,7 @@ class Guard:
         raise RefusedError(400, "Host: this server is not called by this name; use the address that it printed")
 
     def _enter(self, scope: Scope) -> Access | None:
-        """Take the first part from the address of a page; gives to whom it belongs."""
+        """Remove the first part from the address of a page; return the access it belongs to."""
         inside = self._accesses.by_first_part("/" + scope["path"][1:].partition("/")[0])
         scope["root_path"] = inside.settings.root if inside else ""
         return inside
@@ -219,15 +219,15 @@ class Guard:
         return response
 
     def _is_open(self, scope: Scope) -> bool:
-        """Whether an address needs no token: the sign of life, assets, documentation."""
+        """Whether an address needs no token: health, assets, documentation."""
         place = _place(scope)
         return place == _OPEN or (scope["method"] in _SAFE and place.startswith(_PUBLIC))
 
     def _access(self, scope: Scope, headers: Headers, inside: Access | None) -> Access | None:
-        """Who asks: by a token, by the key in the address of a report's page, or by a session; None for nobody.
+        """The access of a request, from a token, the key in a report page's address, or a session; None without one.
 
         Raises:
-            RefusedError: 403 for what is not open to who asks.
+            RefusedError: 403 if this access may not use the address.
         """
         method, place = scope["method"], _place(scope)
         kind, _, given = headers.get("authorization", "").partition(" ")
@@ -256,7 +256,7 @@ class Guard:
             raise RefusedError(403, "Sec-Fetch-Site: changes are taken from this server's own pages only")
 
     async def _body(self, scope: Scope, headers: Headers, receive: Receive) -> bytes:
-        """The whole body, of the right type and within its limits."""
+        """The whole body, checked for its type and size."""
         kind = headers.get("content-type")
         if kind is not None and kind.partition(";")[0].strip().lower() != "application/json":
             raise RefusedError(415, f"Content-Type: {kind[:100]}: application/json is needed")
@@ -286,7 +286,7 @@ class Guard:
 
 
 def _start(access: Access) -> str:
-    """Where somebody comes in: at the list of runs, or at the only one."""
+    """The first page after signing in: the list of runs, or the only run."""
     return f"/runs/{access.settings.only_run}" if access.settings.only_run else "/"
 
 
@@ -314,7 +314,7 @@ def _is_address(name: str) -> bool:
 
 
 def _again(body: bytes) -> Receive:
-    """A channel that gives a body that was read, then the end of the connection."""
+    """A channel that returns the received body, then the end of the connection."""
     sent = False
     gone = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""Keys to the pages of one run: a page in a sandbox sends no cookie, so what it links to carries a key."""
+"""Keys to the pages of one run: a page in a sandbox sends no cookie, so its links contain a key."""
 
 import hashlib
 import hmac

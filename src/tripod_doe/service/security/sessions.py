@@ -1,10 +1,10 @@
-"""Sessions of browsers: a cookie that is worth nothing outside the addresses of this server.
+"""Sessions of browsers: a cookie that is useless outside the addresses of this server.
 
-Browsers send a cookie to every port of a host, so another server on this machine sees a cookie as soon as somebody
-opens one of its pages; and whatever headers a browser adds, a program that has the cookie can add, too. Two secrets are
-therefore needed together: the cookie, and the first part of the address of every page (`Settings.root`), which is
-random and made at each start. The cookie is bound to that part by its path: a browser does not send it to an address
-without it, whatever the port. Navigation, images, event streams and downloads present both without a script.
+Browsers send a cookie to every port of a host, so another server on this machine sees it as soon as somebody opens a
+page of that server; and a program with the cookie can imitate any header of a browser. So a session needs two secrets:
+the cookie, and the first part of every page's address (`Settings.root`), which is random and new at each start. The
+cookie's path is that part: a browser does not send the cookie to an address without it, whatever the port.
+Navigation, images, event streams and downloads send both secrets without a script.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from collections.abc import Callable
 LIFETIME = 12 * 3600
 """Seconds from signing in to the end of a session."""
 
-_MOST = 200  # sessions of one access at the same time: its oldest ends for a new one
+_MOST = 200  # sessions per access at the same time: a new one ends the oldest
 
 
 class Sessions:
@@ -24,19 +24,19 @@ class Sessions:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        # end and access by a hash: no comparison of secrets takes more time for a better guess
+        # end and access by the cookie's hash: a better guess does not take longer to compare
         self._ends: dict[bytes, tuple[float, str]] = {}
         self._closed = False
         self._lock = threading.Lock()
 
     def open(self, access: str) -> str:
-        """Begin a session of an access, by its name; gives the value of its cookie."""
+        """Start a session of the access with this name; return the value of its cookie."""
         value = secrets.token_urlsafe(32)
         with self._lock:
             now = self._clock()
             self._ends = {key: end for key, end in self._ends.items() if end[0] > now}
             own = [key for key, (_, of) in self._ends.items() if of == access]
-            if len(own) >= _MOST:  # of others none ends: who has a link must not sign the owner out
+            if len(own) >= _MOST:  # only its own: a link's user must not sign the owner out
                 del self._ends[own[0]]
             if not self._closed:
                 self._ends[_hash(value)] = now + LIFETIME, access
@@ -48,7 +48,7 @@ class Sessions:
         return of == access and ends > self._clock()
 
     def close(self) -> None:
-        """End all sessions, and begin no more."""
+        """End all sessions, and start no more."""
         with self._lock:
             self._closed = True
             self._ends = {}

@@ -1,6 +1,6 @@
 """Links that open one run for reading, until they expire or are revoked.
 
-Only a hash of each link's secret is kept, in a file for the server's user alone: who reads it cannot open anything.
+The file keeps only a hash of each link's secret, and is private: whoever reads it cannot open anything.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ _DAY = 86_400.0
 class Share:
     """A link to one run."""
 
-    id: str  # what it is called; no secret
+    id: str  # its public name, no secret
     run_id: str
     digest: str  # hash of the secret in the link
     # created, expires: seconds since 1970
@@ -64,7 +64,7 @@ class Shares:
         return {row["id"]: Share(**row) for row in rows}
 
     def _state_now(self) -> tuple[int, int] | None:
-        """By which a file that another server has written is known; None where there is none."""
+        """State that shows whether another server has written the file; None if there is no file."""
         try:
             state = self._path.stat()
         except OSError:
@@ -72,7 +72,7 @@ class Shares:
         return (state.st_ino, state.st_mtime_ns) if stat.S_ISREG(state.st_mode) else None
 
     def _known(self) -> dict[str, Share]:
-        """All that are not revoked, also by another server of the folder; none where the file cannot be read."""
+        """All links that no server of the folder has revoked; empty if the file cannot be read."""
         state = self._state_now()
         if state != self._state:
             try:
@@ -107,7 +107,7 @@ class Shares:
             self._store({key: other for key, other in known.items() if key != share_id})
 
     def by_secret(self, given: str) -> Share | None:
-        """The open link with a secret; hashes are looked up, so that no answer takes longer for a better guess."""
+        """The open link with a secret; compares hashes, so that a better guess does not take longer."""
         digest = _hash(given)
         share = next((share for share in self._known().values() if share.digest == digest), None)
         return share if share and self.is_open(share.id) else None

@@ -1,4 +1,4 @@
-"""Processes forked from one that has imported what they need: workers of the service, and runs that outlive it."""
+"""Processes forked from a process with all imports done: workers of the service, and runs that outlive it."""
 
 import atexit
 import multiprocessing
@@ -17,7 +17,7 @@ from typing import Any
 
 from tripod_doe.study.execution.child_process import shorten_temporary_folder
 
-_MOST_FILES = 4096  # numbers of open files that a run closes
+_MOST_FILES = 4096  # file descriptors that a run closes
 
 shorten_temporary_folder()
 context = multiprocessing.get_context("forkserver")
@@ -32,7 +32,7 @@ def start_process(target: Callable[..., None], *arguments: Any) -> BaseProcess:
 
 
 def end_fork_server() -> None:
-    """End the process that forks now: by itself it would finish its imports first. Runs go on."""
+    """End the fork server now: by itself it would first finish its imports. Runs go on."""
     pid: int | None = getattr(forkserver._forkserver, "_forkserver_pid", None)
     if pid is not None:
         with suppress(ProcessLookupError):
@@ -44,16 +44,16 @@ def start_program(
 ) -> threading.Thread:
     """Run a module as a program in a process and a session of its own, which outlives this one.
 
-    The process that forks may have to be started first, which takes seconds: a thread waits for that, and writes into
-    the log if the program cannot be started.
+    The fork server may have to start first, which takes seconds: a thread waits for it, and writes into the log if the
+    program cannot be started.
 
     Args:
         module: Full name of the module.
-        log: File for what it says.
-        lock: An open file, closed here, into which the process writes its number and a line end; it holds it until it
-            ends, and what it starts itself does not.
-        niceness: How much later than others it gets its turn on a busy machine; see `os.nice`.
-        memory_bytes: Address space of the process, and of each that it starts.
+        log: File for its output.
+        lock: An open file, closed here, into which the process writes its number and a line end; the process holds the
+            file until it ends, its child processes do not.
+        niceness: Scheduling priority below other processes on a busy machine; see `os.nice`.
+        memory_bytes: Address space of the process, and of each child process.
 
     Returns:
         Ends when the program has started.
@@ -80,20 +80,20 @@ def _start(module: str, words: list[str], log: Path, lock: int, niceness: int, m
 
 
 def lead_group() -> None:
-    """Make this process lead a session of its own, whose files are its owner's alone."""
+    """Make this process lead a new session; its new files are private to its owner."""
     os.setsid()
     os.umask(0o077)
 
 
 def limit_memory(size: int) -> None:
-    """Limit the address space of this process and of those that it starts, in bytes; a lower limit stays."""
+    """Limit the address space of this process and its child processes, in bytes; a lower limit stays."""
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     size = size if most == resource.RLIM_INFINITY else min(size, most)
     resource.setrlimit(resource.RLIMIT_AS, (size, size))
 
 
 def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int, memory_bytes: int) -> None:
-    """Fork once more: the process that multiprocessing knows, and waits for, ends here."""
+    """Fork once more: the process that multiprocessing waits for ends here."""
     held = lock.detach()
     if os.fork():
         return
@@ -104,7 +104,7 @@ def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int, m
     os.closerange(3, held)  # the fork server goes on as long as anybody keeps its files
     os.closerange(held + 1, _MOST_FILES)
     os.set_inheritable(held, False)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # which the fork server ignores
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the fork server ignores this signal
     os.nice(niceness)
     limit_memory(memory_bytes)
     os.write(held, f"{os.getpid()}\n".encode())  # from now on it can be asked to stop
@@ -113,4 +113,4 @@ def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int, m
     try:
         runpy.run_module(module, run_name="__main__", alter_sys=True)
     finally:
-        atexit._run_exitfuncs()  # which multiprocessing leaves out
+        atexit._run_exitfuncs()  # multiprocessing does not call them

@@ -1,4 +1,4 @@
-"""Imports of nearly all workers and runs, done once in the process from which they are forked.
+"""Imports that nearly all workers and runs need, done once in the process from which they are forked.
 
 It must not start a thread: a process with threads must not fork.
 """
@@ -12,6 +12,6 @@ import dask.array  # noqa: F401 - which xarray imports with the first cube
 import netCDF4  # noqa: F401
 from numba.core.registry import cpu_target
 
-cpu_target.target_context.refresh()  # what numba does before it loads the first kernel
+cpu_target.target_context.refresh()  # numba does this before it loads the first kernel
 gc.collect()
-gc.freeze()  # what is shared is neither looked through nor copied
+gc.freeze()  # the collector then does not scan shared objects, which would copy their pages

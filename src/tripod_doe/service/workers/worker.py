@@ -1,7 +1,7 @@
-"""The process of a worker: questions come in, answers or refusals go out, one at a time.
+"""The process of a worker: it receives questions and sends answers or refusals, one at a time.
 
-A question names a function of the service by its place (``workers.worker_functions:plan``). Bodies of requests are
-read here and nowhere else, so that no text can hold up the server.
+A question names a function of the service (``workers.worker_functions:plan``). Only workers parse bodies of requests,
+so that no text can block the server.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ _LONGEST_TRACEBACK = 8_000
 _OF_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 Reply = tuple[str, Any]
-"""``"answer"`` with it, ``"refused"`` with status and problems, ``"full"`` with what cannot be written, or ``"failed"``
-with what the log should hold."""
+"""``"answer"`` with the answer, ``"refused"`` with status and problems, ``"full"`` with the name that cannot be
+written, or ``"failed"`` with text for the log."""
 
 
 def serve(connection: Connection[Any, Any], memory_bytes: int) -> None:
-    """Answer until the connection ends."""
+    """Answer questions until the connection ends."""
     lead_group()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all processes of a terminal
-    os.dup2(sys.stderr.fileno(), 1)  # what functions print
+    os.dup2(sys.stderr.fileno(), 1)  # output that functions print
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     limit_memory(memory_bytes)
     while True:
@@ -44,7 +44,7 @@ def serve(connection: Connection[Any, Any], memory_bytes: int) -> None:
         except EOFError:
             return
         end = math.ceil(time.process_time() + seconds)
-        resource.setrlimit(resource.RLIMIT_CPU, (end, resource.RLIM_INFINITY))  # the system ends what takes longer
+        resource.setrlimit(resource.RLIMIT_CPU, (end, resource.RLIM_INFINITY))  # the system ends longer work
         connection.send(_reply(place, arguments, as_json))
 
 

@@ -37,11 +37,11 @@ from tripod_doe.service.requests.uploads import (
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 _MOST_AT_ONCE = 50_000  # cells of a small query: 4 MB of JSON
-_SAMPLE = 1_000  # rows by which the size of an answer is estimated
+_SAMPLE = 1_000  # rows from which the size of an answer is estimated
 
 
 def plan(body: bytes, limits: Limits) -> Any:
-    """Price of what was sent; see `plans`."""
+    """Price of an upload; see `plans`."""
     from tripod_doe.service.requests.plans import plan_upload
 
     request = read_form(body, PlanRequest, limits.nesting)
@@ -54,19 +54,19 @@ def plan(body: bytes, limits: Limits) -> Any:
 
 
 def _write(body: bytes, texts: Mapping[str, str], folder: Path, limits: Limits) -> None:
-    """Write the texts of a request into a folder of their own, if they keep the limits."""
+    """Write the texts of a request into a new folder, if they are within the limits."""
     refuse_large_texts(len(body), texts, limits)
     refuse_many_files(texts, limits)
     write_upload(folder, texts)
 
 
 def wants_timing(body: bytes, limits: Limits) -> bool:
-    """Whether a plan is to time points, which needs more time."""
+    """Whether a plan must time points, which takes longer."""
     return read_form(body, PlanRequest, limits.nesting).timing
 
 
 def check(body: bytes, folder: str, limits: Limits) -> Any:
-    """Write what was sent into a folder, check it and count its points; gives these and a hash of the request."""
+    """Write an upload into a folder, check it and count its points; return the counts and a hash of the request."""
     request = read_form(body, Submission, limits.nesting).model_dump()
     kind, texts = upload_texts(request)
     with _pointing_into(texts):
@@ -75,7 +75,7 @@ def check(body: bytes, folder: str, limits: Limits) -> Any:
 
 
 def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
-    """Check the larger version of a study whose results are in a directory; anything but growth is refused."""
+    """Check the larger version of a study with results in a directory; refuse any change other than growth."""
     kind, texts = upload_texts(read_form(body, Submission, limits.nesting).model_dump())
     if kind != "study":
         raise RefusedError(409, "only the run of a study can be extended, by a study")
@@ -83,14 +83,14 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
 
 
 def derive(body: bytes, folder: str, path: str, texts: Mapping[str, str], limits: Limits) -> Any:
-    """Check variables by formula against the results in a directory, and write its texts with them into a folder."""
+    """Check variables by formula against the results in a directory; write the extended texts into a folder."""
     asked = read_form(body, Derivation, limits.nesting)
     texts = _with_responses(texts, asked.responses, asked.drop)
     return _extended(body, texts, Path(folder), path, limits, timing=False)
 
 
 def note_derived(body: bytes, path: str, limits: Limits) -> None:
-    """Remember variables by formula, which `derive` has checked, with the results in a directory."""
+    """Store variables by formula, which `derive` has checked, with the results in a directory."""
     from tripod_doe.study.result_directory.directory import ResultDirectory
 
     asked = read_form(body, Derivation, limits.nesting)
@@ -153,7 +153,7 @@ def plan_directory(path: str, limits: Limits) -> Any:
 
 
 def changes(body: bytes, limits: Limits) -> Any:
-    """What a request changes of what people write about a run."""
+    """Changes that a request makes to the annotation of a run."""
     return read_form(body, RunChange, limits.nesting).model_dump(exclude_none=True)
 
 
@@ -179,7 +179,7 @@ def simulate(body: bytes, limits: Limits) -> Any:
 
 
 def small_query(path: str, variable: str, select: list[str], nearest: bool, **more: Any) -> bytes | None:
-    """The same as `query` where the answer is small; None where it is not, for which another worker is to be asked."""
+    """The answer of `query` if it is small; None if it is large, and the worker for large answers must be asked."""
     from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count
 
@@ -250,7 +250,7 @@ def _refuse_large(size: int, limits: Limits) -> None:
 
 
 def _without_formulas(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """A column whose texts no spreadsheet takes for formulas: an apostrophe in front makes them texts there, too."""
+    """A column whose texts no spreadsheet reads as formulas: an apostrophe in front keeps them texts."""
     if column.dtype.kind not in "OUT":
         return column
     return np.array([_without_formula(value) for value in column.tolist()], dtype=object)
@@ -298,7 +298,7 @@ def analyses(paths: dict[str, str]) -> Any:
 
 
 def base(path: str, kind: str, candidate: int | None) -> str:
-    """The joint that a search gave, as [base] to paste into a study: of a front that of a candidate, or of its knee."""
+    """The joint of a search's result, as [base] to paste into a study; of a front, one candidate or the knee."""
     from tripod_doe.analyses.optimisation.candidates import base_of, knee_of
     from tripod_doe.study.cube.lazy_dataset import read_dataset
 
@@ -330,7 +330,7 @@ def choice(folder: str, path: str) -> Any:
 
 
 def study_form(body: bytes, limits: Limits) -> Any:
-    """A study file that was sent as the fields of a form."""
+    """The form fields of a submitted study file."""
     from tripod_doe.service.requests.study_form import study_form
 
     text = read_form(body, StudyText, limits.nesting).study
@@ -364,24 +364,24 @@ def simulated(body: bytes, limits: Limits) -> Any:
 
 
 def lay_over(path: str, body: bytes, limits: Limits) -> Any:
-    """A measurement over a point of a cube, in words and figures."""
+    """A measurement compared with a point of a cube, in words and figures."""
     from tripod_doe.service.explorer.measurements import lay_over
 
     return lay_over(path, **read_form(body, Comparison, limits.nesting).model_dump())
 
 
 def preview(body: bytes, limits: Limits) -> Any:
-    """Headings and first rows of an uploaded measurement, and what is taken for what."""
+    """Headings and first rows of an uploaded measurement, and the column assigned to each heading."""
     from tripod_doe.service.explorer.measurements import preview
 
     return preview(read_form(body, Table, limits.nesting).measurement)
 
 
 def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
-    """What a larger study adds to results: ``new_points``, and their ``cpu_seconds``; None where a pilot decides.
+    """Additions of a larger study: ``new_points`` and their ``cpu_seconds``; None if a pilot decides.
 
     Raises:
-        InputError: If it did not only grow.
+        InputError: If the study changed in any way other than growth.
     """
     from tripod_doe.analyses.multifidelity.study_split import needs_split, with_samples_so_far
     from tripod_doe.service.requests.plans import price_of
@@ -417,7 +417,7 @@ def _netcdf_bytes(dataset: Any) -> bytes:
 
 @contextmanager
 def _pointing_into(texts: Mapping[str, str]) -> Iterator[None]:
-    """Give complaints the lines and columns of the texts that they are about."""
+    """Add to complaints the line and column in their text."""
     try:
         yield
     except InputError as error:
@@ -426,7 +426,7 @@ def _pointing_into(texts: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _plain_names(folder: Path) -> Iterator[None]:
-    """Let complaints call the files of a folder by their plain names."""
+    """Let complaints use the plain names of files in a folder."""
     try:
         yield
     except InputError as error:

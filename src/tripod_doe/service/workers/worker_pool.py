@@ -1,8 +1,8 @@
 """Worker processes that answer questions: plans, simulated points, queries and comparisons.
 
-A kernel, a large cube or a hostile text then neither stops the server nor takes its memory: an answer that takes too
-long ends with its process, and the next question gets another one. `concurrent.futures.ProcessPoolExecutor` cannot do
-that: when one of its processes is killed, all that the others have at work fails, too.
+A kernel, a large cube or a hostile text then neither stops the server nor fills its memory: if an answer takes too
+long, its process is killed, and the next question gets a new process. `concurrent.futures.ProcessPoolExecutor` cannot
+do that: when one of its processes is killed, the work of all others fails, too.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.workers.forking import context, start_process
 from tripod_doe.service.workers.worker import serve
 
-_MOMENT = 1.0  # seconds until the end of a process is known that has closed its connection
-_PATIENCE = 4  # times its limit of CPU time that an answer may take by the clock
-_LOOK = 0.25  # seconds between two looks whether the client is still there
-_GRACE = 2.0  # seconds that an answer gets whose client leaves: a new process and cubes opened anew may cost more
+_MOMENT = 1.0  # seconds to wait for the exit code of a process that has closed its connection
+_PATIENCE = 4  # most wall time of an answer, as a multiple of its CPU time limit
+_LOOK = 0.25  # seconds between two checks whether the client is still there
+_GRACE = 2.0  # seconds for an answer whose client has left: a new process that opens its cubes again may cost more
 
 
 class AllBusyError(Exception):
-    """All workers are at work, and stayed so, or too many questions wait for them."""
+    """All workers stayed busy, or too many questions wait for them."""
 
 
 class LateError(RefusedError):
-    """An answer that took more than its time (413)."""
+    """An answer that exceeded its time limit (413)."""
 
 
 class ClientLeftError(RefusedError):
-    """A question whose client does not wait for the answer any more."""
+    """A question whose client no longer waits for the answer."""
 
     def __init__(self) -> None:
         super().__init__(400, "the client went away")
@@ -48,7 +48,7 @@ class WorkerFailedError(Exception):
 
 
 class ServerEndsError(Exception):
-    """The server ends before there is an answer."""
+    """The server ends before the answer is ready."""
 
 
 class WorkerPool:
@@ -56,8 +56,8 @@ class WorkerPool:
 
     Args:
         count: Number of processes.
-        patience: Seconds for which a question waits for a worker that is free.
-        waiting: Questions that may wait; each holds a thread of the server, and others need some, too.
+        patience: Seconds for which a question waits for a free worker.
+        waiting: Most waiting questions; each holds a thread of the server, and other requests also need threads.
 
     Attributes:
         threads: Threads of the server that its questions can hold.
@@ -83,13 +83,13 @@ class WorkerPool:
         """Ask a question, and wait for the answer.
 
         Args:
-            question: Place of a function, as ``workers.worker_functions:plan``.
+            question: Path of a function, such as ``workers.worker_functions:plan``.
             seconds: CPU time for the answer.
-            as_json: Whether the answer is wanted as the bytes of its JSON, which are then made by the worker.
-            left: Set when the client leaves: a question that waits is dropped, and long work on it is ended.
+            as_json: Whether the worker must return the answer as JSON bytes.
+            left: Set when the client leaves: a waiting question is dropped, and long work on it is ended.
 
         Raises:
-            RefusedError: What the function refused.
+            RefusedError: If the function refuses.
             ClientLeftError: If the client has left.
             LateError: If the answer takes too long.
             StorageError: If the disk is full.
@@ -105,7 +105,7 @@ class WorkerPool:
             self._free.put(worker)
 
     def _free_worker(self, left: threading.Event) -> _Worker:
-        """Take a worker that is free, or becomes free in time."""
+        """Take a free worker, or wait for one within `patience`."""
         if left.is_set():
             raise ClientLeftError
         with suppress(queue.Empty):
@@ -131,7 +131,7 @@ class WorkerPool:
 
 
 def _pauses(seconds: float, left: threading.Event, grace: float = 0.0) -> Iterator[float]:
-    """Pauses that are some seconds together; ClientLeftError where the client has left after one, and after a grace."""
+    """Pauses that add up to `seconds`; ClientLeftError once the client has left and a grace period has passed."""
     start = time.monotonic()
     while (spent := time.monotonic() - start) < seconds:
         if spent >= grace and left.is_set():
@@ -146,7 +146,7 @@ class _Worker:
         self._memory_bytes = memory_bytes
         self._changing = threading.Lock()
         self._process: Any = None
-        self._connection: Any = None  # both are None, or neither is
+        self._connection: Any = None  # None exactly when the process is None
         self._closed = False
 
     def start(self) -> Any:
@@ -163,7 +163,7 @@ class _Worker:
             return self._connection
 
     def close(self) -> None:
-        """End the process for good; one that is being started, which may take seconds, ends without the server."""
+        """End the process for good; a process that is still starting, which may take seconds, ends by itself."""
         self._closed = True
         if self._changing.acquire(timeout=_MOMENT / 10):
             try:
@@ -174,7 +174,7 @@ class _Worker:
     def ask(
         self, question: str, seconds: float, arguments: dict[str, Any], as_json: bool, left: threading.Event
     ) -> Any:
-        """Ask; see `WorkerPool.ask`."""
+        """Ask a question; see `WorkerPool.ask`."""
         connection = self.start()
         kind: str
         answer: Any = None
@@ -187,7 +187,7 @@ class _Worker:
                     break
         except ClientLeftError:
             kind = "left"
-        except (OSError, EOFError, TypeError):  # the last of a connection that is closed meanwhile
+        except (OSError, EOFError, TypeError):  # the connection was closed meanwhile
             kind = "ended"
         if kind == "answer":
             return answer
@@ -209,14 +209,14 @@ class _Worker:
         raise WorkerFailedError(f"{name}: the worker has ended")
 
     def _end(self, seconds: float = 0.0) -> int | None:
-        """End the process and what it started, if it does not end by itself; gives the exit code."""
+        """End the process and its child processes, if it does not end by itself; return the exit code."""
         process = self._process
         if process is None:
             return None
         process.join(seconds)
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-        process.kill()  # one that does not lead its group yet
+        process.kill()  # it may not lead its process group yet
         process.join()
         code: int | None = process.exitcode
         self._forget()

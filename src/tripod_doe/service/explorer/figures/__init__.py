@@ -1,5 +1,5 @@
 """Figures that answer a pointer: functions Dataset -> Figure, for the page of `tripod-doe serve` and for notebooks.
 
-A figure is a dictionary with ``data`` and ``layout`` in the form of Plotly: `plotly.graph_objects.Figure` takes it as
-it is. It holds no colours of its own where a reader's theme decides: the page adds them.
+A figure is a dictionary with ``data`` and ``layout`` in Plotly's form: `plotly.graph_objects.Figure` takes it
+unchanged. It leaves out the colours that depend on the reader's theme: the page adds them.
 """

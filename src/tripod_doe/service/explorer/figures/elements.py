@@ -1,4 +1,4 @@
-"""Parts that all figures are made of: axes with their units, marks of cells without a number, packed numbers."""
+"""Parts that all figures share: axes with units, marks for cells without a number, packed numbers."""
 
 import base64
 import re
@@ -17,7 +17,7 @@ Figure = dict[str, Any]
 """A figure as Plotly takes it: ``{"data": [...], "layout": {...}}``."""
 
 NUMBER = "point_number"
-"""Coordinate over the dimensions of the design: the number by which a point is asked for, in the order of the cube."""
+"""Coordinate over the dimensions of the design: the number of each point, in the order of the cube."""
 
 FAILED_COLOUR, WAITING_COLOUR = "#b5532a", "#8b96a3"
 """Readable on light and on dark paper."""
@@ -32,7 +32,7 @@ SEQUENTIAL = (
 )
 """Colour scale of heat maps: darker is less, also for readers who do not see colours."""
 
-_LEAST_RATIO = 8.0  # levels that grow evenly by factors and span more than this are drawn on a logarithmic axis
+_LEAST_RATIO = 8.0  # geometric levels whose largest to smallest ratio exceeds this get a logarithmic axis
 
 
 def packed(values: NDArray[Any]) -> dict[str, str] | list[Any]:
@@ -47,11 +47,11 @@ def packed(values: NDArray[Any]) -> dict[str, str] | list[Any]:
 
 
 _MARKUP = re.compile(r"<(?!/?b>|br>|/?extra>)")
-"""The start of markup that figures of ours do not use: Plotly shows links and styles that a text asks for."""
+"""The start of markup, which our figures do not use: Plotly renders links and styles in a text."""
 
 
 def plain(part: Any) -> Any:
-    """A figure, or a part of one, whose texts show as they are written: names and units may come from a stranger."""
+    """A figure, or a part of it, without markup in its texts: names and units may come from a stranger."""
     if isinstance(part, str):
         return _MARKUP.sub("&lt;", part)
     if isinstance(part, dict):
@@ -60,12 +60,12 @@ def plain(part: Any) -> Any:
 
 
 def shown(data: xr.Dataset) -> xr.DataArray:
-    """The variable that a figure of this Dataset is about: the first one."""
+    """The variable that a figure of this Dataset shows: the first one."""
     return data[next(iter(data.data_vars))]
 
 
 def label_of(variable: xr.DataArray) -> str:
-    """A variable or a coordinate with its unit, as the label of an axis; names of a user's function stay bare."""
+    """A variable or a coordinate with its unit, as an axis label; names from a user's function get no unit."""
     name, attrs = str(variable.name), variable.attrs
     own = "user function" in (attrs.get("source"), str(attrs.get("long_name", "")).removeprefix("output of a "))
     return with_brackets(name if own else spoken(name), unit_text(str(attrs.get("units", "1"))))
@@ -77,7 +77,7 @@ def with_brackets(words: str, unit: str) -> str:
 
 
 def axis(coordinate: xr.DataArray, **more: Any) -> dict[str, Any]:
-    """An axis along a coordinate: logarithmic where its levels are, by name where they are words."""
+    """An axis along a coordinate: logarithmic for geometric levels, categorical for words."""
     values = coordinate.values
     kind = (
         {"type": "category"}
@@ -96,7 +96,7 @@ def _by_factors(values: NDArray[Any]) -> bool:
 
 
 def colour_bar(label: str) -> dict[str, Any]:
-    """The bar that tells what colours stand for."""
+    """The colour bar, which gives the value of each colour."""
     return {"title": {"text": label, "side": "right", "font": {"size": 12.5}}, "thickness": 12, "outlinewidth": 0}
 
 
@@ -121,7 +121,7 @@ def level_texts(coordinate: xr.DataArray) -> list[str]:
 
 
 def ramp(count: int) -> list[str]:
-    """Colours of lines that stand for growing numbers, from the part of the scale that both papers show."""
+    """Colours of lines for increasing numbers, from the part of the scale that is visible on light and dark paper."""
     places = np.array([place for place, _ in SEQUENTIAL])
     channels = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for _, colour in SEQUENTIAL], float)
     wanted = np.linspace(0.18, 0.86, count)
@@ -130,13 +130,13 @@ def ramp(count: int) -> list[str]:
 
 
 def is_failed(data: xr.Dataset) -> xr.DataArray:
-    """Whether a point ran and gave no numbers."""
+    """Whether a point ran but gave no numbers."""
     codes = data["outcome"]
     return ~codes.isin([Outcome.FINISHED, Outcome.NOT_RUN, Outcome.NOT_APPLICABLE])
 
 
 def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
-    """The reason why a cell holds no number, of the shape of the outcome; empty where it holds one."""
+    """The reason why a cell holds no number, in the shape of the outcome; empty for a cell with a number."""
     codes = data["outcome"].values
     texts = np.full(codes.shape, "", object)
     for at in zip(*np.nonzero(codes != Outcome.FINISHED), strict=True):
@@ -152,7 +152,7 @@ def is_numbered(data: xr.Dataset) -> bool:
 
 
 def point_numbers(data: xr.Dataset) -> NDArray[np.int32]:
-    """Numbers of the points, of the shape of the outcome; counted in their order where the Dataset names none."""
+    """Numbers of the points, in the shape of the outcome; counted in their order if the Dataset holds none."""
     if NUMBER in data.coords:
         return data[NUMBER].values.astype(np.int32)
     return np.arange(data["outcome"].size, dtype=np.int32).reshape(data["outcome"].shape)

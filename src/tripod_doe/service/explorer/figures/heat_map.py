@@ -25,17 +25,17 @@ from tripod_doe.service.explorer.figures.elements import (
 )
 
 _MOST_CROSSES = 2000
-_MOST_NAMED = 4000  # cells above which names in tooltips would outweigh the numbers
+_MOST_NAMED = 4000  # cells; more would need more bytes for tooltips than for numbers
 
 
 def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | None = None) -> Figure:
     """Draw a variable as colours over two dimensions.
 
     Args:
-        data: The variable first, over `x` and `y`; beside it the outcome and its detail, from which cells without a
-            number are hatched: failed ones, and in grey dots those still to come.
-        limits: Values at both ends of the colours, to be the same from one slice to the next; those of the data
-            otherwise.
+        data: The variable first, over `x` and `y`; then the outcome and its detail, which mark cells without a number:
+            hatched if the point failed, grey dots if it is still to come.
+        limits: Values at both ends of the colours, so that all slices share them; without them, the range of the
+            data.
 
     Returns:
         A figure for Plotly.
@@ -73,7 +73,7 @@ def _limits(values: NDArray[Any]) -> tuple[float, float]:
 
 
 def _scale(low: float, high: float) -> list[list[Any]] | str:
-    """Shades from dark to light, or two colours from zero where the numbers have both signs."""
+    """Shades from dark to light, or two colours that meet at zero if the numbers have both signs."""
     if low < 0 < high:
         middle = -low / (high - low)
         return [
@@ -87,7 +87,7 @@ def _scale(low: float, high: float) -> list[list[Any]] | str:
 
 
 def _places(coordinate: xr.DataArray) -> tuple[FloatArray, bool]:
-    """Places of the levels along an axis, and whether it is logarithmic; words and unordered numbers are counted."""
+    """Places of the levels along an axis, and whether it is logarithmic; words and unordered numbers get 0, 1, 2."""
     values = coordinate.values
     if not _is_ordered(values):
         return np.arange(values.size, dtype=float), False
@@ -99,7 +99,7 @@ def _is_ordered(values: NDArray[Any]) -> bool:
 
 
 def _ticks(coordinate: xr.DataArray) -> dict[str, Any]:
-    """Ticks at the levels where they are words, or few."""
+    """Ticks at the levels if these are words, or few."""
     values = coordinate.values
     if not _is_ordered(values):
         return {"type": "linear", "tickvals": list(range(values.size)), "ticktext": [str(value) for value in values]}

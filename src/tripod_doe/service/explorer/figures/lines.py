@@ -1,4 +1,4 @@
-"""Lines: a variable over one dimension, one line per value of another, with the numerical errors that are known."""
+"""Lines: a variable over one dimension, one line per value of another, with known numerical errors."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ from tripod_doe.service.explorer.figures.elements import (
     shown,
 )
 
-_NAMED = 8  # lines that a legend can tell apart; more are shaded by their number
+_NAMED = 8  # lines that a legend can distinguish; more lines get shades of one scale
 _MARKED = 60  # points of a line above which it is drawn without markers
 _MOST = 200
 _WHOLE_TURN = 360.0
@@ -34,9 +34,8 @@ def lines(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     """Draw a variable over a dimension.
 
     Args:
-        data: The variable first, over `x` and perhaps `series`; beside it its error as ``VARIABLE_error``, and the
-            outcome and its detail, from which points without a number are marked at the foot of the axes with their
-            reason.
+        data: The variable first, over `x` and perhaps `series`; then its error as ``VARIABLE_error``, and the outcome
+            and its detail, which mark points without a number at the foot of the axes, with their reason.
         x, series: Names of dimensions; one line per value of `series`, at most 200.
 
     Returns:
@@ -88,7 +87,7 @@ def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -
 
 
 def _known_zero(variable: xr.DataArray, x: str) -> int | None:
-    """Place of a gap in a line: between two values of a factor at whose zero, which was not computed, it vanishes."""
+    """Place of a gap in a line: at a factor's zero, between two computed values, if the variable is zero there."""
     if x not in str(variable.attrs.get(ZERO_AT, "")).split():
         return None
     levels = variable[x].values
@@ -98,7 +97,7 @@ def _known_zero(variable: xr.DataArray, x: str) -> int | None:
 
 
 def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, Any]]:
-    """Points without a number, at the foot of the axes: crosses for failed ones, rings for those still to come.
+    """Points without a number, at the foot of the axes: crosses for failed points, rings for points still to come.
 
     Lines that fail at the same place share a mark, which names the first of them.
     """

@@ -1,4 +1,4 @@
-"""Figures of one point: its quantities over the rotation, its spectrum, and what its mechanisms make of it."""
+"""Figures of one point: its quantities over the rotation, its spectrum, and the shares of its mechanisms."""
 
 from typing import Any
 
@@ -7,18 +7,18 @@ import xarray as xr
 from tripod_doe.service.explorer.figures.elements import Figure, axis, label_of, packed, plain
 from tripod_doe.service.explorer.figures.lines import lines
 
-_SHARED = 4  # curves that one pair of axes takes
+_SHARED = 4  # most curves in one pair of axes
 
 
 def point_figures(point: xr.Dataset) -> dict[str, Figure]:
     """All figures of one point.
 
     Args:
-        point: The variables of a cube at one point: what is left are the dimensions of the outputs.
+        point: The variables of a cube at one point; only the dimensions of the outputs are left.
 
     Returns:
-        Figures for Plotly by the name of the variable that each shows: lines over dimensions that are measured, as the
-        rotation angle, and bars over those that are counted, as orders or mechanisms.
+        Figures for Plotly by the name of their variable: lines over measured dimensions, such as the rotation angle,
+        and bars over counted dimensions, such as orders or mechanisms.
     """
     found = {}
     for name, variable in point.data_vars.items():
@@ -41,7 +41,7 @@ def point_figures(point: xr.Dataset) -> dict[str, Figure]:
 
 
 def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
-    """Draw a variable as bars over a dimension that is counted, with its error as ``VARIABLE_error`` where known."""
+    """Draw a variable as bars over a counted dimension, with its error ``VARIABLE_error`` if known."""
     variable = data[next(iter(data.data_vars))]
     rows = [data] if series is None else [data.isel({series: at}) for at in range(min(data.sizes[series], 13))]
     traces = []

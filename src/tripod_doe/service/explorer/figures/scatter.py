@@ -1,4 +1,4 @@
-"""Points: one quantity over another, each point by itself where few enough to see, else their density."""
+"""Scatter plots: one quantity over another, one mark per point, or the density of many points."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ from tripod_doe.service.explorer.figures.elements import (
     shown,
 )
 
-_MOST = 4000  # points that a browser draws at once without delay, and a reader tells apart
+_MOST = 4000  # points that a browser draws without delay, and a reader can distinguish
 _CELLS = 60
 
 
@@ -30,10 +30,10 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
     """Draw a variable over another quantity, one mark per point.
 
     Args:
-        data: The variable first, over the dimensions of the design; beside it the outcome and its detail.
+        data: The variable first, over the dimensions of the design; then the outcome and its detail.
 
     Returns:
-        A figure for Plotly; more than 4000 points are drawn as their density.
+        A figure for Plotly; above 4000 points it shows their density.
     """
     variable = shown(data)
     across = data[x].broadcast_like(variable).transpose(*variable.dims)
