@@ -113,6 +113,13 @@ def text_range(low: str, high: str, unit: str = "") -> str:
     return with_unit(high if low == high else f"{low} to {high}", unit)
 
 
+def allowed_range(low: float, high: float, unit: str = "") -> str:
+    """A range that may be open at one end, with ends as given: ``up to 0.5``, ``from 3 deg``, ``3 to 5 N``."""
+    if math.isinf(high):
+        return with_unit(f"from {level(low)}", unit)
+    return with_unit(f"up to {level(high)}", unit) if math.isinf(low) else text_range(level(low), level(high), unit)
+
+
 def value_with_ends(value: float, low: float, high: float, unit: str = "") -> str:
     """A value with the ends of its interval, with the digits in which these differ: ``1.013 N (1.012 to 1.014)``."""
     digits = min(digits_apart(low, high), _MOST_APART)

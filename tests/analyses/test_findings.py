@@ -13,7 +13,7 @@ from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.sensitivity.charts import rotation_charts
-from tripod_doe.page_parts.main_outputs import quantile_text
+from tripod_doe.page_parts.main_outputs import OutputPart, quantile_text
 from tripod_doe.page_parts.main_results import factor_text, main_effect, responses
 
 LINE = """
@@ -43,7 +43,18 @@ def test_a_mean_over_models_is_that_of_no_joint(grid_cube):
     factor = xr.DataArray([1.0, 2.0], dims="model")
     both["thrust_amplitude"] = both["thrust_amplitude"] * factor
     mean = float(grid_cube["thrust_amplitude"].sel(order=3).mean())
-    assert f"{mean:.3g} to {2 * mean:.3g} N on average over the study, depending on the model" in find(both)[0]
+    ninth = float(grid_cube["thrust_amplitude"].sel(order=9).mean())
+    said = find(both)[0]
+    assert f"{mean:.3g} to {2 * mean:.3g} N on average over the study, depending on the model" in said
+    assert f"ninth order with {ninth:.3g} to {2 * ninth:.3g} N" in said
+    amplitude = both[
+        "thrust_amplitude"
+    ].copy()  # one model has no answer at the smallest angle: means of different points
+    amplitude[1, 0] = np.nan
+    holes = both.assign(thrust_amplitude=amplitude, outcome=both["outcome"].where(amplitude[..., 0].notnull(), 3))
+    mean = float(grid_cube["thrust_amplitude"].sel(order=3).isel(joint_angle_deg=slice(1, None)).mean())
+    wanted = f"{mean:.3g} to {2 * mean:.3g} N on average over the points that all models have, depending on the model"
+    assert wanted in find(holes)[0]
 
 
 def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
@@ -519,7 +530,7 @@ def test_a_quantile_says_how_far_the_points_bound_it():
     answers = xr.Dataset(
         {key: ("probability", values) for key, values in ends.items()}, {"probability": [0.1, 0.2, 0.9, 0.99]}
     )
-    assert quantile_text(answers, "N") == (
+    assert quantile_text(OutputPart("y", "y", "N", answers)) == (
         "10 % below 1 N (0.5 to 1.5), 20 % below 2 N (at most 2.5), 90 % below 3 N (at least 2), 99 % below 4 N (too few "
         "points for an interval)"
     )

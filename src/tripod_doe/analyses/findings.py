@@ -163,32 +163,47 @@ def _dominant_order(cube: xr.Dataset) -> str:
     first, second = (int(mean["order"].values[i]) for i in np.argsort(mean.values)[::-1][:2])
     if float(mean.sel(order=first)) == 0:
         return "The thrust force has no rotating order: all amplitudes are zero."
-    over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
-    size, models = number(float(mean.sel(order=first))), _by_model(amplitude.sel(order=first))
-    if len(models) > 1:  # a mean over models belongs to no joint
-        least, most = min(models.values()), max(models.values())
-        digits = min(digits_apart(least, most), _MOST_DIGITS)
-        size, over = text_range(number(least, digits), number(most, digits)), f"{over}, depending on the model"
+    size, over = _mean_text(amplitude.sel(order=first))
+    next_size, _ = _mean_text(amplitude.sel(order=second))
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
     beyond = rotating.max("order") - rotating.sel(order=first)
     other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
     text = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
     return (
         f"The {ORDINALS[first]} of the thrust force is the largest: {size} N{over}; "
-        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{text}."
+        f"the next is the {ORDINALS[second]} with {next_size} N{text}."
     )
 
 
-def _by_model(amplitude: xr.DataArray) -> dict[str, float]:
-    """The mean amplitude with each model, empty where the study has one."""
+def _mean_text(amplitude: xr.DataArray) -> tuple[str, str]:
+    """A mean over the points, and over what; of several models its range, as a mean over models belongs to no joint."""
+    models, everywhere = _by_model(amplitude)
+    over = " on average over the study" if amplitude.count() > 1 else ""
+    if len(models) < 2:
+        return number(float(amplitude.mean())), over
+    least, most = min(models.values()), max(models.values())
+    digits = min(digits_apart(least, most), _MOST_DIGITS)
+    over = over if everywhere else " on average over the points that all models have"
+    return text_range(number(least, digits), number(most, digits)), f"{over}, depending on the model"
+
+
+def _by_model(amplitude: xr.DataArray) -> tuple[dict[str, float], bool]:
+    """The mean amplitude with each model over the points that all of them have, and whether these are all points.
+
+    Of models that share no points each mean is over its own; empty where the study has one model.
+    """
     if "model" not in amplitude.coords or amplitude["model"].ndim == 0:
-        return {}
+        return {}, True
+    everywhere = True
+    if "model" in amplitude.dims:
+        amplitude = amplitude.dropna("model", how="all")
+        shared = amplitude.notnull().all("model")
+        if bool(shared.any()):
+            everywhere = bool((shared == amplitude.notnull()).all())
+            amplitude = amplitude.where(shared)
     means = amplitude.groupby("model").mean(...)
-    return {
-        str(name): float(value)
-        for name, value in zip(means["model"].values, means.values, strict=True)
-        if value == value
-    }
+    values = zip(means["model"].values, means.values, strict=True)
+    return {str(name): float(value) for name, value in values if value == value}, everywhere
 
 
 def _left_over(cube: xr.Dataset) -> xr.DataArray:

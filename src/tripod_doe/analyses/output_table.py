@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE, RESPONSE_ROLE, RESPONSES
+from tripod_doe.study.cube.dataset import COST_VARIABLES, PHASES, RECORD_ROLE, RESPONSE_ROLE, RESPONSES
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.memory import refuse_too_much_memory
 
@@ -242,9 +242,11 @@ def output_attributes(cube: xr.Dataset, names: Iterable[str]) -> dict[str, str]:
     """Attributes of a result: the outputs that were analysed, and their units by name."""
     units = {name: str(cube[name].attrs.get("units", "1")) for name in names}
     own = [name for name in units if cube[name].attrs.get("role") == RESPONSE_ROLE]
-    return {"outputs": ", ".join(units), "output_units": json.dumps(units)} | (
-        {RESPONSES: ", ".join(own)} if own else {}
-    )
+    phases = [name for name in units if "wraps_at" in cube[name].attrs]
+    lists = {RESPONSES: own, PHASES: phases}
+    return {"outputs": ", ".join(units), "output_units": json.dumps(units)} | {
+        key: ", ".join(those) for key, those in lists.items() if those
+    }
 
 
 def usual_outputs(cube: xr.Dataset, asked: Collection[str], is_given: bool) -> list[str]:

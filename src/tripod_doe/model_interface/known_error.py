@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.quantities import allowed_range
 
 NOTABLE_ERROR = 0.05
 """Relative error of a model above which an answer is flagged."""
@@ -59,14 +60,7 @@ class ValidRange:
     def text(self) -> str:
         """The range in words: ``swing_ratio (its definition) up to 0.2``."""
         name = f"{self.quantity} ({self.meaning})" if self.meaning else self.quantity
-        unit = f" {self.unit}" if self.unit else ""
-        if np.isinf(self.high):
-            return f"{name} from {self.low:g}{unit}"
-        return (
-            f"{name} up to {self.high:g}{unit}"
-            if np.isinf(self.low)
-            else (f"{name} from {self.low:g} to {self.high:g}{unit}")
-        )
+        return f"{name} {allowed_range(self.low, self.high, self.unit)}"
 
 
 @dataclass(frozen=True)

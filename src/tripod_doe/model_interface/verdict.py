@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
-from tripod_doe.quantities import count_of
+from tripod_doe.quantities import allowed_range, count_of
 
 LARGE_ERROR = 0.2
 """Relative error of a model that makes a result doubtful where one in ten similar points has more."""
@@ -92,11 +92,8 @@ def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdic
     ):
         trust[chosen], reason[chosen] = level, code
     for departure in errors.departures:
-        name, low, high = departure.left.quantity, departure.left.low, departure.left.high
-        ends = (
-            f"from {low:g}" if np.isinf(high) else f"up to {high:g}" if np.isinf(low) else f"from {low:g} to {high:g}"
-        )
-        reasons.append(f"model {departure.model} holds for {name} {ends} only")
+        ends = allowed_range(departure.left.low, departure.left.high, departure.left.unit)
+        reasons.append(f"model {departure.model} holds for {departure.left.quantity} {ends} only")
         first = departure.outside & (reason < _OWN_REASONS)
         trust[first], reason[first] = Trust.DOUBTFUL, len(reasons) - 1
     if numerical is not None:

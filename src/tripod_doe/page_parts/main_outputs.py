@@ -7,23 +7,33 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import count_of, digits_apart, in_words, number, text_range, with_unit
-from tripod_doe.study.cube.dataset import RESPONSES
+from tripod_doe.study.cube.dataset import PHASES, RESPONSES
 
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
 _MOST_DIGITS = 6
+_ROUNDING = 1e-9  # deg
 _UNNAMED = "the output"  # of a result that does not say what it was made of
 
 
 class OutputPart(NamedTuple):
-    """Answers on one output, without its dimensions: which output of the cube, what it is in words, and its unit."""
+    """Answers on one output, without its dimensions: which output of the cube, what it is in words, and its unit.
+
+    On a circle nothing is the smallest: the distribution of a phase is that of its differences from the mean.
+    """
 
     output: str
     what: str
     unit: str
     answers: xr.Dataset
+
+    @property
+    def is_phase(self) -> bool:
+        """Whether it is an angle on a circle."""
+        return self.output in str(self.answers.attrs.get(PHASES, "")).split(", ")
 
 
 def main_outputs(
@@ -50,8 +60,40 @@ def main_outputs(
             part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0))
             if part[key].notnull().any():
                 what = in_words(output) if output in own else _words(output, order)
-                parts.append(OutputPart(output, what, unit_text(units.get(output, "1")), part))
+                own_part = OutputPart(output, what, unit_text(units.get(output, "1")), part)
+                parts.append(own_part._replace(answers=_about_mean(part)) if own_part.is_phase else own_part)
     return parts
+
+
+def _about_mean(answers: xr.Dataset) -> xr.Dataset:
+    """The distribution of a phase as differences from its mean, deg; its quantiles grow with their probability."""
+    if "mean" not in answers or "quantile" not in answers:
+        return answers
+    parts = [answers["quantile"], answers["distribution"]]
+    chance = np.concatenate([part[dim].values for part, dim in zip(parts, ("probability", "share"), strict=True)])
+    phases = np.concatenate([part.values for part in parts])
+    by_chance = np.argsort(chance, kind="stable")
+    first = -_turned_on(float(answers["mean"] - phases[by_chance[0]]))
+    relative = np.empty_like(phases)
+    relative[by_chance] = first + np.append(0.0, np.cumsum(_turned_on(np.diff(phases[by_chance]))))
+    quantile, distribution = np.split(relative, [parts[0].size])
+    low, high = (answers[f"quantile_{end}"] for end in ("low", "high"))
+    return answers.assign(
+        quantile=("probability", quantile),
+        distribution=("share", distribution),
+        quantile_low=("probability", quantile - _turned_on((answers["quantile"] - low).values)),
+        quantile_high=("probability", quantile + _turned_on((high - answers["quantile"]).values)),
+    )
+
+
+def _turned_on(degrees: FloatArray | float) -> FloatArray:
+    """Angles from 0 to 360 deg; what is below 0 by rounding is none."""
+    return np.asarray((degrees + _ROUNDING) % 360 - _ROUNDING)
+
+
+def shorter_way(degrees: xr.DataArray) -> xr.DataArray:
+    """Differences of angles above -180 and up to 180 deg."""
+    return 180 - (180 - degrees) % 360
 
 
 def _words(output: str, order: int | None) -> str:
@@ -64,16 +106,16 @@ def _words(output: str, order: int | None) -> str:
     )
 
 
-def quantile_text(answers: xr.Dataset, unit: str) -> str:
+def quantile_text(part: OutputPart) -> str:
     """Quantiles of a distribution, each with its interval, or with the one end that the points bound, or none."""
-    text = []
+    text, answers, unit = [], part.answers, part.unit
     for probability in answers["probability"].values:
         at = answers.sel(probability=probability)
         low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
         digits = min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite(low) and np.isfinite(high) else 3
         shown = with_unit(number(value, digits), unit)
         text.append(f"{100 * probability:g} % below {shown} ({_bounds(low, high, digits)})")
-    return ", ".join(text)
+    return f"{'from this mean, ' * part.is_phase}{', '.join(text)}"
 
 
 def _bounds(low: float, high: float, digits: int) -> str:

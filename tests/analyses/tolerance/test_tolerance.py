@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.stats import binom, binomtest, norm
 
 from tripod_doe.analyses.tolerance.chances import exceeding, points_to_decide
+from tripod_doe.analyses.tolerance.charts import tolerance_charts
 from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep
 from tripod_doe.analyses.tolerance.sentences import find_in_tolerance
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
@@ -122,6 +123,23 @@ def test_a_phase_is_where_the_points_are(middle, off):
         np.testing.assert_allclose(gap, 0, atol=0.02)  # the circular mean of the points is not their mean
         assert (phases[key] > -180).all()
         assert (phases[key] <= 180).all()
+    said = [
+        re.search(r"; .*(5 % below.*) \(analysis", find_in_tolerance(each, "y")[0]).group(1) for each in (phases, plain)
+    ]
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("spread", [1.0, 40.0, 200.0])
+@pytest.mark.parametrize("middle", [-137.0, 179.0])
+def test_a_phase_is_drawn_about_its_mean(middle, spread):
+    """Regression: an interval over +-180 deg ended the page with an internal error."""
+    cube = cube_of(lambda *columns: 180 - (180 - middle - spread * (columns[0] - 10)) % 360, TEXT.replace("4096", "64"))
+    cube["y"].attrs |= {"wraps_at": "+-180 degree", "units": "degree"}
+    result = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": 175.0}))
+    figure = tolerance_charts(result, "y")[-1]
+    drawn = figure.data["quantile"].dropna().to_numpy()
+    assert (np.diff(drawn) >= 0).all()
+    assert "from this mean, 5 % below -" in find_in_tolerance(result, "y")[0]
 
 
 def test_how_far_a_scatter_must_shrink_to_keep_a_limit():

@@ -44,8 +44,10 @@ _DECIMALS = 9  # of an angle in deg; what is smaller is rounding
 _NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase, and a difference is rounding
 NOT_COMPARED = -1
 """The verdict of the mean force, which holds the preload of the sensor."""
+NONE_IN_MODEL = -2
+"""The verdict of an order that is zero in the model, as its parts are alike, and in the record is not."""
 AGREES, DIFFERS = "agrees", "differs"
-VERDICTS = {1: AGREES, 0: DIFFERS, NOT_COMPARED: "not compared"}
+VERDICTS = {1: AGREES, 0: DIFFERS, NOT_COMPARED: "not compared", NONE_IN_MODEL: "none in the model"}
 """Verdicts in words: within the uncertainty of measurement and model together, beyond it, or none."""
 
 _LARGEST_ANGLE = 36_000.0  # degrees: a hundred turns; a larger angle has lost its digits, or was none
@@ -109,7 +111,8 @@ def compare(
     of freedom. The sampling of a tachometer may shift its edges by up to half a sample, in each revolution alike: with
     a given reference angle, k times this angle is part of the uncertainty of the phase of order k. The uncertainty of
     the model is its error on record, with the difference between its last two revolutions and its numerical error, as
-    the root of squares; the difference has both. The beat's envelope is
+    the root of squares; the difference has both. An order that noise alone would make as large agrees with any smaller
+    one of the model. The beat's envelope is
     |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
     Args:
@@ -126,7 +129,8 @@ def compare(
     Returns:
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
-        amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0). Over
+        amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0, -2 where by more
+        and the model's is zero, as its three trunnions are alike). Over
         ``rotation_deg``: measured_thrust about the mean of the model and without drift (attribute ``preload_n``: what
         was taken off), its deviation measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty,
         model_envelope. Over ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of
@@ -153,7 +157,7 @@ def compare(
     unsure, origin = model_uncertainty(point, np.abs(beside.model), confidence)
     shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
     level, shown = _without_drift(measurement, beside)
-    variables = _order_variables(beside, unsure, factor, shared)
+    variables = _order_variables(beside, unsure, factor, shared, confidence)
     variables |= _angle_variables(measurement.rotation_deg + beside.shift, shown, point, beside, factor)
     attrs = _provenance(measurement, point) | {
         "alignment": beside.alignment,
@@ -294,7 +298,7 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
 
 
 def _order_variables(
-    beside: _Beside, model_unsure: FloatArray, factor: float, angle_error_deg: float
+    beside: _Beside, model_unsure: FloatArray, factor: float, angle_error_deg: float, confidence: float
 ) -> dict[str, Any]:
     """Amplitudes, phases and differences with their uncertainties, over ``order``."""
     each, mean, model = beside.each, beside.mean, beside.model
@@ -307,7 +311,12 @@ def _order_variables(
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
     sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, model_unsure)
     sure = np.hypot(sure, ORDERS * angle_error_deg)
-    agrees = np.abs(amplitude - model_amplitude) <= both + _NOTHING * model_amplitude.max()
+    close = np.abs(amplitude - model_amplitude) <= both + _NOTHING * model_amplitude.max()
+    nothing = ~model_told & model_told.any() & (ORDERS > 0)
+    ways = np.where(nothing, nothing.sum(), 1)  # that none of them is there is one statement
+    drowned = (amplitude <= _largest_of_noise(each, (1 - confidence) / ways)) & (model_amplitude <= amplitude)
+    agrees = np.where(drowned | (close & ~nothing), 1, np.where(nothing, NONE_IN_MODEL, 0)).astype(np.int8)
+    agrees[ORDERS == 0] = NOT_COMPARED
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference = np.round(difference, _DECIMALS) + 0.0
     difference[~(known & model_told)] = np.nan
@@ -325,12 +334,25 @@ def _order_variables(
         "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
         "agrees": (
-            np.where(ORDERS == 0, NOT_COMPARED, agrees).astype(np.int8),
+            agrees,
             "1",
-            "1 where the amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0",
+            "1 where the amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order "
+            "0, -2 where by more and the model's is zero",
         ),
     }
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}
+
+
+def _largest_of_noise(each: ComplexArray, chance: FloatArray) -> FloatArray:
+    """Amplitude that the mean of revolutions without this order exceeds with a chance, N, shape (order,).
+
+    Noise alone has an amplitude, which grows as the root of F with 2 and 2 (R - 1) degrees of freedom.
+    """
+    from scipy.special import fdtri  # quantiles of F
+
+    count = len(each)
+    square = (np.abs(each - each.mean(axis=0)) ** 2).sum(axis=0) / (2 * (count - 1))  # of the real part
+    return np.asarray(np.sqrt(2 * fdtri(2, 2 * (count - 1), 1 - chance) * square / count), float)
 
 
 def _angle_variables(

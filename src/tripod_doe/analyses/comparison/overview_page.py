@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NOT_COMPARED, VERDICTS
+from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, VERDICTS
 from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
+from tripod_doe.analyses.comparison.sentences import asymmetry_text
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
@@ -29,7 +30,7 @@ _SHOWN = (3, 2)
 """Orders in texts and on the page; the CSV file has all."""
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _FOLDER = "records"
-_NOT = VERDICTS[NOT_COMPARED]
+_NOT, _NONE = VERDICTS[NOT_COMPARED], VERDICTS[NONE_IN_MODEL]
 
 
 def overview_csv(rows: Sequence[OverviewRow]) -> str:
@@ -76,7 +77,7 @@ def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
     rows = overview_rows(records)
     sentences = _differing_orders(rows)
     for order in _SHOWN:
-        own = [row for row in rows if row.order == order and row.verdict != _NOT]
+        own = [row for row in rows if row.order == order and row.verdict not in (_NOT, _NONE)]
         if not own:
             continue
         agreeing = f"{sum(row.verdict == AGREES for row in own) or 'none'} of {count_of(len(own), 'record')}"
@@ -96,26 +97,46 @@ def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
 
 
 def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
-    """Which orders differ, and in how many records; which agree in all."""
+    """Which orders differ, and in how many records; which agree in all; which the model does not have."""
     compared = [row for row in rows if row.verdict != _NOT]
     every = count_of(len(compared) // 12, "record")
     if not compared:
         return []
     differing = Counter(row.order for row in compared if row.verdict == DIFFERS)
-    if not differing:
-        return [f"Orders 1 to 12 all agree within the uncertainties of measurement and model together in {every}."]
-    by_count = {some: [order for order in differing if differing[order] == some] for some in {*differing.values()}}
-    parts = [
-        f"order{'s' * (len(by_count[some]) > 1)} {numbers_in_words(by_count[some])} in {some}"
-        for some in sorted(by_count, reverse=True)
-    ]
-    same = [order for order in range(1, 13) if order not in differing]
-    others = (
-        f"; order{'s' * (len(same) > 1)} {numbers_in_words(same)} agree{'s' * (len(same) == 1)} in all" if same else ""
+    lacking = Counter(row.order for row in compared if row.verdict == _NONE)
+    same = [order for order in range(1, 13) if order not in differing and order not in lacking]
+    agree = (
+        f"order{'s' * (len(same) > 1)} {numbers_in_words(same)} agree{'s' * (len(same) == 1)} in all" if same else ""
     )
-    return [
-        f"Differences beyond the uncertainties of measurement and model together: {listed(parts)} of {every}{others}."
-    ]
+    sentences = []
+    if differing:
+        others = f"; {agree}" if same else ""
+        sentences = [
+            "Differences beyond the uncertainties of measurement and model together: "
+            f"{_by_count(differing)} of {every}{others}."
+        ]
+    elif same:
+        which = (
+            "Orders 1 to 12 all agree" if len(same) == 12 else f"{agree[:1].upper()}{agree[1:].removesuffix(' in all')}"
+        )
+        sentences = [f"{which} within the uncertainties of measurement and model together in {every}."]
+    if lacking:
+        sentences.append(
+            f"{asymmetry_text(sorted(lacking))}; records have more there than their scatter ({_by_count(lacking)} of "
+            f"{every}): joint or rig are not symmetric."
+        )
+    return sentences
+
+
+def _by_count(orders: Counter[int]) -> str:
+    """Orders with the number of records, those of the most records first."""
+    by_count = {some: [order for order in orders if orders[order] == some] for some in {*orders.values()}}
+    return listed(
+        [
+            f"order{'s' * (len(by_count[some]) > 1)} {numbers_in_words(by_count[some])} in {some}"
+            for some in sorted(by_count, reverse=True)
+        ]
+    )
 
 
 def _origins(records: Sequence[ComparedRecord]) -> list[str]:

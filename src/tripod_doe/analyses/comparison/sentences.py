@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.comparison.comparison import VERDICTS
+from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, VERDICTS
 from tripod_doe.page_parts.main_results import ORDINALS
 from tripod_doe.quantities import interval, level, number, numbers_in_words, value_range
 
@@ -47,7 +47,8 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
         where the error of the model comes from, the run-up, the beat, the alignment, and what was lost.
     """
     sentences = str(comparison.attrs.get("doubts", "")).splitlines()
-    sentences += [_verdict_sentence(comparison), *(_order_sentence(comparison, order) for order in (3, 2))]
+    sentences += [_verdict_sentence(comparison), *_asymmetry(comparison)]
+    sentences += [_order_sentence(comparison, order) for order in (3, 2)]
     sentences.append(_origin_sentence(comparison))
     if "model_amplitude_at_speed" in comparison:
         sentences += _run_up_sentence(comparison)
@@ -63,12 +64,35 @@ def _verdict_sentence(comparison: xr.Dataset) -> str:
     differ = [order for order, verdict in verdicts.items() if verdict == 0]
     agree = [order for order, verdict in verdicts.items() if verdict == 1]
     if not differ:
-        return f"Orders {numbers_in_words(agree)} all agree within the {_TOGETHER}."
+        every = " all" * (len(agree) == len(verdicts) - 1)
+        return f"{_orders(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}."
     start = f"{_orders(differ)} {'differ' if len(differ) > 1 else 'differs'} by more than the {_TOGETHER}"
     if not agree:
         return f"{start}; none agrees."
     others = _orders(agree)
     return f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}."
+
+
+def _asymmetry(comparison: xr.Dataset) -> list[str]:
+    """What the record has in orders in which three alike trunnions give nothing."""
+    own = comparison.isel(order=np.flatnonzero(comparison["agrees"].values == NONE_IN_MODEL))
+    if not own.sizes["order"]:
+        return []
+    orders = own["order"].values.tolist()
+    largest = own.isel(order=int(np.argmax(own["measured_amplitude"].values)))
+    size = interval(float(largest["measured_amplitude"]), float(largest["measured_amplitude_uncertainty"]))
+    at = f"up to {size} N (order {int(largest['order'])})" if len(orders) > 1 else f"{size} N"
+    return [
+        f"{asymmetry_text(orders)}; the record has {at}, more than its scatter: the joint (skews, clearances, parts "
+        "that are not alike) or the rig (a shaft that is out of true, an imbalance) is not symmetric."
+    ]
+
+
+def asymmetry_text(orders: list[int]) -> str:
+    """Why a model is zero in some orders: by symmetry in those that three trunnions cancel."""
+    symmetric = all(order % 3 for order in orders)
+    verb = "are" if len(orders) > 1 else "is"
+    return f"{_orders(orders)} {verb} zero in the model{', whose three trunnions are alike' * symmetric}"
 
 
 def _orders(orders: list[int]) -> str:
@@ -83,11 +107,13 @@ def _order_sentence(comparison: xr.Dataset, order: int) -> str:
     known = model > _NOTHING * float(comparison["model_amplitude"].max())
     sign = "+" if difference > 0 else ""
     part = f" ({sign}{number(100 * difference / model, 2)} %)" if known else ""
+    if row["agrees"] == NONE_IN_MODEL:
+        return f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's is zero."
     apart = interval(difference, row["amplitude_difference_uncertainty"])
     return (
         f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's "
         f"{interval(model, computed)} N: a difference of {apart} N{part}, "
-        f"{'within' if row['agrees'] else 'beyond'} both uncertainties together."
+        f"{'within' if row['agrees'] == 1 else 'beyond'} both uncertainties together."
     )
 
 

@@ -127,10 +127,9 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
     ranked = [int(at) for at in np.argsort(-np.nan_to_num(median), kind="stable")]
-    text = [f"{spoken(part.mechanisms[at])} {percent(values[:, at])}" for at in ranked if not median[at] < -_PRINTED]
-    against = [
-        f"{spoken(part.mechanisms[at])} with {percent(values[:, at])}" for at in ranked if median[at] < -_PRINTED
-    ]
+    opposing = (np.nanmax(np.where(known, values, 0.0), axis=0) < -_PRINTED) & known  # wherever it is known
+    text = [f"{spoken(part.mechanisms[at])} {percent(values[:, at])}" for at in ranked if not opposing[at]]
+    against = [f"{spoken(part.mechanisms[at])} with {percent(values[:, at])}" for at in ranked if opposing[at]]
     opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
     closure = ""
     if leading == "share_off" and spread(part.closure[rows]):

@@ -16,7 +16,7 @@ def multifidelity_charts(result: xr.Dataset, name: str) -> list[Chart]:
     charts, truth = [], str(result.attrs["truth"])
     for position, part in enumerate(multifidelity_parts(result), 1):
         key = f"{name}-{position}"
-        charts.append(quantile_chart(f"{key}-quantiles", name, part.what, part.answers, part.unit))
+        charts.append(quantile_chart(f"{key}-quantiles", name, part))
         if np.isfinite(part.answers["gain"]):
             charts.append(_gain_chart(f"{key}-gain", name, part, truth))
     return charts

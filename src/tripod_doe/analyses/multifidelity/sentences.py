@@ -30,7 +30,7 @@ def _distribution(part: OutputPart, truth: str) -> str:
     answers, unit = part.answers, part.unit
     mean = with_unit(interval(float(answers["mean"]), float(answers["mean_conf"])), unit)
     variance = with_unit(interval(float(answers["variance"]), float(answers["variance_conf"])), squared(unit))
-    return f"Scatter of {part.what} by {truth}: mean {mean}, variance {variance}; {quantile_text(answers, unit)}"
+    return f"Scatter of {part.what} by {truth}: mean {mean}, variance {variance}; {quantile_text(part)}"
 
 
 def _gain(part: OutputPart, truth: str) -> list[str]:

@@ -179,9 +179,9 @@ def _confirmation(problem: Problem, solved: Solved) -> list[str]:
     texts = [
         f"{name} by at most {_aim(problem, at, float(apart[:, at].max()))}"
         for at, name in enumerate(problem.objectives)
-        if np.isfinite(apart[:, at]).any()
+        if np.isfinite(apart[:, at]).any() and apart[:, at].any()
     ]
-    moved = f"; on the front it differs from the search in {listed(texts)}" if texts else ""
+    moved = f"; on the front it differs from the search in {listed(texts)}" if texts else ", and nothing changes"
     were = "was" if solved.confirmed == 1 else "were"
     return [f"{count_of(solved.confirmed, 'candidate')} {were} judged once more {how}{moved}."]
 

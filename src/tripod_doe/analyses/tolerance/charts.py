@@ -6,6 +6,7 @@ import xarray as xr
 
 from tripod_doe.analyses.tolerance.sentences import tolerance_parts
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
+from tripod_doe.page_parts.main_outputs import OutputPart, shorter_way
 from tripod_doe.page_parts.main_results import spoken
 from tripod_doe.quantities import number
 
@@ -14,16 +15,17 @@ def tolerance_charts(result: xr.Dataset, name: str) -> list[Chart]:
     """Two charts per main output: gains, and quantiles with the limit."""
     return [
         chart
-        for position, (_, what, unit, part) in enumerate(tolerance_parts(result), 1)
+        for position, part in enumerate(tolerance_parts(result), 1)
         for chart in (
-            _gain_chart(f"{name}-{position}-gain", name, what, part),
-            quantile_chart(f"{name}-{position}", name, what, part, unit),
+            _gain_chart(f"{name}-{position}-gain", name, part.what, part.answers),
+            quantile_chart(f"{name}-{position}", name, part),
         )
     ]
 
 
-def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str) -> Chart:
+def quantile_chart(key: str, name: str, output: OutputPart) -> Chart:
     """The distribution of one output, quantiles with their intervals, and the limit where one is set."""
+    what, unit, part = output.what, output.unit, output.answers
     columns = ("quantile", "quantile_low", "quantile_high")
     asked = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
     limited = "limit" in part and bool(np.isfinite(part["limit"]))
@@ -42,8 +44,10 @@ def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str) 
             capsize=2.5,
         )
         if limited:
-            axes.axvline(float(part["limit"]), color=COLOURS[1], ls="--", label="limit")
-        axes.set_xlabel(f"{what.removeprefix('the ')}{f' ({unit})' if unit else ''}")
+            limit = shorter_way(part["limit"] - part["mean"]) if output.is_phase else part["limit"]
+            axes.axvline(float(limit), color=COLOURS[1], ls="--", label="limit")
+        relative = " from its mean" * output.is_phase
+        axes.set_xlabel(f"{what.removeprefix('the ')}{relative}{f' ({unit})' if unit else ''}")
         axes.set_ylabel("share of the joints (%)")
         legend_above(axes, 2)
     chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if limited else ""

@@ -33,7 +33,8 @@ def _orders(result: xr.Dataset) -> tuple[int, ...]:
     """The third and second order, those with a limit, and those of at least a tenth of the largest one."""
     usual = (3, 2)
     several = "output" in result.dims
-    if "order" not in result.dims or (several and _AMPLITUDE not in result["output"].values):
+    outputs = result["output"].values.tolist() if several else [str(result.attrs["outputs"])]
+    if "order" not in result.dims or _AMPLITUDE not in outputs:
         return usual
     own = result.sel(output=_AMPLITUDE) if several else result
     means = own["mean"].sel(order=own["order"] > 0)
@@ -47,8 +48,9 @@ def _orders(result: xr.Dataset) -> tuple[int, ...]:
 def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on quantiles, limits and gains of each main output."""
     sentences = []
-    for _, what, unit, part in tolerance_parts(result):
-        sentences += [*_quantiles(what, part, unit, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
+    for each in tolerance_parts(result):
+        what, unit, part = each.what, each.unit, each.answers
+        sentences += [_quantiles(each, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
         sentences += _keeping(what, part, unit)
     sentences += left_points(result)
     if region := str(result.attrs.get("failing_region", "")):
@@ -56,10 +58,10 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
     return sentences
 
 
-def _quantiles(what: str, part: xr.Dataset, unit: str, name: str) -> list[str]:
-    mean, deviation = (with_unit(number(float(part[key])), unit) for key in ("mean", "std"))
+def _quantiles(part: OutputPart, name: str) -> str:
+    mean, deviation = (with_unit(number(float(part.answers[key])), part.unit) for key in ("mean", "std"))
     centre = f"mean {mean}, standard deviation {deviation}"
-    return [f"Scatter of {what}: {centre}; {quantile_text(part, unit)} (analysis {name})."]
+    return f"Scatter of {part.what}: {centre}; {quantile_text(part)} (analysis {name})."
 
 
 def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:

@@ -32,7 +32,7 @@ from tripod_doe.joint.known_errors.operating_ratios import RATIOS, has_no_thrust
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Accuracy, Quantity
-from tripod_doe.quantities import number
+from tripod_doe.quantities import value_range
 
 RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""
@@ -81,7 +81,7 @@ class _Measured:
         """Reason for an unknown error where a ratio leaves its range."""
         name = self.names[ratio]
         meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
-        return f"{name}{meaning} is outside of the compared range {number(low)} to {number(high)}"
+        return f"{name}{meaning} is outside of the compared range {value_range(low, high)}"
 
     def near(self, model: str, places: FloatArray) -> FloatArray:
         """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""

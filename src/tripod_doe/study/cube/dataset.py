@@ -55,6 +55,8 @@ RECORD_ROLE = "record of the run"
 RESPONSE_ROLE = "result of its own"
 """Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
 
+PHASES = "phases"
+"""Attribute of a result: which of its outputs are angles on a circle."""
 RESPONSES = "responses"
 """Attribute of the result of an analysis: which of its outputs are responses."""
 
