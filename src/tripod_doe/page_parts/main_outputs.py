@@ -22,7 +22,7 @@ _UNNAMED = "the output"  # of a result that does not say what it was made of
 class OutputPart(NamedTuple):
     """Answers on one output, without its dimensions: which output of the cube, what it is in words, and its unit.
 
-    On a circle nothing is the smallest: the distribution of a phase is that of its differences from the mean.
+    A phase has no smallest value: its quantiles are of its differences from the mean.
     """
 
     output: str
