@@ -311,6 +311,7 @@ def test_schema_holds_every_parameter(capsys):
     ("words", "message"),
     [
         (["simulate", "--joint-angel-deg", "5"], "did you mean '--joint-angle-deg'"),
+        (["simulate", "--temperature", "5"], "unknown flag --temperature\ntry: tripod-doe simulate --help"),
         (["simulate", "--joint-angle-deg", "steep"], "expected a number"),
         (["simulate", "--joint-angle-deg", "nan"], "must be finite"),
         (["simulate", "--joint-angle-deg", "60"], "must be >= 0 and <= 40"),

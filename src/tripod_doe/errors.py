@@ -22,6 +22,7 @@ _NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight
 _LONGEST_LINE = 4_000  # characters
 _MOST_LINES = 200
 _LONGEST_NAME = 100  # characters of a name for which near ones are looked for
+_SYNONYMS = {"mu": "friction", "cof": "friction", "roller": "groove", "bearing": "needle"}  # words for those of names
 _CONTROL = re.compile(
     r"[^\S\n ]|[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]"
 )
@@ -129,15 +130,26 @@ def near_match(name: str, known: Iterable[str]) -> str:
 def closest(name: str, known: Iterable[str]) -> str:
     """Say which known name was probably meant, without listing the others: ``"; did you mean 'a.toml'?"`` or empty.
 
-    Meant is the shortest name that begins so, one with nearly the same letters, or one that holds all words of the
-    name: speed_rpm for speed.
+    Meant are the shortest names that begin so, those that hold all words of the name (speed_rpm for speed, the sliding
+    friction for a friction), or one with nearly the same letters.
     """
     names = list(known)
     if len(name) > _LONGEST_NAME:
         return ""
-    words = set(re.findall(r"[^\W_]+", name))
-    same_words = [other for other in names if words and words <= set(re.findall(r"[^\W_]+", other))]
+    longer = sorted((other for other in names if len(name) > 4 and other.startswith(name)), key=len)
+    longer = [other for other in longer if len(other) == len(longer[0])]
     cutoff = _NEAR if len(name) > 4 else _NEAR_SHORT
-    longer = sorted((other for other in names if len(name) > 4 and other.startswith(name)), key=len)[:1]
-    meant = longer or difflib.get_close_matches(name, names, n=1, cutoff=cutoff) or same_words
+    near = difflib.get_close_matches(name, names, n=1, cutoff=cutoff)
+    words = set(re.findall(r"[^\W_]+", name))
+    same_words = _with_words(words, names) or _with_words({_SYNONYMS.get(word, word) for word in words}, names)
+    by_words = len(words) > 1 and 0 < len(same_words) <= _MOST_MEANT
+    meant = longer or (same_words if by_words else near or same_words)
     return f"; did you mean {' or '.join(map(repr, meant))}?" if 0 < len(meant) <= _MOST_MEANT else ""
+
+
+def _with_words(words: set[str], names: Sequence[str]) -> list[str]:
+    """Names that hold all these words; of several frictions those of sliding."""
+    holding = [other for other in names if words and words <= set(re.findall(r"[^\W_]+", other))]
+    if "friction" in words:
+        return [other for other in holding if "sliding" in other] or holding
+    return holding

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, closest, near_match
 
 if TYPE_CHECKING:
     from tripod_doe.model_interface import Parameter
@@ -27,7 +27,7 @@ class Parser(argparse.ArgumentParser):
         """Refuse a word that the command does not take."""
         flag = word.partition("=")[0]
         flags = [flag for action in self._actions for flag in action.option_strings]
-        unknown = f"unknown flag {flag}{near_match(flag, flags)}"
+        unknown = f"unknown flag {flag}{closest(flag, flags)}"
         self.error(unknown if flag.startswith("-") else f"unexpected argument {word!r}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

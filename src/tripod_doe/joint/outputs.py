@@ -214,8 +214,8 @@ _OUTPUTS = [
         VIBRATES,
         "1",
         "",
-        "whether the joint vibrates by itself, 1 or 0; not looked for by a balance where no recorded joint of such an "
-        "angle and groove friction vibrates",
+        "whether the joint vibrates by itself, 1 or 0; where no recorded joint of such an angle and groove friction "
+        "vibrates, a balance does not look, and model rollers does",
         optional=True,
     ),
     Output(

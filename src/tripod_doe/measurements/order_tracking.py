@@ -103,9 +103,11 @@ def _revolutions(rotation_deg: FloatArray) -> FloatArray:
     """Bounds of the whole revolutions of a record, from its first sample on."""
     if rotation_deg.size < 2:
         raise InputError(f"the record has {rotation_deg.size} samples with an angle; two whole revolutions are needed")
-    # the last sample stands for the step behind it: 0, 1, ... 719 deg are two revolutions
+    # the last sample stands for the step behind it: 0, 1, ... 719 deg are two revolutions; and where pulses bound a
+    # record, its first and its last sample lie up to a step within whole revolutions
     span, steps = rotation_deg[-1] - rotation_deg[0], np.diff(rotation_deg)
-    count = int((span + max(float(np.median(steps)), steps[-1])) / 360 + 1e-6)
+    step = max(float(np.median(steps)), steps[-1])
+    count = int((span + max(step, min(2 * step, _WIDEST_GAP))) / 360 + 1e-6)
     if count < 2:
         raise InputError(
             f"the record covers {span / 360:.2f} revolutions; at least two whole ones are needed to compute "

@@ -160,6 +160,19 @@ def test_a_pulse_missing_at_an_end_is_not_counted(measure):
     assert last.rotation_deg[-1] == pytest.approx(18 * 360, abs=1)
 
 
+def test_edges_between_samples_cost_no_revolution():
+    """Twenty pulses are nineteen revolutions, wherever between two samples noise moves their edges."""
+    time = np.arange(0, 4, 0.0005)
+    clean = 5.0 * ((5 * time + 0.9) % 1 < 0.1)
+    rng = np.random.default_rng(1)
+    for noise in (0.0, 0.05):
+        tacho = clean + noise * rng.standard_normal(time.size)
+        got = rotation_from_tachometer(time, tacho, np.cos(6 * np.pi * 5 * time), 1)
+        tracked = track(got)
+        assert (tracked.attrs["revolutions_used"], tracked.attrs["revolutions_left_out"]) == (19, 0)
+        assert np.abs(tracked["thrust_amplitude"].sel(order=3) - 1).max() < 0.01
+
+
 def test_dropouts_leave_gaps_and_no_error():
     """Without noise, missing samples change nothing as long as no gap is wider than 14.4 deg."""
     rng = np.random.default_rng(2)

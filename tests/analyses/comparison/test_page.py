@@ -42,10 +42,10 @@ def test_sentences_say_what_differs_and_what_was_lost(comparison):
     assert "N (+10 %), beyond both uncertainties together" in told[1]
     assert "second order" in told[2]
     assert "Error of the model kinetostatic: recorded for similar points" in told[3]
-    assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[5]
-    assert told[6].startswith("The speed of the record is 3")
-    assert told[7].startswith("Lost: 2 revolutions left out")
-    assert "401 samples" in told[7]
+    assert "2 left out for a gap wider than 14.4 deg or too few samples" in told[5]
+    assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[6]
+    assert told[7].startswith("The speed of the record is 3")
+    assert told[8] == "Lost: 401 samples without a number."
 
 
 def test_a_record_at_one_speed_is_no_run_up(comparison):

@@ -45,7 +45,7 @@ IMPOSSIBLE = [
     ({"needle_crown_um": 100, "needle_diameter_mm": 0.2}, "no ends"),
     ({"shaft_length_mm": 50, "roller_radius_mm": 25, "pitch_radius_mm": 60, "joint_angle_deg": 25}, "outboard joint"),
     ({"shaft_length_mm": 60, "pitch_radius_mm": 60, "joint_angle_deg": 39}, "outboard joint"),
-    ({"needle_count": 28}, "do not fit on the pitch circle"),
+    ({"needle_count": 28}, "needle_pitch_diameter_mm to 17.87 or more"),
     ({"needle_diameter_mm": 2.1}, "do not fit on the pitch circle"),
     ({"needle_diameter_mm": 9, "needle_pitch_diameter_mm": 8}, "trunnion has no diameter"),
     ({"initial_skew_2_deg": -4.6}, "skewed by initial_skew_2_deg"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, VERDICTS
 from tripod_doe.page_parts.main_results import ORDINALS
-from tripod_doe.quantities import interval, level, number, numbers_in_words, value_range
+from tripod_doe.quantities import count_of, interval, level, number, numbers_in_words, value_range
 
 ORDER_HEADS = (
     "order",
@@ -54,7 +55,7 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
         sentences += _run_up_sentence(comparison)
     measured, model = (_beat(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
     sentences.append(f"The envelope of the measured thrust force {measured}; the envelope of the model {model}.")
-    sentences.append(f"Reference angle {comparison.attrs['alignment']}.")
+    sentences += [_revolutions(comparison.attrs), f"Reference angle {comparison.attrs['alignment']}."]
     return sentences + _cautions(comparison)
 
 
@@ -152,6 +153,18 @@ def _run_up_sentence(comparison: xr.Dataset) -> list[str]:
     ]
 
 
+def _revolutions(attrs: Mapping[str, Any]) -> str:
+    """How many whole revolutions of the record take part."""
+    whole, left = int(attrs["revolutions_used"]), int(attrs["revolutions_left_out"])
+    compared = int(attrs.get("revolutions_compared", whole))
+    why = " for a gap wider than 14.4 deg or too few samples" if left else ""
+    speeds = f", {whole - compared} outside of the speeds compared" if compared < whole else ""
+    return (
+        f"Of {count_of(whole + left, 'whole revolution')} of the record {compared:,} are compared: "
+        f"{left or 'none'} left out{why}{speeds}."
+    )
+
+
 def _beat(envelope: np.ndarray[Any, Any]) -> str:
     """Change of an envelope over a revolution, as the end of a sentence."""
     depth = 100 * _depth(envelope)
@@ -175,7 +188,6 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
                 f"model's point {level(model_speed)} rpm."
             )
     counts = (
-        ("revolutions_left_out", "revolution", "left out for a gap wider than 14.4 deg or too few samples"),
         ("lost_samples", "sample", "without a number"),
         ("lost_pulses", "pulse", "of the tachometer missing and interpolated"),
         ("extra_pulses", "edge", "of the tachometer, which were bounces or spikes"),

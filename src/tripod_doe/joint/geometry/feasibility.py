@@ -20,6 +20,8 @@ law fades out, and the thrust with it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
@@ -79,9 +81,9 @@ def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
     def too_many(i: int) -> str:
         most = int(most_needles(needle[i], pitch[i]))
         return (
-            "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm, or raise "
-            f"needle_pitch_diameter_mm ({points.needle_count[i]:g} needles of {needle[i]:.4g} mm are "
-            f"{spacing[i]:.4g} mm apart; at most {most} fit)"
+            f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm, or raise "
+            f"needle_pitch_diameter_mm to {_smallest_pitch(points, i):.2f} or more ({points.needle_count[i]:g} needles "
+            f"of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
         )
 
     def no_wall(i: int) -> str:
@@ -153,6 +155,11 @@ def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> Float
     half = np.pi / np.maximum(count, 2)
     spacing = points.needle_pitch_diameter * np.sin(half) / np.hypot(1.0, np.tan(skew) * np.cos(half))
     return np.where(count > 1, spacing, np.inf)
+
+
+def _smallest_pitch(points: JointValues[FloatArray], i: int) -> float:
+    """Pitch diameter in mm on which the unskewed needles of a point fit, rounded up to 0.01 mm."""
+    return math.ceil(100 * float(points.needle_diameter[i]) / math.sin(math.pi / float(points.needle_count[i]))) / 100
 
 
 def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
