@@ -79,6 +79,4 @@ def test_a_waveform_says_which_revolutions_it_holds(table):
 def test_an_output_without_a_value_says_why():
     """Regression: "not known  vibrates"."""
     message = point_table(simulate_point(model="kinetostatic", joint_angle_deg=7, torque_n_m=180))
-    assert (
-        "\nNo value of vibrates: whether the joint vibrates by itself, 1 or 0; where no recorded joint" in message
-    )
+    assert "\nNo value of vibrates: whether the joint vibrates by itself, 1 or 0; where no recorded joint" in message
