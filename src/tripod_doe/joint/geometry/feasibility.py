@@ -81,8 +81,8 @@ def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
     def too_many(i: int) -> str:
         most = int(most_needles(needle[i], pitch[i]))
         return (
-            f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm, or raise "
-            f"needle_pitch_diameter_mm to {_smallest_pitch(points, i):.2f} or more ({points.needle_count[i]:g} needles "
+            f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm, or "
+            f"raise needle_pitch_diameter_mm to {_smallest_pitch(points, i):.2f} or more ({points.needle_count[i]:g} needles "
             f"of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
         )
 
