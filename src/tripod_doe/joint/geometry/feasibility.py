@@ -82,8 +82,8 @@ def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
         most = int(most_needles(needle[i], pitch[i]))
         return (
             f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm, or "
-            f"raise needle_pitch_diameter_mm to {_smallest_pitch(points, i):.2f} or more ({points.needle_count[i]:g} needles "
-            f"of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
+            f"raise needle_pitch_diameter_mm to {_smallest_pitch(points, i):.2f} or more "
+            f"({points.needle_count[i]:g} needles of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
         )
 
     def no_wall(i: int) -> str:
