@@ -1,4 +1,4 @@
-"""What a model of the joint is: its numerics, its outputs, what it cannot represent, and how it simulates a block."""
+"""Description of a model: numerics, outputs, missing effects, valid ranges, and its function to simulate a block."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -18,8 +18,7 @@ class Model:
     """One model of the ladder."""
 
     name: str  # the value of the parameter ``model``
-    # how it can be solved, the default first, and the numerics parameters that each method uses, with their default
-    # values
+    # solution methods, the default first, with the numerics parameters that each uses and their defaults
     methods: Methods
     outputs: frozenset[str]  # names of the outputs that it computes
     # (block of points, method, samples per revolution, outputs to keep, required accuracy per order or None for the
@@ -28,14 +27,14 @@ class Model:
     # (block of one point, method): compiles all that `simulate` needs
     prepare: Callable[[JointValues[FloatArray], str], None]
     ignores: frozenset[str] = frozenset()  # parameters that it cannot represent
-    # whether a run finds its own tolerance or step if none is given; if not, the method's default satisfies every
-    # accuracy that can be asked for
+    # whether a run finds its tolerance or step if none is given; if not, the method's default satisfies every possible
+    # required accuracy
     settles: bool = False
     # parameters whose effect this model lacks in whole or in part, each with a sentence on what is missing
     lacks: Mapping[str, str] = field(default_factory=dict)
-    valid: tuple[ValidRange, ...] = ()  # where it holds
+    valid: tuple[ValidRange, ...] = ()  # valid ranges
 
     @property
     def default_method(self) -> str:
-        """The method that is used where none is named."""
+        """The method to use if none is named."""
         return next(iter(self.methods))

@@ -39,7 +39,7 @@ def _simulate_multibody(
     keep: Collection[str],
     accuracy: OrderAccuracy | None = None,
 ) -> BlockResult:
-    """Simulate points one by one: a run costs far more than what points could share."""
+    """Simulate points one by one: a run costs far more than any work that points could share."""
     from tripod_doe.joint.multibody.run_result import Wanted
     from tripod_doe.joint.multibody_run import run_joint
 
@@ -119,7 +119,7 @@ _MULTIBODY_METHODS = {
     False: _methods(relative_tolerance=4e-3, step=5e-5),
     True: _methods(relative_tolerance=2e-3, step=1e-5),
 }
-"""Methods of `rollers` and of `needles`, by whether needles are bodies."""
+"""Methods by model: False for `rollers`, True for `needles` (needles are bodies)."""
 
 ROLLERS = Model(
     name="rollers",

@@ -1,8 +1,8 @@
 """Runs of the multibody models: from one operating point to thrust, friction powers, skews and a numerical error.
 
-A run follows `cycles` revolutions from the balanced start; the last two are sampled. It finds its steps by the accuracy
-that is asked for (`refinement`). With a given tolerance or step the last revolution is run again in finer steps
-instead, for the numerical error (`numerical_error`).
+A run follows `cycles` revolutions from the balanced start; the last two are sampled. The required accuracy sets its
+steps (`refinement`). With a given tolerance or step, the last revolution is run again in finer steps for the numerical
+error (`numerical_error`).
 
 Halving steps cannot reveal motions that all affordable steps damp: many joints vibrate by themselves. So each joint is
 tested for that first (`vibration.growing_vibration`). If one vibrates, runs by the models' own method follow the
@@ -50,26 +50,26 @@ from tripod_doe.mechanics.stability.rates import Rates
 from tripod_doe.model_interface import Outcome
 
 _LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
-"""Light needles reverse their slip, which does not reach the thrust; what a wrong run shows is its thrust at half the
+"""Light needles reverse their slip without effect on the thrust; a wrong run shows a different thrust at half the
 tolerance. Constraints act only at the far end of the shaft, where a micrometre turns it by 3e-6 rad."""
 
 _EXPLICIT_ENERGY = 0.5
-"""Share of the friction's work that an explicit method may miss: it has no numerical damping, so that what it misses is
-friction that chatters. An implicit method damps what its steps do not resolve, rattling and the jolt of the start,
-which does not affect the thrust (benchmarks/guards.py)."""
+"""Allowed energy error of an explicit method over the work of friction: it has no numerical damping, so that the error
+is chattering friction. An implicit method damps unresolved motion, rattling and the transient of the start, without
+effect on the thrust (benchmarks/guards.py)."""
 
 _TURNED_OVER = 1e-3
-"""Share of the transmitted energy to which an energy balance is related where friction dissipates less: a straight
-joint dissipates nothing, and its rounding cannot be related to nothing."""
+"""Least reference of an energy balance, over the transmitted energy: a straight joint dissipates nothing, so friction
+work cannot be the reference of its rounding errors."""
 
 _DAMPS = "adaptive-euler"
 """The models' own method, which damps vibrations."""
 
 _DIES_OUT = Growth(1.0, 0.0, 0.0)
-"""Growth of departures from a stable motion that a kick may still disturb."""
+"""Growth of departures from a stable motion, in which a kick may still excite a vibration."""
 
 _RATE_STATES = 12
-"""States of a third of a revolution at which a run is linearised."""
+"""Number of states in a third of a revolution at which a run is linearised."""
 
 
 def run_joint(
@@ -84,9 +84,9 @@ def run_joint(
 
     Args:
         needles: Model ``needles`` (True) or ``rollers``.
-        method: How it is integrated, with the step or the tolerance among the values where they are given.
-        accuracy: To which a run without a given tolerance or step is refined; unless given, the accuracy of the third
-            order among the values.
+        method: Integration method; the values contain its step or tolerance if given.
+        accuracy: Required accuracy of a run without a given tolerance or step; default: the third order's `accuracy` in
+            the values.
         usual: Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
     """
     if reason := _out_of_range(values):
@@ -141,7 +141,7 @@ def run_joint(
 
 
 def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
-    """Whether the start may have kicked off a vibration: the motion misses its accuracy and does not repeat."""
+    """Whether the start may have excited a vibration: the motion misses its accuracy and is not periodic."""
     return not motion.swings and bool(vibrating or not motion.missed or not motion.repeats)
 
 
@@ -199,7 +199,7 @@ def follow(
         settings=settings,
         limits=run_limits(values, cycles, method),
     )
-    if result.times.size <= cycles * samples:  # it stopped on its way
+    if result.times.size <= cycles * samples:  # it stopped before its end
         return result, None
     followed = samples + samples // LEAD
     start = State(float(result.times[-1 - followed]), *(x[-1 - followed] for x in _states(result)))
@@ -253,7 +253,7 @@ def run_limits(values: JointValues[float], cycles: float, method: str) -> Limits
 
 
 def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted: Wanted) -> Readings:
-    """Read all results off the sampled revolutions of a motion."""
+    """Read all results from the sampled revolutions of a motion."""
     result, count, samples = motion.result, motion.sampled, wanted.samples
     times, positions, velocities = (
         x[-count * samples - 1 :] for x in (result.times, result.positions, result.velocities)

@@ -14,7 +14,7 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.model_interface import Accuracy
 
 SMALLEST_THIRD = 2e-3
-"""Share of |T| / R_p: a smaller third order, as a straight joint has, counts as one of this size."""
+"""Least reference of the third order's relative error, over |T| / R_p: for small orders, as of a straight joint."""
 
 
 @dataclass(frozen=True)
@@ -22,22 +22,22 @@ class OrderAccuracy:
     """Allowed errors of the orders of the thrust."""
 
     orders: Mapping[int, float]  # allowed relative error by order
-    floor: float = 0.01  # share of the largest order: an order that is smaller counts as one of this size
+    floor: float = 0.01  # least reference of relative errors, over the largest order
 
     @classmethod
     def of(cls, accuracy: Accuracy) -> OrderAccuracy:
-        """Take the accuracy that a study asks for."""
+        """Make it from the required accuracy of a study."""
         return cls({each.label: each.allowed for each in accuracy.quantities if each.label is not None}, accuracy.floor)
 
     def sizes(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
-        """Sizes that errors are relative to, for orders of these amplitudes; shape (order,)."""
+        """References of relative errors, for orders of these amplitudes; shape (order,)."""
         least = SMALLEST_THIRD * abs(values.torque) / values.pitch_radius
         sizes: FloatArray = np.maximum(amplitudes, self.floor * max(float(amplitudes[1:].max()), least))
         sizes[3] = max(sizes[3], least)
         return sizes
 
     def allowed(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
-        """Allowed errors of orders of these amplitudes, infinite where nothing is asked for; shape (order,)."""
+        """Allowed errors of orders of these amplitudes, infinite without requirement; shape (order,)."""
         errors, sizes = np.full(ORDERS.size, math.inf), self.sizes(amplitudes, values)
         for order, share in self.orders.items():
             errors[order] = share * sizes[order]

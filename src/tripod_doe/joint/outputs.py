@@ -15,10 +15,10 @@ from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import Dimension, Output, by_name
 
 PARTS = (*MECHANISMS, "remainder")
-"""Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
+"""Parts of the thrust: contributions of the mechanisms, and the remainder; see `thrust_parts`."""
 
 VIBRATES = "vibrates"
-"""Output that says whether a joint vibrates, where it was looked for."""
+"""Output that states whether a joint vibrates, if it was tested."""
 
 VIBRATION_VERDICT = ("vibration_growth", "vibration_growth_rate_per_s", "vibration_frequency_hz")
 """Outputs that say whether a joint vibrates, in any model."""
@@ -29,12 +29,11 @@ VIBRATION_OUTPUTS = (*VIBRATION_VERDICT, "vibration_rms")
 BY_CYCLE, SETTLED = "thrust_amplitude_by_cycle", "thrust_amplitude_settled"
 STEP_ERROR = "thrust_amplitude_step_error"
 CYCLE_OUTPUTS = (BY_CYCLE, SETTLED, STEP_ERROR)
-"""Outputs of how orders change from one revolution to the next, of what they tend to, and of how exactly needles are
-followed through them."""
+"""Outputs: change of orders from one revolution to the next, their limits, and numerical errors of the needles."""
 
 _STEP_ERROR_OVER_CHANGE = 3.0
-"""Error of the steps of needles over what half of them change. Twice were enough if errors went with the step: where
-crowned needles turn over, they fall more slowly. Three times hold nine in ten of the errors over the whole field."""
+"""Error of the needles' steps over the change with half steps. Errors proportional to the step would give 2; while
+crowned needles turn over, errors decrease more slowly. 3 covers nine of ten errors over the whole field."""
 
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
@@ -51,7 +50,7 @@ _PHASE = (
 _SKEW = "positive counterclockwise about the outward normal of the trunnion surface"
 
 _STILL = ("joint_angle_deg", "torque_n_m", "groove_sliding_friction", "groove_sliding")
-"""Parameters without any of which no force is transmitted along the grooves."""
+"""Parameters without which no force acts along the grooves: if one is zero, the thrust is zero."""
 _SKEWS = ("initial_skew_1_deg", "initial_skew_2_deg", "initial_skew_3_deg")
 """With all skews reversed, half a turn later, the thrust force is reversed."""
 
@@ -265,9 +264,9 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
 
     Args:
         groove_thrust: Axial force on the housing at each groove, shape (point, revolution, groove, sample), for the
-            last revolutions: two or more, or one where all are alike. Orders are those of the mean revolution;
-            waveforms, and the scatter, are those of the last two.
-        keep: Names of the wanted outputs; others are not computed.
+            last revolutions: two or more, or one if all are equal. Orders are of the mean revolution; waveforms and
+            scatter of the last two.
+        keep: Names of the requested outputs; others are not computed.
 
     Returns:
         Every output by name, its first axis the point.
@@ -293,7 +292,7 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
 def cycle_outputs(
     each: FloatArray, repeating: FloatArray, finer: FloatArray, keep: Collection[str]
 ) -> dict[str, FloatArray]:
-    """Orders of single revolutions, of those that repeat, and errors of the steps of needles.
+    """Orders of single revolutions and of the periodic state, and errors of the needles' steps.
 
     Args:
         each: Axial force on the housing at each groove, shape (point, revolution, groove, sample).

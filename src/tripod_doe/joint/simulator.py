@@ -1,4 +1,4 @@
-"""The joint as a simulator: points in, outputs and outcomes out, by the model each point asks for."""
+"""The joint as a simulator: outputs and outcomes of points, each computed by its model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from tripod_doe.model_interface import (
 
 _NO_END = "settled_needles: model needles follows as many cycles as are asked for, and no further; raise cycles instead"
 _KIND = ("model", "method", "samples_per_revolution", "cycles")
-"""Parameters that points have in common which one run of a solver can answer."""
+"""Parameters that points must share for a common call of a solver."""
 
 
 class JointSimulator(Simulator):
@@ -56,7 +56,7 @@ class JointSimulator(Simulator):
     accuracy: OrderAccuracy | None = None
 
     def refined_to(self, accuracy: Accuracy) -> JointSimulator:
-        """Make a simulator whose runs are refined to the accuracy that a study asks of the orders it names."""
+        """Make a simulator that refines its runs to the accuracy that a study requires of named orders."""
         for quantity in accuracy.quantities:
             if quantity.output != "thrust_amplitude" or quantity.label is None:
                 raise InputError(f"[accuracy]: {quantity.name}: runs are refined to orders of thrust_amplitude")
@@ -65,7 +65,7 @@ class JointSimulator(Simulator):
         return other
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
-        """Complete the values of one point; its run finds its tolerance or step where neither is given."""
+        """Complete the values of one point; its run finds its tolerance or step if neither is given."""
         full = super().effective(values)
         full |= settled(full)
         if any(is_set(values.get(name)) for name in NUMERICS):
@@ -81,17 +81,17 @@ class JointSimulator(Simulator):
     def check(
         self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
     ) -> list[str]:
-        """Check as any simulator, and warn of factors that no model in play represents."""
+        """Check like any simulator, and warn of factors that no model of the study represents."""
         warnings = super().check(base, factors, keep)
         names = factors.get("model") or [base.get("model") or JOINT_PARAMETERS["model"].default]
         in_play = [MODELS[str(name)] for name in names]
         given = [name for name in NUMERICS if is_set(base.get(name))]
         if given and (is_set(base.get("accuracy")) or "accuracy" in factors):
             warnings.append(f"accuracy has no effect where {given[0]} is given")
-        # whether a balance vibrates depends on what its thrust does not
+        # vibration depends on parameters that do not affect a balance's thrust
         decides = frozenset(JOINT_PARAMETERS) - MODELS["rollers"].ignores
         asked = decides if not set(VIBRATION_VERDICT).isdisjoint(keep) else frozenset()
-        # equilibrium looks for vibrations only where their growth is asked for
+        # equilibrium tests for vibrations only if their growth is requested
         looked_at = decides if VIBRATES in keep and any(m.name != "equilibrium" for m in in_play) else frozenset()
         return warnings + [
             f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same "
@@ -103,9 +103,9 @@ class JointSimulator(Simulator):
     def model_errors(
         self, points: Mapping[str, NDArray[Any]], outputs: Mapping[str, NDArray[Any]] | None = None
     ) -> ModelErrors:
-        """Errors of the third order against `needles`, from measured points like these.
+        """Errors of the third order against `needles`, from similar measured points.
 
-        Where the outputs say whether a joint vibrates, other joints no longer count for that.
+        If the outputs state whether a joint vibrates, the vibration of other joints no longer matters.
         """
         count = len(points["model"])
         expected, limit, unknown = np.empty(count), np.empty(count), np.empty(count, object)
@@ -126,7 +126,7 @@ class JointSimulator(Simulator):
         return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures)
 
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
-        """Relative numerical error of the third order, where the run reports it; zero of an order that is zero."""
+        """Relative numerical error of the third order, if the run reports it; zero for a zero order."""
         known = [outputs[name][:, 3] for name in ("thrust_amplitude_error", STEP_ERROR) if name in outputs]
         if "thrust_amplitude" not in outputs or not known:
             return None
@@ -134,7 +134,7 @@ class JointSimulator(Simulator):
         return np.asarray(np.divide(error, size, out=np.zeros_like(error), where=size > 0))
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:
-        """Errors of the second and third order against `needles` at measured points like these."""
+        """Errors of the second and third order against `needles` at similar measured points."""
         similar: FloatArray | None = None
         for model, rows, own in _by_model(points):
             vibrates = some_vibrate(own) if model.name in WITHOUT_VIBRATION else None
@@ -175,7 +175,7 @@ class JointSimulator(Simulator):
             MODELS[model].prepare(point_values(full), method)
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
-        """Points that are not run: parts that do not fit or slide, a method or numerics that a model does not have."""
+        """Points that are not run: parts do not fit or slide, or the model lacks the method or numerics."""
         endings: list[tuple[int, Outcome, str]] = []
         for (name, method, _, _), chosen in self._kinds(points):
             model = MODELS[name]

@@ -1,7 +1,7 @@
 """One trunnion with its needles, its roller and its groove as a simulator: a third of the joint.
 
-The parts are the joint's own, and so is the motion: see `joint_scene.build_trunnion`. What is left out is the
-friction in the other two grooves, which turns and loads the spider a little.
+Parts and motion are as in the joint: see `joint_scene.build_trunnion`. Only the friction in the other two grooves is
+missing, which turns and loads the spider a little.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _OF_OTHERS = (
     "pressure_limit_gpa",
     "penetration_limit_um",
 )
-"""Parameters of the joint that say nothing of one trunnion."""
+"""Parameters of the joint without effect on one trunnion."""
 
 _NEEDLES = MODELS["needles"]
 
@@ -103,11 +103,11 @@ class TrunnionSimulator(SceneSimulator):
         return [(i, *why) for i, why in sorted((without_torque | infeasible(values) | refused).items())]
 
     def compile(self, model: str, method: str) -> None:
-        """Compile what a run needs, by a step of a joint without needle bodies."""
+        """Compile the kernels of a run by a step of a joint without needle bodies."""
         compile_joint(point_values({}).point(0), method)
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
-        """Simulate one point; its last revolution is run again, and its third order judged by the difference."""
+        """Simulate one point; run its last revolution again, and check its third order by the difference."""
         inside = point_values(values).point(0)
         assembly = assemble(build_trunnion(inside))
         result, again = follow(assembly, inside, method, _SAMPLES, step, settings)

@@ -35,12 +35,12 @@ from tripod_doe.mechanics.tables import (
 
 _AXES = np.eye(3)
 _CACHE_LINE = 64
-"""Bytes that a processor reads at once."""
+"""Bytes of a cache line."""
 
 
 @dataclass
 class State:
-    """Positions and velocities of all bodies at one time: the only thing that changes."""
+    """Positions and velocities of all bodies at one time: the only data that change."""
 
     time: float  # time
     positions: FloatArray  # centre of mass and quaternion, shape (body, 7); body 0 is the ground
@@ -55,9 +55,9 @@ class State:
 class Assembly:
     """A scene ready to run."""
 
-    scene: parts.Scene  # what it was made from
+    scene: parts.Scene  # its source
     names: tuple[str, ...]  # body names in the order of the tables; the ground is first
-    tables: Tables  # what kernels read
+    tables: Tables  # input of the kernels
 
     def initial_state(self) -> State:
         """The state that the scene describes, at time 0."""
@@ -112,7 +112,7 @@ class Assembly:
 
 
 def _aligned_zeros(shape: int | tuple[int, ...], dtype: type = np.float64) -> NDArray[Any]:
-    """Zeros whose rows of lanes begin with a line of the processor's cache: a row that lies in two costs two reads."""
+    """Zeros whose rows of lanes begin at a cache line: a row across two lines costs two reads."""
     size = (math.prod(shape) if isinstance(shape, tuple) else shape) * np.dtype(dtype).itemsize
     memory = np.zeros(size + _CACHE_LINE, np.uint8)
     start = -memory.ctypes.data % _CACHE_LINE
@@ -316,7 +316,7 @@ def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) ->
                 if abs(axis @ ahead) > 1e-9:
                     raise InputError(f"{where}: reference_a {joint.reference_a} is not across axis_a {joint.axis_a}")
                 motion = (joint.angle, joint.rate, joint.acceleration)
-                side = _cross(axis, ahead)  # across the reference: zero where b's reference is at the angle
+                side = _cross(axis, ahead)  # across the reference: zero if b's reference is at the angle
                 reference = _checked_direction(where, joint.reference_b)
                 row(PERPENDICULAR, direction_a=side, turned_a=-ahead, direction_b=reference, motion=motion)
             case parts.Fixed():
@@ -338,7 +338,7 @@ def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) ->
 
 
 def _core(scene: parts.Scene, names: dict[str, int]) -> set[int]:
-    """Bodies that are eliminated last: those that the scene names, and all that take part in constraints."""
+    """Bodies that are eliminated last: bodies named by the scene, and all bodies with constraints."""
     core = {_index(names, name, "core") for name in scene.core}
     for number, joint in enumerate(scene.constraints):
         where = f"constraint {number} ({type(joint).__name__})"

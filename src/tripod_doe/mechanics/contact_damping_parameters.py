@@ -14,11 +14,11 @@ from tripod_doe.model_interface import Parameter, Value
 TIME, FACTOR = "contact_damping_time_s", "contact_damping_s_per_mm"
 
 GREASED = 8e-6
-"""Damping over stiffness in s where neither is given: geometric mean of the range of greased rolling bearings, 0.25e-5
+"""Damping over stiffness in s if neither is given: geometric mean of the range of greased rolling bearings, 0.25e-5
 to 2.5e-5 s (Kraemer, Dynamics of Rotors and Foundations, 1993)."""
 
 BOTH = f"a contact is greased or dry: set {TIME} or {FACTOR} to 0"
-"""Why a point with both is refused."""
+"""Reason to refuse a point with both."""
 
 DAMPING_PARAMETERS = (
     Parameter(
@@ -48,7 +48,7 @@ DAMPING_PARAMETERS = (
 
 
 def damping_time(columns: Mapping[str, Any]) -> FloatArray:
-    """Time of each point in s: where it is not given, the time of greased contacts, or 0 where these are dry."""
+    """Time of each point in s; if not given, the time of greased contacts, or 0 for dry contacts."""
     time, factor = (np.asarray(columns[name], float) for name in (TIME, FACTOR))
     return np.where(np.isnan(time), np.where(factor > 0, 0.0, GREASED), time)
 
@@ -59,5 +59,5 @@ def settled(values: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def greased_and_dry(columns: Mapping[str, NDArray[Any]]) -> list[int]:
-    """Rows of the points that have both."""
+    """Rows of the points with both parameters."""
     return [int(row) for row in np.flatnonzero((damping_time(columns) > 0) & (np.asarray(columns[FACTOR], float) > 0))]

@@ -1,20 +1,19 @@
 """One run of a scene: integrate, sample and check it. A run ends in an outcome, never in a silent wrong number.
 
-What decides an outcome, and the reasons for the limits
+Outcome of a run, and the reasons for the limits
 -------------------------------------------------------
 energy
     Change of energy against work put in and lost. An explicit step beyond the friction limit chatters: the power mu f
-    |v| at its sampled velocities is not the work it does. A bouncing ball returns too low by the energy that is
-    missing.
+    |v| at its sampled velocities is not the work it does. A bouncing ball returns too low by the missing energy.
 slip reversals
     A slip that reverses from step to step is chatter: the direction of friction is unknown on that part of the slip
-    path. Rolling reverses its slip, too, but over hardly any path.
+    path. Rolling also reverses its slip, but over almost no path.
 halved step
     The run, or windows of it, is run again with half the step (or a tenth of the tolerance): `step_halving`. The error
     that follows from the difference by the method's order must stay within `Limits.error` of the slip path (of the
-    travel where nothing slips). Where the whole run in half the steps agrees, the energy balance is that of the same
-    motion in ever smaller steps, and of what does not come back: a sum of powers is coarse where one breaks off within
-    a step, and a method may borrow energy within a contact.
+    travel where nothing slips). If the whole run agrees in half steps, the energy balance is extrapolated to ever
+    smaller steps, and includes only energy that does not return: a sum of powers is coarse if a power ends within a
+    step, and a method may borrow energy within a contact.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -51,7 +50,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import number
 
 _TRACED = 1000
-"""Steps after which a trace is emptied: the pause costs what a few steps cost."""
+"""Steps after which a trace is emptied: the pause costs a few steps."""
 
 _ROUNDING = 1e-9
 """Share of a stretch that sums of its steps may leave at its end."""
@@ -61,23 +60,23 @@ _ROUNDING = 1e-9
 class Limits:
     """Bounds within which a run counts as finished."""
 
-    # energy residual over the work lost and the energy turned over. A height is off by that share, and by what the sum
-    # of powers hides: hence below the twentieth that nothing may be off by.
+    # energy residual over the work lost and the energy turned over. Heights have this relative error, and the hidden
+    # error of the sum of powers: hence below 1/20, the largest error of any result.
     energy: float = 0.04
-    turned_over: float = 0.0  # energy that counts as turned over even where a motion turns over less
+    turned_over: float = 0.0  # least energy that counts as turned over
     # slip path in steps that reversed the slip, for the sphere that did it most, over the longest slip path; slip below
     # a hundredth of the transition velocity is rolling, whichever way it points
     reversals: float = 0.05
-    # numerical error over the slip path. What a skewed needle drifts, or a tilted roller pushes along its groove, may
-    # be a third of what slips: hence below a third of the twentieth that nothing may be off by.
+    # numerical error over the slip path. The drift of a skewed needle, or the push of a tilted roller along its groove,
+    # may be a third of the slip: hence below a third of 1/20, the largest error of any result.
     error: float = 0.015
     # penetration over the largest radius of the body's spheres (over the scene's length if they are points), or over
-    # that of a bearing's needles; every sphere and slice is looked at, at the samples
+    # that of a bearing's needles; every sphere and slice is checked, at the samples
     penetration: float = 0.05
     drift: float = 1e-4  # residual of a constraint over the scene's length
     few: int = 500  # steps up to which the whole run is run again; longer ones by windows
-    # windows, share: windows that are run again, and their share of the run: their price is twice this. Without windows
-    # nothing is.
+    # windows, share: windows that are run again, and their share of the run: they cost twice this share. 0 windows: no
+    # check.
     windows: int = 4
     share: float = 0.04
 
@@ -87,17 +86,17 @@ class Run:
     """The result of a run: outcome, states, checked quantities, counted work."""
 
     assembly: Assembly  # what was run
-    # outcome, detail: how it ended, and if not well then why, when and at which body
+    # outcome, detail: how it ended, and for a failure: reason, time and body
     outcome: Outcome
     detail: str
     # times, positions, velocities: samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on;
-    # or the states after all steps, where those were asked for
+    # or the states after all steps, if requested
     times: FloatArray
     positions: FloatArray
     velocities: FloatArray
     work: FloatArray  # time integrals of the power put in and of that lost by sliding, spinning, rolling and damping
-    # energy_residual, reversals, disagreement, penetration, drift: the quantities that `Limits` bounds, NaN where they
-    # are not known; in place of the error, the difference to half the steps, from which it follows
+    # energy_residual, reversals, disagreement, penetration, drift: the quantities that `Limits` bounds, NaN if unknown;
+    # `disagreement` is the difference to half steps, from which the error follows
     energy_residual: float
     reversals: float
     disagreement: float
@@ -113,7 +112,7 @@ class Run:
 
 
 def method_named(name: str) -> Method:
-    """Find a method of the registry; InputError if there is none of this name."""
+    """Find a method of the registry; InputError if the name is unknown."""
     if name not in METHODS:
         raise InputError(f"method {name!r}: unknown{near_match(name, METHODS)}")
     return METHODS[name]
@@ -206,7 +205,7 @@ def run(
 
 @dataclass(frozen=True)
 class _Motion:
-    """A scene on its way: its state, the memory of its kernels, and its samples and trace since the time `begin`."""
+    """A running scene: its state, the memory of its kernels, and its samples and trace since the time `begin`."""
 
     assembly: Assembly
     memory: Work
@@ -250,7 +249,7 @@ def _follow(
 
 
 def _advance(motion: _Motion, method: Method, clock: FloatArray, end: float, steps: int, settings: Settings) -> int:
-    """Integrate up to a time in a number of steps, or in those that the method chooses; pauses empty the trace."""
+    """Integrate up to a time in a number of steps, or in steps that the method chooses; pauses empty the trace."""
     state, memory, begin = motion.state, motion.memory, float(clock[0])
     last, status = int(memory.counters[STEPS]) + steps, TRACE_FULL
     while status == TRACE_FULL and end - clock[0] > _ROUNDING * (end - begin):
@@ -305,7 +304,7 @@ def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) ->
 
 
 def _contact_sizes(assembly: Assembly) -> FloatArray:
-    """Length that the penetrations of each contact are small against: its body's largest sphere, or the scene's."""
+    """Reference length of each contact's penetration: its body's largest sphere radius, or the scene's length."""
     tables = assembly.tables
     radii = np.zeros(tables.bodies.size)
     np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])

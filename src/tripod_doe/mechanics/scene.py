@@ -109,8 +109,8 @@ class NeedleBearing:
     """A full complement of needle rollers between a trunnion and the bore of a roller, as one element without bodies.
 
     The needles are smeared over the circumference. They stay with the trunnion along its axis, centred on the
-    trunnion's point; the bore slides over them and must be long enough. What is left over between the bore, the
-    trunnion and the needles' diameter is the radial clearance, negative for preload.
+    trunnion's point; the bore slides over them and must be long enough. The radial clearance (negative: preload) is
+    bore radius minus trunnion radius minus needle diameter.
     """
 
     # trunnion, bore: the two raceways: a convex and a concave cylinder of two bodies. The trunnion's point is the
@@ -248,12 +248,12 @@ class Scene:
     # constant angular velocity of the world axes and the ground about their origin: a scene that turns as a whole is
     # slow, and its positions almost constant, when it is described in axes that turn with it
     frame: Vector = ORIGIN
-    # length_scale, speed_scale, rotation_scale: displacement, speed and angular velocity that matter in this scene:
-    # tolerances and bounds are relative to them
+    # length_scale, speed_scale, rotation_scale: characteristic displacement, speed and angular velocity: tolerances and
+    # bounds are relative to them
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0
     time_scale: float = 1.0  # time in which the motion of the scene changes by itself: the pace of `adaptive-euler`
-    # bodies that many others touch: they are eliminated last, as all that take part in constraints are
+    # bodies with many contacts: they are eliminated last, like all bodies with constraints
     core: tuple[str, ...] = ()
     bearings: tuple[NeedleBearing, ...] = ()

@@ -73,7 +73,7 @@ SPRING = np.dtype(
 )
 
 LOAD_ZONE_NODES = 4
-"""Points on half the load zone of a needle bearing: its sums are good to 1e-7 without clearance, better with it."""
+"""Points on half the load zone of a needle bearing: errors of its sums are 1e-7 without clearance, smaller with it."""
 
 NEEDLE_BEARING = np.dtype(
     [
@@ -132,7 +132,7 @@ EVALUATIONS, LINEARISATIONS, FACTORISATIONS, STEPS, REJECTED, ITERATIONS, TRACED
 iterations of implicit stages, and states in `Work.trace`."""
 
 FIRST = np.int64(0)
-"""The first row or pivot of a range. numba gives a plain 0 a type of its own, and compiles the kernel once more."""
+"""The first row or pivot of a range. For a literal 0 numba would compile the kernel again with another type."""
 
 LEDGER = ("elastic_energy", "input_power", "sliding", "spinning", "rolling", "damping")
 """Entries of the energy ledger: stored energy, power put in by loads and drives, and power lost by mechanism."""
@@ -141,13 +141,13 @@ LEDGER = ("elastic_energy", "input_power", "sliding", "spinning", "rolling", "da
 class Slopes(NamedTuple):
     """Which derivatives of forces are wanted; with both factors zero, none."""
 
-    # 1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
-    # not less than this share of the secant
+    # 1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent, at
+    # least this share of the secant
     secant: float
     # by_velocity, by_position: factors of D = -dQ/dv and K = -dQ/dq in the block matrix
     by_velocity: float
     by_position: float
-    drift: bool  # whether K times the velocities is wanted, too
+    drift: bool  # whether K times the velocities is also requested
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +239,7 @@ class Work(ByReference):
     motion_before: FloatArray  # places and velocities of all bodies at the last accepted step, shape (body, 6)
     paths: FloatArray  # slip path of every sphere, in steps that reversed its slip and in all, shape (group, 2, 8)
     extremes: FloatArray  # largest constraint drift
-    failure: FloatArray  # body and size of what made a run stop
+    failure: FloatArray  # body and size of the correction or speed that stopped a run
     # states after the last steps: time, positions and velocities in a row, shape (state, 1 + 13 x bodies); without rows
     # none are kept
     trace: FloatArray

@@ -1,7 +1,7 @@
 """The states after every step of a run, taken out of the memory of its kernels whenever that is full.
 
-A sample ends a step of a method that controls its steps: where samples are as close as steps, every second step is cut
-short. So what must be read at all times is read at the method's own steps.
+A sample ends a step of a method with step control: samples as close as steps would cut every second step short. So
+quantities that are needed at all times are read at the method's own steps.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Trace:
     """All states of a run, the first of them included.
 
     Args:
-        memory: Memory of the run; without room for a trace nothing is taken from it.
+        memory: Memory of the run; without memory for a trace there are no states.
         state: Where it starts.
     """
 
@@ -35,7 +35,7 @@ class Trace:
         counters[TRACED] = 0
 
     def states(self) -> States:
-        """All that was taken so far."""
+        """All states so far."""
         rows = np.concatenate(self._rows)
         times, positions, velocities = np.split(rows, [1, 1 + 7 * self._bodies], axis=1)
         return times[:, 0], positions.reshape(-1, self._bodies, 7), velocities.reshape(-1, self._bodies, 6)

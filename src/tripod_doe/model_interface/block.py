@@ -43,9 +43,9 @@ def common_unit(name: str, unit: str, other: str) -> str:
 class Retries:
     """Changes that retries made to a block; the first axis of every array is the point."""
 
-    # number of the last change that was tried, 0 for the first attempt, shape (point,)
+    # number of the last tried change, 0 for the first attempt, shape (point,)
     attempt: NDArray[np.int8]
-    # first_outcome, first_detail: how the first attempt ended, and why it failed or a note on it
+    # first_outcome, first_detail: how the first attempt ended, with the reason of a failure or a note
     first_outcome: NDArray[np.int8]
     first_detail: list[str]
     # parameters that a retry may change, with the values of the attempt that finished, else of the first attempt:
@@ -73,12 +73,11 @@ class BlockResult:
     steps: IntArray
     force_evaluations: IntArray
     solves: IntArray
-    # time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none
+    # simulated time up to the end or the failure, shape (point,); NaN without a motion
     simulated_seconds: FloatArray
     outputs: dict[str, Values] = field(default_factory=dict)  # kept outputs by name
     coordinates: dict[str, NDArray[Any]] = field(default_factory=dict)  # labels along the dimensions of the outputs
-    # tolerances or steps that runs chose by themselves, by the name of the parameter, shape (point,) each; NaN where
-    # they were given
+    # tolerances or steps that runs chose, by the name of the parameter, shape (point,) each; NaN if given
     settled: dict[str, FloatArray] = field(default_factory=dict)
     retries: Retries | None = None  # None without retries
 
@@ -133,7 +132,7 @@ class BlockResult:
         held[rows] = data
 
     def settle(self, name: str, rows: Rows, values: FloatArray | float) -> None:
-        """Record the tolerance or step that runs chose by themselves."""
+        """Record the tolerance or step that runs chose."""
         self.settled.setdefault(name, np.full(self.count, np.nan))[rows] = values
 
     def fill(self, rows: NDArray[np.integer[Any]], part: BlockResult) -> None:

@@ -1,4 +1,4 @@
-"""Candidates of model = "auto": a model with its numerics, and its price."""
+"""Candidates of model = "auto": a model with its numerics, and its cost."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from tripod_doe.model_interface.parameter import Value
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model with its numerics that an automatic choice may take, and its price."""
+    """A model with its numerics that an automatic choice may use, and its cost."""
 
     values: Mapping[str, Value]  # its parameters, the same ones in all candidates of a simulator
-    # recorded CPU seconds per force evaluation, so that a choice by price rests on counted work and never on a clock
+    # recorded CPU seconds per force evaluation: a choice by cost depends on counted work, never on a clock
     evaluation_seconds: float
-    evaluations: float  # force evaluations of a usual run, for a price beforehand
-    full: bool = False  # whether it neglects nothing, so that its only error is numerical
-    # whether it changes further parameters of a full one, such as nine thick needles for 27: a study that sets those
-    # parameters itself cannot use it
+    evaluations: float  # force evaluations of a usual run, for a cost estimate
+    full: bool = False  # whether it contains all effects, so that its only error is numerical
+    # whether it changes parameters of a full candidate, for instance nine thick needles for 27: a study that sets these
+    # parameters cannot use it
     substitute: bool = False
 
     @property

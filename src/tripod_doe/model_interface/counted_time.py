@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 
 class _LeftOut(threading.local):
-    """Seconds of a thread that are not counted so far."""
+    """Seconds of a thread that are excluded so far."""
 
     cpu = 0.0
     wall = 0.0
@@ -25,7 +25,7 @@ def counted_time() -> tuple[float, float]:
 
 @contextmanager
 def not_counted() -> Iterator[None]:
-    """Leave out the time of the block; nested blocks are left out once."""
+    """Exclude the time of the block; nested blocks are excluded once."""
     cpu, wall = counted_time()
     try:
         yield

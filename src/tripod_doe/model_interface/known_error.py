@@ -12,7 +12,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import allowed_range
 
 NOTABLE_ERROR = 0.05
-"""Relative error of a model above which an answer is flagged."""
+"""Relative error of a model above which a result is flagged."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +20,13 @@ class ModelErrors:
     """Relative errors of the models at some points; numerical errors are not part of them."""
 
     quantity: str  # the quantity with the errors, for instance ``third order``
-    reference: str  # the model that the others are compared with
+    reference: str  # the reference model
     models: NDArray[np.object_]  # the model of every point, shape (point,)
-    # median error at points like each that finer models computed, shape (point,); NaN where it is not known
+    # median error at similar points that finer models computed, shape (point,); NaN if unknown
     expected: FloatArray
-    limit: FloatArray  # 90th percentile of the error at those points, shape (point,)
-    unknown: NDArray[np.object_]  # why the error is not known, shape (point,); empty where it is
-    departures: Sequence[Departure] = ()  # the ranges in which these models hold, each with the points that leave it
+    limit: FloatArray  # 90th percentile of the error at these similar points, shape (point,)
+    unknown: NDArray[np.object_]  # why the error is unknown, shape (point,); empty if it is known
+    departures: Sequence[Departure] = ()  # valid ranges of these models, each with the points outside
 
     def of(self, rows: NDArray[np.bool_]) -> ModelErrors:
         """The errors at some of the points."""
@@ -46,15 +46,15 @@ class ModelErrors:
 
 @dataclass(frozen=True)
 class ValidRange:
-    """A range outside which a model does not hold."""
+    """A range outside which a model is not valid."""
 
     quantity: str  # a parameter, or a ratio that follows from several
-    reason: str  # the neglected effect that matters beyond it
-    # low, high: ends of the range; they belong to it
+    reason: str  # the neglected effect that matters outside
+    # low, high: ends of the range, included
     low: float = -np.inf
     high: float = np.inf
     unit: str = ""  # of the quantity, for people; empty without dimension
-    meaning: str = ""  # definition of the quantity, where its name does not say it
+    meaning: str = ""  # definition of the quantity, if its name is not enough
 
     @property
     def text(self) -> str:

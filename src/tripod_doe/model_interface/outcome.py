@@ -11,7 +11,7 @@ import numpy as np
 class Outcome(IntEnum):
     """How one point ended; the integer is the CF flag value stored in a cube.
 
-    Only `FINISHED` points have numbers; every other cell holds NaN and a reason.
+    Only `FINISHED` points have numbers; all others hold NaN and a reason.
     """
 
     FINISHED = 0

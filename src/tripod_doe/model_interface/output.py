@@ -19,13 +19,12 @@ class Dimension:
     """One dimension of outputs, and its labels."""
 
     name: str  # its name in the cube
-    # one label for each place along it, shape (length,); or, where a parameter sets the length, a function of that
-    # parameter's value
+    # one label per place along it, shape (length,); or a function of the parameter that sets the length
     labels: Labels | Callable[[int], Labels]
     unit: str = "1"  # UDUNITS spelling; ``"1"`` without dimension, empty for words
     meaning: str = ""  # CF long_name
-    length_parameter: str | None = None  # name of the parameter that sets the length; None where it is fixed
-    convention: str = ""  # where its labels start and which way they count; CF comment
+    length_parameter: str | None = None  # name of the parameter that sets the length; None if fixed
+    convention: str = ""  # start and direction of its labels; CF comment
 
     def labels_of(self, values: Mapping[str, Any]) -> Labels:
         """Labels for a point with these values of its parameters, shape (length,)."""
@@ -51,20 +50,20 @@ class Output:
     # dimensions of one point's value, for instance groove and order; empty for a scalar
     dimensions: tuple[Dimension, ...] = ()
     angle: bool = False  # whether values are angles in degrees that wrap at +-180, so that differences need care
-    optional: bool = False  # whether some models cannot give it: their points hold NaN although they finished
-    on_request: bool = False  # whether it is computed only where a study names it among what it keeps
-    # whether reports show it as a result of its own, beside the main ones of its simulator; a scalar
+    optional: bool = False  # whether some models cannot compute it: their finished points hold NaN
+    on_request: bool = False  # whether it is computed only if a study keeps it by name
+    # whether reports show it separately, beside the main results of its simulator; a scalar
     response: bool = False
-    convention: str = ""  # what its signs and phases mean; CF comment
-    # parameters each of which makes all its values zero where it is zero itself
+    convention: str = ""  # meaning of its signs and phases; CF comment
+    # parameters that make all its values zero if one of them is zero
     zero_at: tuple[str, ...] = ()
-    # parameters whose common change of sign turns a wave of odd orders into itself, and reverses one of even orders, as
-    # far as the motion has settled
+    # parameters whose common change of sign keeps a wave of odd orders and reverses a wave of even orders, once the
+    # motion is periodic
     mirrored_by: tuple[str, ...] = ()
 
     @property
     def unit_text(self) -> str:
-        """The unit for people: empty where there is none."""
+        """The unit for people: empty without one."""
         return "" if self.unit == "1" else self.unit
 
     @property

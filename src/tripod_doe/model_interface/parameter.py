@@ -24,10 +24,10 @@ Kind = Literal["number", "integer", "switch", "choice", "argument"]
 class Parameter:
     """One input of a simulator."""
 
-    name: str  # the name that is used in study files, Python, command line, cubes and tables
-    default: Value  # its value where it is not given; None where another parameter, the model or the method decides
+    name: str  # its name in study files, Python, command line, cubes and tables
+    default: Value  # its value if not given; None if another parameter, the model or the method decides
     unit: str  # UDUNITS spelling; ``"1"`` without dimension
-    symbol: str  # the field's symbol, as the paper writes it where it does
+    symbol: str  # the field's symbol, if possible as in the paper
     meaning: str  # one phrase in the field's words
     source: str  # a place in the paper, or the word "assumed"
     # low, high: range of allowed values, ends included unless `low_open`
@@ -39,7 +39,7 @@ class Parameter:
     kind: Kind = "number"
     choices: tuple[str, ...] = ()  # allowed words of a choice
     group: str = "parameters"  # heading under which help and documentation list it
-    follows: str | None = None  # name of the parameter whose value it takes where it is not given
+    follows: str | None = None  # name of the parameter whose value it takes if not given
 
     @property
     def range_text(self) -> str:
@@ -111,13 +111,13 @@ def _is_finite(value: float) -> bool:
 
 
 def _shown(value: object) -> str:
-    """A value as a message repeats it: the beginning of a long one."""
+    """A value as a message shows it: a long value is cut."""
     text = repr(value)
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 def is_set(value: object) -> bool:
-    """Whether a parameter has a value: None and NaN stand for none."""
+    """Whether a parameter has a value: None and NaN mean no value."""
     return value is not None and value == value
 
 

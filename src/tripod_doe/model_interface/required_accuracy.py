@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-_ERROR = "_error"  # an output NAME with a numerical error has it beside it as NAME_error
+_ERROR = "_error"  # output NAME_error holds the numerical error of output NAME
 
 
 @dataclass(frozen=True)
@@ -13,12 +13,12 @@ class Quantity:
 
     name: str  # as the study file writes it: an output, or an output with an order, as in thrust_amplitude_3
     output: str  # name of the output
-    label: int | None  # where along the output's only dimension; None for a scalar
+    label: int | None  # label along the output's only dimension; None for a scalar
     allowed: float  # allowed relative error
 
     @property
     def error(self) -> str:
-        """Name of the output that holds the numerical error of this one, where a simulator gives it."""
+        """Name of the output that holds the numerical error of this one, if a simulator gives it."""
         return self.output + _ERROR
 
 
@@ -27,8 +27,8 @@ class Accuracy:
     """All quantities with a required accuracy."""
 
     quantities: tuple[Quantity, ...]
-    # share of the largest value along the dimension (the third order): the error of a smaller value is relative to this
-    # share, since relative to itself a vanishing order could never be accurate
+    # share of the largest value along the dimension (the third order): errors of smaller values are relative to this
+    # share: a vanishing order could never have a small relative error
     floor: float
 
     @property

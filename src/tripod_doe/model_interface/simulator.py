@@ -1,4 +1,4 @@
-"""The simulator: the base class of every scene and user function, and all that a study knows of a model."""
+"""The simulator: the base class of every scene and user function; studies use models only through it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ from tripod_doe.model_interface.parameter import Parameter, Value, is_set
 from tripod_doe.model_interface.required_accuracy import Accuracy
 
 Methods = Mapping[str, Mapping[str, float]]
-"""Methods of a model by name, the default first: the numerics parameters that each uses, with their values where they
-are not given."""
+"""Methods of a model by name, the default first: the numerics parameters that each uses, with their defaults."""
 
 NUMERICS = ("relative_tolerance", "step_s")
-"""Numerics parameters that a method uses or not; one that it does not use must not be set."""
+"""Numerics parameters that only some methods use; with other methods they must not be set."""
 
 
 _COMPILED: set[tuple[str, str, str]] = set()
@@ -45,7 +44,7 @@ class Simulator(ABC):
 
     name: str  # name of the scene, or ``package.module:function``
     parameters: Mapping[str, Parameter]  # everything that can be set, by name
-    outputs: Mapping[str, Output]  # everything that can be kept, by name; empty where it is known only from the answers
+    outputs: Mapping[str, Output]  # everything that can be kept, by name; empty if known only from results
     source_hash: str = ""  # hash of the sources that decide the results; different hashes are never mixed
     # the choices of model = "auto", from the cheapest to the finest; empty with one model
     candidates: tuple[Candidate, ...] = ()
@@ -60,7 +59,7 @@ class Simulator(ABC):
             keep: Names of the outputs to return.
 
         Returns:
-            In the order of the points; no point's values depend on the others in the block.
+            In the order of the points; values of a point do not depend on other points of the block.
         """
 
     def refined_to(self, accuracy: Accuracy) -> Simulator:
@@ -78,7 +77,7 @@ class Simulator(ABC):
     def recorded_price(self, values: Mapping[str, Value]) -> float | None:
         """Recorded CPU seconds of the candidate that is most similar to these values.
 
-        None where no candidate has the same choices (model, method) as far as candidates make any.
+        None if no candidate has the same model and method (compared only if candidates set them).
         """
         full = self.effective(values)
         words = [name for name, parameter in self.parameters.items() if parameter.kind == "choice"]
@@ -92,7 +91,7 @@ class Simulator(ABC):
         return min(alike, key=lambda candidate: _distance(full, candidate.values)).price
 
     def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
-        """Compile or load the kernels that these points need, so that the first block is timed like any other."""
+        """Compile or load the kernels for these points, so that compilation does not count in the first block."""
         for model, method in dict.fromkeys(self.solvers(points)):
             if (self.name, model, method) not in _COMPILED:
                 self.compile(model, method)
@@ -102,7 +101,7 @@ class Simulator(ABC):
         """Compile the kernels of a model and a method, or load their machine code, by a short run."""
 
     def solvers(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[str, str]]:
-        """Model (empty with one model) and method of every point; empty where there are no methods."""
+        """Model (empty with one model) and method of every point; empty without methods."""
         models = [str(model) for model in points["model"]] if "model" in self.parameters else None
         default = {model: next(iter(self.methods({"model": model})), "") for model in dict.fromkeys(models or [""])}
         if not any(default.values()):
@@ -114,7 +113,7 @@ class Simulator(ABC):
         ]
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
-        """Methods by which points with these values can be solved; empty where there is nothing to choose."""
+        """Methods that can solve points with these values; empty without a choice."""
         return {}
 
     def check(
@@ -124,7 +123,7 @@ class Simulator(ABC):
 
         Args:
             base: Values that were given, the same for all points.
-            factors: Values that each factor takes; none where it is sampled.
+            factors: Values of each factor; empty if it is sampled.
 
         Raises:
             InputError: If a base value sets a method that no model in play has, or numerics that no method in play
@@ -137,11 +136,11 @@ class Simulator(ABC):
     def model_errors(
         self, points: Mapping[str, NDArray[Any]], outputs: Mapping[str, NDArray[Any]] | None = None
     ) -> ModelErrors | None:
-        """Known errors of the models at some points, and where the models hold; None with a single model.
+        """Known errors of the models at some points, and valid ranges of the models; None with a single model.
 
         Args:
             points: Every parameter by name, as for `simulate`.
-            outputs: What is known of their outputs, which may narrow the errors; each of shape (point, ...).
+            outputs: Available outputs of the points, which may narrow the errors; each of shape (point, ...).
         """
         return None
 
@@ -162,7 +161,7 @@ class Simulator(ABC):
         return None
 
     def describe_model(self, model: str) -> dict[str, Any]:
-        """Parameters that a model ignores and ranges where it holds, as plain data."""
+        """Parameters that a model ignores and its valid ranges, as plain data."""
         raise KeyError(model)
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
@@ -214,7 +213,7 @@ class Simulator(ABC):
         return {dimension.name: dimension.labels_of(values) for dimension in dimensions}
 
     def dimension_attributes(self, name: str) -> dict[str, str]:
-        """Unit and meaning of a dimension by its name; where no output declares it, the name in words."""
+        """Unit and meaning of a dimension by its name; if no output declares it, the name in words."""
         declared = (dimension for output in self.outputs.values() for dimension in output.dimensions)
         same = next((dimension for dimension in declared if dimension.name == name), None)
         return (same or Dimension(name, np.empty(0))).attributes
@@ -271,7 +270,7 @@ class Simulator(ABC):
     def _methods_in_play(
         self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]]
     ) -> Iterator[tuple[str, Methods]]:
-        """Every model of a study by name, empty where there is one only, with its methods."""
+        """Every model of a study by name (empty if there is only one), with its methods."""
         if "model" not in self.parameters:
             yield "", self.methods({})
             return

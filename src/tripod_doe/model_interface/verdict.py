@@ -19,7 +19,7 @@ from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
 from tripod_doe.quantities import allowed_range, count_of
 
 LARGE_ERROR = 0.2
-"""Relative error of a model that makes a result doubtful where one in ten similar points has more."""
+"""Relative error of a model; if one of ten similar points has more, the result is doubtful."""
 
 
 class Trust(IntEnum):
@@ -47,7 +47,7 @@ TRUST_ATTRIBUTES: dict[str, Any] = {
 }
 """CF flags of the variable ``trust``."""
 
-_OWN_REASONS = 8  # fixed reasons; later ones say that a model is outside its range
+_OWN_REASONS = 8  # number of fixed reasons; later ones state that a model is outside its range
 _NOTABLE, _LARGE = f"{100 * NOTABLE_ERROR:g} %", f"{100 * LARGE_ERROR:g} %"
 
 

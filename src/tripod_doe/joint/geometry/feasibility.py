@@ -4,18 +4,17 @@ Needles on their pitch circle, all skewed by psi, are lines of a hyperboloid: th
 
     2 r_p sin(pi/N) / sqrt(1 + tan^2 psi cos^2(pi/N)),
 
-which is room for a needle's diameter or not. A preloaded bearing (negative clearance c) presses every needle into
-trunnion and bore by -c/2 each. It does not fit where that alone exceeds the contact pressure that needles bear without
-a lasting dent. It cannot move where that alone holds the roller on its trunnion by more, mu_s sum f, than the load
-|T| / (3 R_p) presses it into its groove: then the roller would have to climb its groove by more than 45 deg before it
-slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
-survive.
+which must be at least a needle's diameter. A preloaded bearing (negative clearance c) presses every needle by -c/2 into
+trunnion and by -c/2 into bore. It does not fit if the preload alone exceeds the contact pressure at which needles leave
+a permanent dent. It cannot move if the friction mu_s sum f of the preload alone exceeds the load |T| / (3 R_p) at the
+groove: then the roller would have to climb its groove by more than 45 deg before it slides on its trunnion. tanh
+friction never sticks, so a run of such a joint ends, with forces that a real one would not survive.
 
 Solid parts in each other's place are in `overlaps`.
 
 At rest friction may have any value below its limit, so there is no thrust to compute; a quasi-static joint has
-the thrust of a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
-law fades out, and the thrust with it.
+the thrust of a low speed. If parts slide so slowly that the floor of the transition velocities applies, friction and
+thrust are too small.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
 
 
 def _preloads(points: JointValues[FloatArray]) -> list[Overlap]:
-    """Bearings that are preloaded so much that they are dented or do not move."""
+    """Bearings whose preload dents them or blocks them."""
     load, held, pressure = _preload(points)
 
     def dents(i: int) -> str:
@@ -163,7 +162,7 @@ def _smallest_pitch(points: JointValues[FloatArray], i: int) -> float:
 
 
 def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean load of a groove, sliding resistance of a bearing by its preload alone, and largest pressure that makes."""
+    """Mean load of a groove; sliding resistance and largest pressure of a bearing from its preload alone."""
     squeeze = np.maximum(-points.bearing_radial_clearance, 0.0) / 2
     each = points.needle_stiffness * squeeze**_EXPONENT
     pressure = needle_pressure(points, each / points.needle_length)

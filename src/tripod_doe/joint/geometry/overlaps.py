@@ -6,8 +6,8 @@ needles, (l + axial clearance) / 2 to both sides of their middle at R_p + e. Whi
 R_p + e + 2 e cos(2 phi) on its trunnion (`kinematics`) and stays on its groove's axis, so the ends of the needles move
 by 2 e in the groove. Trunnions are 120 deg apart; two bodies around axes that cross are closest in the plane of both.
 
-The shaft has no radius among the parameters: its mass includes the spider. It counts as far as the trunnions' roots
-need it, to which the rollers come closest.
+The shaft has no radius among the parameters: its mass includes the spider. Only the spider between the roots of the
+trunnions counts, which the rollers approach most.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.quantities import rounded_up
 
 _PHASES = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-"""Rotation angles at which rollers are looked at; between them they move by 2 % of the travel at most."""
+"""Rotation angles at which rollers are checked; between two of them rollers move at most 2 % of their travel."""
 _HALF_ANGLE = np.pi / 3
 """Between a trunnion and the plane in the middle to the next one."""
 
 
 class Overlap(NamedTuple):
-    """One way in which parts can be in each other's place."""
+    """One way in which parts can overlap."""
 
     bad: NDArray[np.bool_]  # whether they are, shape (point,)
     reason: Callable[[int], str]  # what overlaps at a point, by how much, and which parameters to change
@@ -46,7 +46,7 @@ class _Sizes(NamedTuple):
 
 
 def overlaps(points: JointValues[FloatArray]) -> list[Overlap]:
-    """Every way in which solid parts of some points are in each other's place."""
+    """All overlaps of solid parts at some points."""
     eccentricity = points.eccentricity
     half_width = points.roller_width / 2
     sizes = _Sizes(
@@ -83,8 +83,8 @@ def _too_wide(points: JointValues[FloatArray]) -> Overlap:
 
 
 def _rollers(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
-    """Two rollers in each other's place."""
-    # as if both were as far in as they ever are: the plane between them is then crossed first
+    """Rollers that overlap each other."""
+    # as if both were at their innermost position: they first cross the plane between them there
     deepest = _beyond_plane(points, sizes)
     depth = np.zeros_like(deepest)
     for i in np.flatnonzero(deepest > 0):
@@ -101,7 +101,7 @@ def _rollers(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
 
 
 def _beyond_plane(points: JointValues[FloatArray], sizes: _Sizes) -> FloatArray:
-    """Reach of a roller that is farthest in, beyond the middle plane to the next one; negative before it."""
+    """Reach of an innermost roller beyond the middle plane to the next one; negative before the plane."""
     towards = _support(-np.sin(_HALF_ANGLE), np.cos(_HALF_ANGLE), points.roller_radius, points.roller_width, sizes.face)
     beyond: FloatArray = towards - (points.pitch_radius - sizes.eccentricity) * np.sin(_HALF_ANGLE)
     return beyond
@@ -115,7 +115,7 @@ def _support(along: Any, across: Any, radius: FloatArray, width: FloatArray, fac
 
 
 def _depth_of_rollers(points: JointValues[FloatArray], face: float, eccentricity: float, i: int) -> float:
-    """Deepest overlap of rollers 1 and 2 of a point in a revolution, by planes that could part them; 0 if one does."""
+    """Deepest overlap of rollers 1 and 2 of a point in a revolution, from trial separating planes; 0 if separate."""
     turned = 2 * np.pi / 3
     # normals of planes, from roller 1 to roller 2: within 50 deg of the plane in the middle, 0.02 mm apart at a face
     angle = np.radians(np.linspace(100.0, 200.0, 1001))[:, None]
@@ -131,7 +131,7 @@ def _depth_of_rollers(points: JointValues[FloatArray], face: float, eccentricity
 
 
 def _roots(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
-    """Rollers in the place of the spider, where the trunnions meet."""
+    """Rollers that overlap the spider, where the trunnions meet."""
     nearest = points.trunnion_radius * np.sin(_HALF_ANGLE)
 
     def reason(i: int) -> str:
@@ -176,7 +176,7 @@ def _ends_in_groove(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
 
 
 def _needle_rings(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
-    """Inner ends of the needles of two trunnions in each other's place."""
+    """Inner needle ends of two trunnions that overlap."""
     inner = points.pitch_radius + sizes.eccentricity - sizes.reach
     gap = inner - np.maximum(sizes.ring / np.tan(_HALF_ANGLE), points.trunnion_radius * np.sin(_HALF_ANGLE))
 
@@ -192,7 +192,7 @@ def _needle_rings(points: JointValues[FloatArray], sizes: _Sizes) -> Overlap:
 
 
 def _bare_needles(points: JointValues[FloatArray]) -> Overlap:
-    """Needles of which most is outside of the roller, which the models load all along."""
+    """Needles that are mostly outside of the roller; the models load them over their whole length."""
 
     def reason(i: int) -> str:
         return (
@@ -230,7 +230,7 @@ def _crowns(points: JointValues[FloatArray]) -> Overlap:
 
 
 def _outboard(points: JointValues[FloatArray]) -> Overlap:
-    """Rollers in the place of the outboard joint."""
+    """Rollers that overlap the outboard joint."""
     reach = points.pitch_radius * np.tan(points.joint_angle) + points.roller_radius
     end = points.shaft_length * np.cos(points.joint_angle)
 

@@ -46,17 +46,17 @@ def transition_velocities(values: JointValues[Any]) -> Transition:
 
 
 def least_speed(values: JointValues[FloatArray]) -> FloatArray:
-    """Speed in rad/s from which on no floor replaces the quarter rule, shape (point,); infinite without an angle."""
+    """Lowest speed in rad/s at which no floor replaces the quarter rule, shape (point,); infinite without an angle."""
     with np.errstate(divide="ignore"):
         least: FloatArray = _FLOOR / np.min(astuple(_ideal_rule(values, np.ones_like(values.speed))), axis=0)
     return least
 
 
 def slides_too_slowly(values: JointValues[FloatArray]) -> NDArray[np.bool_]:
-    """Points where the floor replaces the quarter rule, shape (point,): there friction fades with the slip.
+    """Points where the floor replaces the quarter rule, shape (point,): friction there decreases with the slip.
 
-    At 10 deg that is so below 0.22 rpm; at 0.02 rpm the thrust is half of what it is at any higher speed. A straight
-    joint does not slip at all: its thrust is zero by symmetry, and it is left out unless it stands still.
+    At 10 deg this holds below 0.22 rpm; at 0.02 rpm the thrust is half of its value at higher speeds. A straight joint
+    does not slip: its thrust is zero by symmetry, and it is not included unless it stands still.
     """
     ruled: FloatArray = np.array(astuple(_ideal_rule(values, values.speed)))
     floored = np.any(ruled < _FLOOR, axis=0) & (values.joint_angle > 0)
@@ -64,7 +64,7 @@ def slides_too_slowly(values: JointValues[FloatArray]) -> NDArray[np.bool_]:
 
 
 def _ideal_rule(values: JointValues[FloatArray], speed: FloatArray) -> Transition:
-    """Transition velocities from ideal kinematics at a speed, whatever is given, without a floor."""
+    """Transition velocities from ideal kinematics at a speed, without a floor; given values are ignored."""
     unset = np.full_like(speed, np.nan)
     return _quarter_rule(
         replace(values, speed=speed, groove_transition_velocity=unset, needle_transition_velocity=unset)

@@ -1,17 +1,17 @@
-"""The error of each model of the joint at any operating point, from errors that were measured at others.
+"""The error of each model of the joint at any operating point, from errors measured at other points.
 
 `model_errors.csv` holds the third order of each model relative to `needles`, at operating points that cover the
-field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run,
-`equilibrium` is compared with `rollers`, whose own typical error there is added; `kinetostatic` with needles that keep
-their skew, as those of `rollers` do, and its typical error against `needles` is added. A point is compared with the
-measured ones that are most like it, by the ratios on which the errors depend: their median is the typical error, their
-90th percentile its limit. Joints that vibrate by themselves are mostly not among them: what leaving out vibration adds
-to the error of a balance is on record elsewhere (`vibration_record`), and every error of a similar point counts with
-each that joints of such an angle and friction have by that, unless it is known whether the point's own joint vibrates.
-Nothing is known outside of what was measured, and where one of the two models has no answer at most of such points.
+field in which joints are used (`benchmarks/model_error.py` makes it from six studies). At points without a `needles`
+run, `equilibrium` is compared with `rollers`, and the typical error of `rollers` is added; `kinetostatic` is compared
+with needles of constant skew, as in `rollers`, and its typical error against `needles` is added. The errors at the most
+similar measured points give the estimate: the median is the typical error, the 90th percentile its limit. Similarity
+uses the ratios on which the errors depend. The record contains few self-excited vibrations: `vibration_record` holds
+the error that a balance makes by omitting vibration. Every error of a similar point is combined with every such error
+of joints with similar angle and friction, unless a result says whether the joint vibrates. The error is unknown outside
+the measured range, and if one of the two models has no result at most similar points.
 
-Of the second order, errors are recorded where needles were run and their own numerical error is small. `similar_errors`
-gives the errors of both orders at the similar points, one by one, for a choice of the model.
+Errors of the second order are recorded at points with a `needles` run of small numerical error. `similar_errors` gives
+the errors of both orders at each similar point, to choose a model.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""
 
 COMPARED, FINEST = ("equilibrium", "kinetostatic", "rollers"), "needles"
-"""Models, and the one that the error of each was measured against: the end of the ladder."""
+"""Models, and the reference model of each measured error."""
 
 WITHOUT_VIBRATION = ("equilibrium", "kinetostatic")
 """Models in which no joint vibrates by itself."""
@@ -47,7 +47,7 @@ QUANTITY = "third order"
 """The output and order whose errors every answer states."""
 
 _FAR = 1e6
-"""Place of a ratio that has no logarithm: far from all that was measured."""
+"""Coordinate of a ratio that has no logarithm: far from all measured points."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
 _VIBRATES = "the joint vibrates by itself, and this is the answer without the vibration"
@@ -62,12 +62,12 @@ class _Measured:
     values: FloatArray  # of the ratios, shape (measured, ratio)
     places: FloatArray  # logarithms of the ratios, over the spread of each, shape (measured, ratio)
     spread: FloatArray  # standard deviations of the logarithms, shape (ratio,)
-    # by model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
-    # infinite where it was not asked
+    # by model: relative error of its third order, shape (measured,); NaN if one of the two models has no result,
+    # infinite if not run
     errors: dict[str, FloatArray]
-    # second order of `needles` over their third, shape (measured,); NaN where it was not measured well enough
+    # second over third order of `needles`, shape (measured,); NaN if its numerical error is too large
     second: FloatArray
-    # by model: what it misses of the second order, over the third order of `needles`, shape (measured,)
+    # by model: error of the second order over the third order of `needles`, shape (measured,)
     second_missed: dict[str, FloatArray]
     # the parameters that were varied, or set, shape (measured,) each; all others had their defaults
     given: dict[str, FloatArray]
@@ -78,7 +78,7 @@ class _Measured:
         return values.min(axis=0), values.max(axis=0)
 
     def outside(self, ratio: int, low: float, high: float) -> str:
-        """Reason for an unknown error where a ratio leaves its range."""
+        """Reason for an unknown error if a ratio leaves its range."""
         name = self.names[ratio]
         meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
         return f"{name}{meaning} is outside of the compared range {value_range(low, high)}"
@@ -90,7 +90,7 @@ class _Measured:
         return self.errors[model][asked][nearest]
 
     def over_allowed(self, model: str, quantity: Quantity, floor: float) -> FloatArray | None:
-        """Errors of a model over the allowed one, shape (measured,), as `errors`; None of what was not measured."""
+        """Errors of a model over the allowed error, shape (measured,), as `errors`; None if not measured."""
         if quantity.output != "thrust_amplitude" or quantity.label not in (2, 3):
             return None
         if quantity.label == 3:
@@ -99,7 +99,7 @@ class _Measured:
         return np.where(np.isnan(self.second), np.inf, self.second_missed[model] / (size * quantity.allowed))
 
     def speaks_of(self, points: Mapping[str, NDArray[Any]], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether no parameter of a point leaves the range of its values at some measured ones, shape (point,)."""
+        """Whether every parameter of a point is within its range at some measured points, shape (point,)."""
         inside = np.ones(len(points["torque_n_m"]), bool)
         for name, parameter in JOINT_PARAMETERS.items():
             if parameter.group == "numerics":
@@ -115,14 +115,14 @@ class _Measured:
 
 
 def _median_and_limit(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Median and ninth decile of the numbers of each row, which are sorted in place; NaN where most of it is."""
+    """Median and ninth decile of each row, sorted in place; NaN if most numbers of the row are NaN."""
     errors.sort(axis=1)  # NaN last
     return _quantile(errors, 0.5), _quantile(errors, 0.9)
 
 
 def _quantile(errors: FloatArray, share: float) -> FloatArray:
-    """Quantile of the numbers of each row, which NaN follow; NaN where those are the most."""
-    if np.isfinite(errors[:, -1]).all():  # as nearly always: all rows have it at the same place
+    """Quantile of each sorted row, NaN last; NaN if most numbers of the row are NaN."""
+    if np.isfinite(errors[:, -1]).all():  # the usual case: the quantile has the same index in all rows
         return errors[:, math.ceil(share * (errors.shape[1] - 1))]
     known = np.isfinite(errors).sum(axis=1)
     at = np.ceil(share * np.maximum(known - 1, 0)).astype(int)
@@ -163,7 +163,7 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     """Estimate the error of a model in the third order of some points.
 
     Args:
-        model: Name of the model that answers at all of them.
+        model: Name of the model that simulates all these points.
         points: Every parameter by name, in the unit of its name, each of shape (point,).
 
     Returns:
@@ -178,7 +178,7 @@ def errors_at(
 ) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
     """As `known_errors`, of points with these ratios and errors by leaving out vibration (`vibration_errors`).
 
-    Of those that are known to vibrate, a model without vibration has no known error.
+    At points that vibrate, the error of a model without vibration is unknown.
     """
     count = len(vibration)
     expected, limit = np.full((2, count), np.nan)
@@ -201,7 +201,7 @@ def errors_at(
     nothing = has_no_thrust(ratios)  # there all models agree
     expected[nothing], limit[nothing] = 0.0, 0.0
     unknown[np.isnan(expected)] = _NO_ANSWER
-    for ratio in range(len(measured.names))[::-1]:  # of several reasons, the first counts
+    for ratio in range(len(measured.names))[::-1]:  # the first of several reasons wins
         unknown[~inside[:, ratio] & ~nothing] = measured.outside(ratio, low[ratio], high[ratio])
     if model in WITHOUT_VIBRATION:
         unknown[vibrates], expected[vibrates], limit[vibrates] = _VIBRATES, np.nan, np.nan
@@ -211,16 +211,16 @@ def errors_at(
 def similar_errors(
     model: str, points: Mapping[str, NDArray[Any]], accuracy: Accuracy, vibrates: FloatArray | None = None
 ) -> FloatArray | None:
-    """Errors that a model makes in what a study asks for, at the measured points most like some points.
+    """Errors of a model in the required quantities of a study, at the measured points most similar to each point.
 
     Args:
         model, points: As for `known_errors`.
-        vibrates: Whether joints vibrate, 1 or 0, NaN where recorded joints like them must tell; shape (point,).
+        vibrates: Whether joints vibrate, 1 or 0; NaN to use similar recorded joints; shape (point,).
 
     Returns:
-        Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or
-        where a point is not like those measured: a parameter leaves their ranges, or the similar ones are farther than
-        nine in ten of the measured points have theirs. None where a quantity was not measured.
+        Over the allowed errors, shape (point, similar, quantity); NaN if one of the two models has no result or the
+        point is unlike the measured points: a parameter leaves its range, or the similar points are farther away than
+        for nine of ten measured points. None if a quantity was not measured.
     """
     measured = _measured()
     known = model if model in COMPARED else COMPARED[0]
@@ -250,9 +250,9 @@ def similar_errors(
 
 
 def _by_vibration(points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray:
-    """Errors by leaving out vibration, over the allowed ones, shape (point, similar, quantity).
+    """Errors from omitting vibration over the allowed errors, shape (point, similar, quantity).
 
-    For the second order they are not on record: NaN where a joint like the point vibrates.
+    For the second order no record exists: NaN if a similar joint vibrates.
     """
     third = vibration_errors(points)[:, :ALIKE]
     second = np.where(third > 0, np.nan, 0.0)
@@ -260,11 +260,11 @@ def _by_vibration(points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> Flo
 
 
 def _apart(known: FloatArray, places: FloatArray, nearest: IntArray) -> FloatArray:
-    """Distances of some places to the last of their nearest known ones, shape (len(places),)."""
+    """Distance of each place to the farthest of its nearest known places, shape (len(places),)."""
     return np.asarray(np.linalg.norm(known[nearest[:, -1]] - places, axis=1))
 
 
 def _usual_distance(known: FloatArray) -> float:
-    """Distance within which nine in ten known places have their own nearest ones."""
+    """Distance within which nine of ten known places have their nearest neighbours."""
     apart = np.sort(np.linalg.norm(known[:, None] - known, axis=2), axis=1)
-    return float(np.quantile(apart[:, ALIKE], 0.9))  # each is its own first
+    return float(np.quantile(apart[:, ALIKE], 0.9))  # each place is its own nearest

@@ -1,4 +1,4 @@
-"""The recorded places nearest to others."""
+"""Nearest neighbours among recorded places."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import numpy as np
 from tripod_doe.array_types import FloatArray, IntArray
 
 ALIKE = 10
-"""Recorded points that a point is compared with."""
+"""Number of recorded points that each point is compared with."""
 
 _FEW = 500
-"""Places for which SciPy's tree is not worth its import of 0.3 s: all distances cost 30 us a place, the tree 8 us."""
+"""Up to this number of places, all distances (30 us a place) cost less than SciPy's tree (8 us, import 0.3 s)."""
 _MORE = 4
-"""Neighbours beyond those asked for, to order equally near ones by their rows."""
+"""Additional neighbours, to order equally near ones by their rows."""
 
 
 def nearest_rows(known: FloatArray, places: FloatArray, count: int) -> IntArray:
-    """Find the known places nearest to each of some others, of equally near ones the first.
+    """Find the known places nearest to each place; of equally near ones take the first rows.
 
-    Known places that are the same to the last bit are common: their points differ in what no coordinate depends on.
+    Identical known places are common: their points differ in parameters that affect no coordinate.
 
     Args:
         known, places: Shapes (known, coordinate) and (place, coordinate).
-        count: How many of the known ones, or all if there are fewer.
+        count: Number of neighbours; all known places if there are fewer.
 
     Returns:
         shape (place, count): Their rows, the nearest first.
@@ -36,7 +36,7 @@ def nearest_rows(known: FloatArray, places: FloatArray, count: int) -> IntArray:
     order = np.argsort(apart, axis=1, kind="stable")
     rows = np.take_along_axis(candidates, order[:, :count], axis=1)
     farthest = np.take_along_axis(apart, order[:, [count - 1, -1]], axis=1)
-    undecided = farthest[:, 0] == farthest[:, 1]  # more are equally near than the tree was asked for
+    undecided = farthest[:, 0] == farthest[:, 1]  # more places are equally near than the tree returned
     rows[undecided] = _nearest_of(known, places[undecided], count)
     return np.asarray(rows, np.int64)
 

@@ -1,4 +1,4 @@
-"""Ratios of an operating point on which it depends how much each model of the joint leaves out."""
+"""Ratios of an operating point that determine the error of each model of the joint."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RATIOS = {
 
 
 def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
-    """Ratios of a block of points, each of shape (point,): those of `RATIOS`; infinite or NaN without angle or torque.
+    """The `RATIOS` of a block of points, each of shape (point,); infinite or NaN without angle or torque.
 
     Args:
         points: Every parameter by name, in the unit of its name, each of shape (point,).
@@ -54,4 +54,4 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
 def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
     """Whether a point has no thrust force in any model: without angle, torque or sliding friction of the grooves."""
     still = (ratios["joint_angle_deg"] == 0) | (ratios["groove_friction"] == 0)
-    return np.asarray(still | ~np.isfinite(ratios["inertia_ratio"]))  # a force over that of the torque
+    return np.asarray(still | ~np.isfinite(ratios["inertia_ratio"]))  # a force over the force from the torque

@@ -32,14 +32,14 @@ VIBRATES_BY = ("joint_angle_deg", "groove_sliding_friction", "groove_sliding")
 """Parameters by which joints are compared."""
 
 _LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
-"""Angle in deg and friction below which nothing vibrates; smaller values count as these."""
+"""Angle in deg and friction below which no joint vibrates; smaller values are raised to these."""
 
 
 def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Errors of the third order that leaving out vibration makes at the recorded joints most like some points.
+    """Errors of the third order from omitting vibration, at the recorded joints most similar to each point.
 
     Args:
-        points: Those of `VIBRATES_BY` at least, in the unit of its name, each of shape (point,).
+        points: At least the parameters of `VIBRATES_BY`, in the units of their names, each of shape (point,).
 
     Returns:
         shape (point, recorded joint): Relative to the third order with vibration; 0 where the recorded joint does not
@@ -50,7 +50,7 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
 
 
 def may_vibrate(angle: NDArray[Any], friction: NDArray[Any]) -> NDArray[np.bool_]:
-    """Whether any of the recorded joints most like some vibrates, of angles in deg and groove frictions."""
+    """Whether any similar recorded joint vibrates, for angles in deg and groove frictions."""
     return np.asarray(_errors_like(angle, friction).any(axis=1))
 
 
@@ -61,13 +61,13 @@ def _errors_like(angle: NDArray[Any], friction: NDArray[Any]) -> FloatArray:
 
 
 def vibration_share(errors: FloatArray) -> FloatArray:
-    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,)."""
+    """Share of similar recorded joints in which vibration matters (`SHARE_MEANING`), shape (point,)."""
     share: FloatArray = (errors > NOTABLE_ERROR).mean(axis=1)
     return share
 
 
 def _places(angle: NDArray[Any], friction: NDArray[Any]) -> FloatArray:
-    """Logarithms of what joints are compared by, shape (joint, 2)."""
+    """Logarithms of the parameters by which joints are compared, shape (joint, 2)."""
     columns = [np.maximum(angle, _LEAST_ANGLE), np.maximum(friction, _LEAST_FRICTION)]
     return np.asarray(np.log(np.stack(columns, axis=1)), float)
 

@@ -1,4 +1,4 @@
-"""Forces, motion and pressures at the contacts of a multibody run, read off its states where a study asks for them."""
+"""Forces, motion and pressures at the contacts of a multibody run, read from its states if a study requests them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def contact_readings(
 
     Args:
         positions, velocities: States of two revolutions, shapes (sample, body, 7) and (sample, body, 6).
-        names: Outputs that are wanted, from `contact_outputs`; some others are returned with them.
+        names: Requested outputs, from `contact_outputs`; the result may contain others.
     """
     if not names:
         return {}

@@ -23,7 +23,7 @@ _OUTWARD = np.stack([np.cos(GROOVE_ANGLES), np.sin(GROOVE_ANGLES), 0.0 * GROOVE_
 _TRUNNIONS = Rotation.from_euler("ZY", np.column_stack([GROOVE_ANGLES, np.full(3, np.pi / 2)]))
 """Attitudes of the trunnions in the shaft's axes: their z axis points outward."""
 _NEWTON, _NO_TURN = 50, 1e-12
-"""Iterations at most, and the last turn in rad: what is left is its square."""
+"""Most iterations, and limit of the last turn in rad: the remaining error is its square."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def initial_state(
             output axis is bent back towards the input axis.
         shaft_length, pitch_radius: In mm.
         speed: Of the housing in rad/s.
-        lag: How far the trunnion axes pass behind the groove axes, in mm; negative on coast.
+        lag: Distance of the trunnion axes behind the groove axes, in mm; negative on coast.
 
     Raises:
         ValueError: If the trunnions cannot pass the groove axes so.

@@ -1,8 +1,8 @@
-"""Numerical error of a run, and whether its third order may be used.
+"""Numerical error of a run, and the check whether its third order is accurate enough.
 
 The error is measured, not assumed: the last revolution is run again in steps of half the size, from a sixth of a
-revolution before it, and every order of the two is compared (`amplitude_error`). Light needles rattle, so that two runs
-never agree needle by needle, nor do two revolutions; what has to agree is the thrust.
+revolution before it, and every order of the two is compared (`amplitude_error`). Light needles rattle: single needles
+never agree between two runs or two revolutions; only the thrust must agree.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ ERROR_LIMIT = 0.05
 """Share of the third order above which a numerical error makes a run with a given tolerance or step inaccurate."""
 
 _UNREST_LIMIT = 1 / 3
-"""Effective difference of the thrust's waveforms in the last two revolutions over the third order above which a run is
-inaccurate. A joint that rattles or swings slides to and fro at its grooves, which reduces the friction. Measured with
-benchmarks/guards.py: up to 0.2 where the third order is right to 1 %, 0.39 where 5 % are lost."""
+"""Limit of the effective (rms) difference of the thrust in the last two revolutions over the third order. A joint that
+rattles or swings slides to and fro at its grooves, which reduces the friction. Measured with benchmarks/guards.py: up
+to 0.2 where the third order is right to 1 %, 0.39 where 5 % are lost."""
 
 LEAD = 6
-"""The revolution that is run again begins earlier by this part of one: other steps start with a jolt, multistep methods
-with another method's step, which is no error of the run. It was seen to ring for up to 60 deg."""
+"""The revolution that is run again begins earlier by this part of one: a change of steps causes a transient (multistep
+methods start with another method), which is no error of the run. It lasted up to 60 deg in tests."""
 
 
 def finer_thrust(assembly: Assembly, again: Run, samples: int) -> FloatArray:
@@ -42,17 +42,17 @@ def finer_thrust(assembly: Assembly, again: Run, samples: int) -> FloatArray:
 def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method: Method) -> FloatArray:
     """Numerical error of every order of the thrust, shape (order,): the change with half the steps, and scatter.
 
-    A method of order p that changes by d is off by d / (1 - 2^-p); p is 1 where a tolerance sets the step: half of it
-    is half the error. Where parts rattle, revolutions differ by chance, at all orders alike: complex amplitudes of two
-    revolutions by s (root mean square), and so do those of a revolution and of the same run again, which is no error
-    of the method. The reported amplitude belongs to the mean of two revolutions: s / (2 sqrt 2) is its standard
-    deviation, and twice that is taken for chance, which it exceeds once in twenty. Hence
+    A change d gives the error d / (1 - 2^-p) of a method of order p; p is 1 if a tolerance sets the step: half of it is
+    half the error. Rattling parts make revolutions differ by chance, equally at all orders: the complex amplitudes of
+    two revolutions by s (root mean square), and also those of a revolution and its repetition; this is no error of the
+    method. The reported amplitude is of the mean of two revolutions: its standard deviation is s / (2 sqrt 2); twice
+    that counts as chance, which is exceeded once in twenty. Hence
 
         error^2 = max(d^2 - s^2, 0) / (1 - 2^-p)^2 + s^2 / 2
 
     Args:
         thrust, finer: Thrust over the samples of a run, and over those of its last revolution run again in half the
-            steps; where that stopped before its end, the error is NaN.
+            steps; if the repetition stopped before its end, the error is NaN.
         method: The method of both.
     """
     if finer.size < samples:
@@ -66,7 +66,7 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
 
 
 def miss_of_given(result: Run, again: Run, thrust: FloatArray, error: FloatArray, values: JointValues[float]) -> str:
-    """By how much the third order of a run with a given tolerance or step misses what may be used, or nothing.
+    """State in words why the third order of a run with a given tolerance or step is too inaccurate; empty if it is not.
 
     Args:
         result, again: The run, and its last revolution run again.
@@ -83,11 +83,11 @@ def miss_of_given(result: Run, again: Run, thrust: FloatArray, error: FloatArray
 
 
 def judge(result: Run, thrust: FloatArray, missed: str, values: JointValues[float]) -> tuple[Outcome, str]:
-    """Whether the orders of a run may be used: its outcome, and why not.
+    """Outcome of a run from the accuracy of its orders, with the reason for a failure.
 
     Args:
         thrust: Of the last revolutions, shape (revolution, sample).
-        missed: Why its numerical error is too large; empty where it is not.
+        missed: Why its numerical error is too large; empty if it is not.
     """
     if result.outcome != Outcome.FINISHED:
         return result.outcome, result.detail

@@ -1,4 +1,4 @@
-"""Random scatter of the orders of a motion that does not repeat: it rattles, vibrates, or still swings in."""
+"""Random scatter of the orders of a motion that is not periodic: rattling, vibration, or a transient."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.orders import ORDERS
 
 _IDLE = np.array([7, 8, 10, 11])
-"""High orders that the three trunnions cannot excite: their amplitude is noise, which moves all orders alike."""
+"""High orders that the three trunnions cannot excite: their amplitude is noise, which affects all orders equally."""
 
 _MOST_ALIKE, _TINY = 0.9, 1e-300
 """Largest correlation of neighbouring parts that counts: above it, the motion is still growing."""
 
 _FEW = 4
-"""Least number of revolutions that shows whether the first ones differ."""
+"""Fewest revolutions that show whether the first ones differ."""
 
 
 def mean_and_chance(parts: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """Mean orders of revolutions that scatter, and twice the standard deviation of the amplitude of each mean.
 
-    A third of a revolution differs from the mean by the skews of its trunnion, equally in every revolution, and by
-    noise. Consecutive parts are correlated: with the correlation r of neighbours, n of them are worth n (1 - r) / (1 +
-    r) independent ones, as in a first-order autoregressive process. r is estimated from all orders together. Noise
-    moves a complex order in any direction, its amplitude by half of that variance.
+    Two effects make a third of a revolution differ from the mean: the skews of its trunnion, equally in every
+    revolution, and noise. Consecutive parts are correlated: with the correlation r of neighbours, n parts equal n (1 -
+    r) / (1 + r) independent ones, as in a first-order autoregressive process. r is estimated from all orders together.
+    Noise moves a complex order in any direction, its amplitude by half of that variance.
 
     Args:
         parts: Complex orders of revolutions that follow each other, whole ones or every third by itself, shape
@@ -46,9 +46,9 @@ def mean_and_chance(parts: ComplexArray, *others: ComplexArray) -> tuple[Complex
 
 
 def swung_in(orders: ComplexArray) -> int:
-    """Number of revolutions, up to half of them, that a motion still takes to swing in from its start.
+    """Number of first revolutions, up to half of all, in which the transient from the start still matters.
 
-    The rule of the marginal standard error: without them the variance over the number of the rest is least. Source:
+    Marginal standard error rule: dropping them minimises the variance of the rest over their number. Source:
     K. P. White, An effective truncation heuristic for bias reduction in simulation output, Simulation 69 (1997) 323.
 
     Args:

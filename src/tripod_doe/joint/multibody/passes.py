@@ -21,7 +21,7 @@ from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.model_interface import Outcome
 
 _BEGUN_ANEW = 3
-"""Most restarts of the first pass, each with half the steps, where it stops on its way."""
+"""Most restarts of the first pass, each with half the step, if it stops before its end."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,14 @@ class Motion:
 
     # all revolutions, up to where the run stopped; the sampled ones at the end are those of the finest pass
     result: Run
-    sampled: int  # number of revolutions that are sampled; 0 where the run stopped on its way
+    sampled: int  # number of sampled revolutions; 0 if the run stopped before its end
     # setting, lag: tolerance or step of the finest pass, and the rotation angle in rad by which its thrust is late
     setting: float
     lag: float
     error: FloatArray  # numerical error of every order, shape (order,)
-    missed: str  # in words, how far the error is above the allowed one and what would help; empty where it is not
+    missed: str  # in words, the excess of the error over the allowed one and a remedy; empty if there is no excess
     runs: tuple[Run, ...]  # all runs, for the work that they took
-    swings: bool = False  # whether it still swings in
+    swings: bool = False  # whether a transient remains
     repeats: bool = True  # whether its revolutions are alike, so that its error is due to its steps
 
 
@@ -123,8 +123,8 @@ class FollowedJoint:
     def again(self, coarse: Pass, setting: float) -> Pass:
         """Follow the sampled revolutions of another pass in other steps, from its state a little before them.
 
-        Needles are followed from the start again: their skew depends on all steps before (with steps of 0.5 deg in the
-        dropped revolutions the second order of the reference joint is 12 % too small).
+        Needles are followed from the start again: their skew depends on all previous steps (with steps of 0.5 deg in
+        the dropped revolutions the second order of the reference joint is 12 % too small).
         """
         lead = coarse.before if self.remembers else min(self.samples // LEAD, coarse.before)
         start = _state(coarse.parts[0], coarse.before - lead)

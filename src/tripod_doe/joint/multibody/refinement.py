@@ -1,13 +1,13 @@
-"""Refinement of a run until its orders are as accurate as required: it chooses its tolerance by itself.
+"""Automatic refinement of a run: it chooses its tolerance so that the orders reach the required accuracy.
 
 The first pass follows all revolutions with a coarse tolerance (`first_tolerance`). The sampled revolutions are then run
 again in finer steps, from the first pass's state a little before them: the difference of two passes gives the error of
-the finer one by the order of the method, and the next steps follow from that error. So no revolution is run for its
-error alone, and dropped revolutions are run once (but with needles, whose skew depends on all steps before).
+the finer one by the order of the method, and the next steps follow from that error. So every run also gives a result,
+and dropped revolutions are run once (except with needles, whose skew depends on all previous steps).
 
-Rattling parts make revolutions scatter. Where scatter is the larger part of the error, both passes go on for more
-revolutions, and the orders are means over them, without first revolutions that still swing in. A pass that would cost
-far more than the first one is not begun: the result states the error that is left and the cost of that pass.
+Rattling parts make revolutions scatter. If scatter is the larger part of the error, both passes go on for more
+revolutions, and the orders are means without the initial transient. A pass that would cost far more than the first one
+does not start: the result states the remaining error and the cost of that pass.
 """
 
 from __future__ import annotations
@@ -73,15 +73,14 @@ _MOST_EXPENSIVE = 256
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Two passes held against what is asked for."""
+    """Comparison of two passes with the required accuracy."""
 
     by_steps: FloatArray  # error of every order by the steps of the finer pass, shape (order,)
     by_chance: FloatArray  # error of every order by rattling, shape (order,)
-    # sizes, allowed: what errors are relative to, and how large they may be (infinite where nothing is asked for),
-    # shape (order,)
+    # sizes, allowed: reference of relative errors, and allowed errors (infinite without requirement), shape (order,)
     sizes: FloatArray
     allowed: FloatArray
-    swung_in: int  # first revolutions of both passes that do not count
+    swung_in: int  # first revolutions of both passes that are dropped
 
     @classmethod
     def of(
@@ -206,7 +205,7 @@ def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Mot
 
 
 def _once_swung_in(joint: FollowedJoint, first: Pass, accuracy: OrderAccuracy) -> tuple[Pass, str]:
-    """Continue the first pass until revolutions are alike or only scatter; with a reason if it still swings in.
+    """Continue the first pass until its transient has ended; with a reason if it has not.
 
     Some joints swing in slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
     for that. The rest of a swing is extrapolated from how its changes from one revolution to the next decrease. Needles
@@ -235,7 +234,7 @@ def _left_of_swing(apart: FloatArray) -> float:
 
 
 def _too_expensive(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:
-    """State the cost of the next pass where it is too high; empty elsewhere."""
+    """State the cost of the next pass if it is too high; else empty."""
     more = revolutions - len(finest.orders)
     if more:
         price = joint.samples * more * (coarse.evaluations_per_sample + finest.evaluations_per_sample)

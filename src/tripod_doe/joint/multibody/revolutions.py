@@ -1,4 +1,4 @@
-"""A joint followed revolution by revolution: of each one only its results are kept, not its states.
+"""A joint followed revolution by revolution: only the results of each revolution are kept, not its states.
 
 The thrust is read at all steps, so that a vibration is not aliased to a low order. Waveforms are resampled without
 frequencies above the sampling limit of the results, as behind the filter of a measurement.
@@ -28,7 +28,7 @@ _RATE = 2e4
 """Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""
 
 _TAKING_OVER = 1 / 3
-"""Part of a revolution in which other steps take over: the motion repeats after it, but for skews that differ."""
+"""Part of a revolution for the change to other steps: one period of the motion, except for different skews."""
 
 _BALANCED = 12
 """Samples of a revolution at which energies are balanced."""
@@ -38,7 +38,7 @@ _CORRECTION = 1e-6
 and costs 50 % more."""
 
 _HALVED = 3
-"""Most halvings of the tolerance or step where a revolution stops on its way."""
+"""Most halvings of the tolerance or step if a revolution stops before its end."""
 
 _OFTEN, _LEAST_STOPS = 2 / 3, 2
 """Share of stopped revolutions above which all are followed with half the step, and the least number of stops for that:
@@ -86,7 +86,7 @@ class RevolvingJoint:
     budget: int  # force evaluations that are left
     state: State | None = None  # its present state; None at its start
     last_revolution: Run | None = None  # the last revolution that was followed
-    halved: int = 0  # how often tolerances or steps are halved from the start of each revolution
+    halved: int = 0  # number of halvings of tolerance or step from the start of each revolution
     # turns, stops: revolutions, or parts, begun with this number of halvings, and those of them that stopped
     turns: int = 0
     stops: int = 0
@@ -227,7 +227,7 @@ def _filtered(signal: FloatArray, samples: int) -> FloatArray:
     `scipy.signal.resample` would give the same, and imports half of scipy.
     """
     waves = np.fft.rfft(signal)[..., : samples // 2 + 1]
-    if samples % 2 == 0 and samples < signal.shape[-1]:  # what falls on the highest frequency from both sides of it
+    if samples % 2 == 0 and samples < signal.shape[-1]:  # the highest frequency gets the contributions from both sides
         waves[..., -1] *= 2
     filtered: FloatArray = np.fft.irfft(waves, samples) * (samples / signal.shape[-1])
     return filtered

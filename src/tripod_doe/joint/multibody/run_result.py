@@ -1,4 +1,4 @@
-"""The result of a run of a multibody model, and what is asked of it."""
+"""The result of a run of a multibody model, and its requested outputs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tripod_doe.model_interface import Outcome
 
 
 class StoppedError(Exception):
-    """A run stopped on its way."""
+    """A run stopped before its end."""
 
     def __init__(self, stopped: Run) -> None:
         super().__init__(stopped.detail)
@@ -22,7 +22,7 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True)
 class Wanted:
-    """Results that a run is asked for."""
+    """Requested results of a run."""
 
     samples: int  # samples per revolution
     rates: bool = False  # whether to find what limits the step
@@ -49,7 +49,7 @@ class Readings:
     # part of each mechanism in their sum, shape (revolution, part, sample); None unless requested
     thrust_parts: FloatArray | None
     friction_power: FloatArray  # mean power lost to each mechanism over these revolutions, shape (mechanism,)
-    # numerical error of every order of the thrust, shape (order,); NaN where it is not known
+    # numerical error of every order of the thrust, shape (order,); NaN if unknown
     amplitude_error: FloatArray
     # skew, skew_summary: skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, smallest
     # and largest value in every revolution, shape (trunnion, cycle, 3); rad, None without needles
@@ -59,7 +59,7 @@ class Readings:
     # energy that the balance misses over what friction dissipates, or over a thousandth of the transmitted energy
     energy_residual: float
     rates: Rates | None = None  # what limits the step in the last third of a revolution; None unless requested
-    vibration: VibrationReadings | None = None  # how the joint vibrates by itself; None where it was not asked
+    vibration: VibrationReadings | None = None  # self-excited vibration of the joint; None if not requested
     contacts: Mapping[str, FloatArray] = field(default_factory=dict)  # requested outputs of contacts, by name
 
 
@@ -67,11 +67,11 @@ class Readings:
 class JointRun:
     """Outcome, results and counted work of a run."""
 
-    # outcome, detail: how it ended, and why it failed or a note on it
+    # outcome, detail: how it ended, and the reason for a failure or a note
     outcome: Outcome
     detail: str
     readings: Readings | None = None  # its results, whatever its outcome; None if it stopped before its end
-    setting: float = math.nan  # tolerance or step of its results; NaN where nothing was run
+    setting: float = math.nan  # tolerance or step of its results; NaN without a run
     settled: bool = False  # whether the run chose it by itself
     # steps, force_evaluations, solves: counted work of all passes, error estimate included
     steps: int = 0

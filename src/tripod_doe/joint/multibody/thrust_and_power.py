@@ -66,12 +66,12 @@ def groove_readings(assembly: Assembly, positions: FloatArray, velocities: Float
 
 
 def groove_thrust(assembly: Assembly, positions: FloatArray, velocities: FloatArray) -> FloatArray:
-    """Thrust at the grooves alone, which costs a thirtieth of all readings of needles; see `groove_readings`."""
+    """Thrust at the grooves only, at a thirtieth of the cost of all readings with needles; see `groove_readings`."""
     return _at_grooves(assembly, positions, velocities)[0]
 
 
 def _at_grooves(assembly: Assembly, positions: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Thrust, and powers of which those of the needles are still zero."""
+    """Thrust and powers, still without the powers of the needles."""
     grooves = sum(contact.surface.body == GROUND for contact in assembly.scene.contacts)
     thrust, powers = np.zeros((grooves, len(positions))), np.zeros((5, len(positions)))
     contiguous = np.ascontiguousarray(positions), np.ascontiguousarray(velocities)

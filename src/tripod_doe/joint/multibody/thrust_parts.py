@@ -1,15 +1,15 @@
-r"""The thrust split into what each friction mechanism adds at the grooves, from the balance of each roller.
+r"""The thrust split into contributions of the friction mechanisms at the grooves, from the balance of each roller.
 
 A groove is a cylinder along the housing: its normal force has no axial part, so all thrust is sliding friction f of the
-rollers, and asking for the force itself names one mechanism only. The direction of the friction shows what causes it.
-With n the normal at the contact, h the roller's own axis through its centre and l = R_s h x n,
+rollers: the force itself names one mechanism only. Its direction shows the cause. With n the normal at the contact, h
+the roller's own axis through its centre and l = R_s h x n,
 
     f = f_l l / |l| + f_s s,        s across l in the tangent plane:
 
 l is the way the roller rolls, s is the rest. Across its rolling direction the roller slides because it is led along the
 groove and not where it rolls ("disagreement between the rolling and traveling directions", paper 3.5): the axial part
-of -f_s s is the share of the groove's sliding. Along l it could roll freely; there the friction is what the roller's
-balance of moments about h asks for,
+of -f_s s is the share of the groove's sliding. Along l it could roll freely; the friction there follows from the
+roller's balance of moments about h,
 
     f l = M_spinning + M_rolling + M_needle sliding + M_needle rolling - dL / dt,
 
@@ -22,15 +22,16 @@ virtual powers: those of their friction on roller and needles while the roller t
 the needles roll along, not slipping across their axes and keeping their skew. In that motion no normal force does work
 but for the bearing's clearance, and a lumped bearing's levers come out as r_p and r_e sin psi (`equilibrium`).
 
-The split is a definition, not a law. Friction is one vector of saturated size: what a mechanism takes along l is lost
-across it, so the sliding part holds the others' influence on |f|, which an ablation would give to them.
+The split is a definition, not a law. Friction is one vector of saturated size: friction along l reduces friction across
+it, so the sliding part contains the influence of other mechanisms on |f|; an ablation would assign this influence to
+them.
 
 Of rollers and lumped bearings all moments are read off the states, and the remainder is what is left: the rollers'
 inertia and what a finite step leaves. Of single needles it cannot be so: they rattle, and the forces of a state, whose
 equations are solved as closely as the thrust needs it, are not those that moved them. With a tolerance of 2e-3 their
-sampled sliding friction misses all of the second order, with 4e-4 3 % of it (paper's case 2). The rollers' spin has
-felt the impulses of them all, so the remainder is the inertia read off it, and what the balance leaves is the needles'
-sliding friction, with that on neighbours and stops: 106 % and 105 % of the second order with these tolerances.
+sampled sliding friction misses all of the second order, with 4e-4 3 % of it (paper's case 2). The spin of the rollers
+contains all impulses of the needles, so the remainder is the inertia from the spin, and the rest of the balance is the
+needles' sliding friction, including neighbours and stops: 106 % and 105 % of the second order with these tolerances.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def element_forces(
 
 
 class _Elements:
-    """Contacts or bearings in all states of a run: what each law of friction adds to their normal forces."""
+    """Contacts or bearings in all states of a run: contributions of each friction law beyond the normal forces."""
 
     def __init__(self, assembly: Assembly, positions: FloatArray, velocities: FloatArray):
         self._assembly, self._states = assembly, (positions, velocities)

@@ -11,11 +11,11 @@ from tripod_doe.joint.constants.load_zone import needle_loads
 from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
 
 _NEWTON = 100
-"""Iterations, at most; ten to twenty are usual."""
+"""Most iterations; ten to twenty are usual."""
 _WITHIN = 0.98
-"""Place of a load between the outermost spheres, at most."""
+"""Largest distance of a load from the middle, over that of the outermost spheres."""
 _LEAST = 1e-9
-"""Stiffness against motions that no ring resists, over a needle's."""
+"""Stiffness against motions without resistance, over a needle's stiffness."""
 
 
 class NeedleRow(NamedTuple):
@@ -45,8 +45,8 @@ def turned_bearing(load, offset, moment, needles):
         needles: `NeedleRow`.
 
     Returns:
-        The sum of the needle loads over the bearing load, the shift D in mm, tilt b and yaw y in rad. One sphere a
-        needle holds no roller upright: it is taken to be so.
+        The sum of the needle loads over the bearing load, the shift D in mm, tilt b and yaw y in rad. With one sphere
+        per needle nothing resists tilt: the roller is assumed upright.
     """
     clearance, stiffness, needle_count, length, spheres, crown = needles
     load, farthest = max(load, 1e-9), _WITHIN * 0.5 * length * (1.0 - 1.0 / spheres)
@@ -72,7 +72,7 @@ def turned_bearing(load, offset, moment, needles):
             continue
         if left <= 1e-9 * load:
             break
-        for i in range(4):  # not as slices: their message about unequal shapes takes two seconds to compile
+        for i in range(4):  # no slices: their error message for unequal shapes takes two seconds to compile
             pull[i] = system[i, 4]
         _solve(system)
         longest, descent = 1e-300, 0.0

@@ -1,8 +1,8 @@
-"""How the loads of needles are spread along them on trunnion and bore: eight needles at a time (`lanes`).
+"""Load distribution along needles on trunnion and bore: eight needles at a time (`lanes`).
 
 A needle's sphere at the station x is pressed by d + (b - h x) x, with its depth d, lean b, and the drop h of its crown
-and of its skew; depth and lean balance the load and the moment by which its centre is off the middle. One step of
-Newton's method follows them while they change.
+and of its skew; depth and lean balance the load and its moment about the middle. One Newton step per time step updates
+them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ DEPTH, LEAN, VARIANCE = range(3)
 """Rows of a contact: compression in the middle and its slope, and <(x - x_f)^2> of the stations."""
 ROWS = 10
 _ONE = 1e-9
-"""Determinant over the largest, below which one sphere carries alone."""
+"""Limit of the determinant over its largest value; below it one sphere carries all load."""
 
 
 @inlined_kernel
@@ -55,7 +55,7 @@ def _follow(c, state, first, carried, centre, drop, most):
     several = determinant > _ONE * c.length * c.length * (rise * rise)
     scale = 1.0 / select(several, determinant, rise)
     deeper = select(several, rise_2 * missing - rise_1 * moment, missing) * scale
-    leaning = select(several, (rise * moment - rise_1 * missing) * scale, 0.0)  # one sphere does not say how it leans
+    leaning = select(several, (rise * moment - rise_1 * missing) * scale, 0.0)  # one sphere gives no lean
     some = total > 0.0
     steepest = 2.0 / c.length * most
     mean = first_moment / total

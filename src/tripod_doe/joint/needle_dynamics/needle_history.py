@@ -1,11 +1,11 @@
 """Revolutions of the needles: a given number after their start, or until they repeat.
 
-A shaft turns millions of times, and needles turn on for ten to a thousand revolutions until their skews stay. Most of
-them turn slowly, each by itself: a needle's place along its trunnion follows the roller within a revolution or two, and
-its skew by a little in each. So where needles shall repeat, their skews are extrapolated after every third revolution:
-with changes d_0 and d_1 of the last two and q = d_1 / d_0, a skew tends to be further by d_1 q / (1 - q) (Aitken, Proc.
-Roy. Soc. Edinburgh 46, 1926). One that still turns faster, q > 1, is leaving a place where it would only just stay, and
-moves on by some of its changes. What is left to every needle must be small before the last two revolutions follow.
+A shaft turns millions of times; the skews of its needles settle within ten to a thousand revolutions. A needle's place
+along its trunnion follows the roller within a revolution or two; its skew changes slowly and independently. To find the
+periodic state, skews are extrapolated after every third revolution: from the changes d_0 and d_1 in the last two and q
+= d_1 / d_0, a skew will change by d_1 q / (1 - q) more (Aitken, Proc. Roy. Soc. Edinburgh 46, 1926). A skew that
+accelerates, q > 1, leaves an unstable equilibrium, and moves on by some of its changes. The remaining change of every
+needle must be small before the last two revolutions follow.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 
 _BETWEEN = 3
-"""Revolutions from one extrapolation to the next: places follow in the first, two show how skews change."""
+"""Revolutions between extrapolations: the first adapts the places, two show the changes of the skews."""
 _MOST = 200
-"""Revolutions after which needles do not seem to repeat."""
+"""Revolutions after which needles count as not periodic."""
 _SMALL, _SMALL_SHARE = 5e-5, 5e-3
-"""Change of skews that may be left: in rad, and over the skews."""
+"""Allowed remaining change of skews: in rad, and over the skews."""
 _SHARE, _AHEAD = 0.5, 100.0
 """Largest step of a skew: over the skew, and over its last change."""
 _UNKNOWN = 1e3
-"""What may be left to a skew over its last change, where this says no more."""
+"""Assumed remaining change of a skew over its last change, if extrapolation gives none."""
 _LEAVES, _NOISE = 0.01, 1e-10
 """Skew in rad of a needle that is leaving an unstable place, and its least change that is no rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class NeedleForces(ByReference):
-    """What the needles of three trunnions do in the last revolutions; arrays of shape (revolution, 3, sample)."""
+    """Effects of the needles of three trunnions in the last revolutions; arrays of shape (revolution, 3, sample)."""
 
     # forces, moments: of their sliding friction on the roller along and about its trunnion, over N, in 1 and mm
     forces: FloatArray
@@ -48,7 +48,7 @@ class NeedleForces(ByReference):
     places: FloatArray  # where they are along the trunnion, mm
     # mean skew of a trunnion's needles, weighted with their loads, rad, shape (revolution, 3)
     skews: FloatArray
-    history: FloatArray  # how many revolutions were followed, and 1 if needles repeat, where that was asked; shape (2,)
+    history: FloatArray  # number of revolutions, and 1 if needles repeat, if requested; shape (2,)
 
     @classmethod
     def of_last(cls, revolutions: int, samples: int) -> NeedleForces:
@@ -59,7 +59,7 @@ class NeedleForces(ByReference):
 
 @kernel_part
 def _clear(found, revolution):
-    """Forget what the needles did in a revolution."""
+    """Set the needle results of a revolution to zero."""
     for k in range(3):
         found.skews[revolution, k] = 0.0
         for j in range(found.forces.shape[2]):
@@ -78,7 +78,7 @@ def _remember(ring, needles):
 
 @inlined_kernel
 def _left(last, before):
-    """What is left of the way of a skew, from its last two changes."""
+    """Remaining change of a skew, from its last two changes."""
     if last * before <= 0.0:  # it goes to and fro, for half of what it does in two
         return 0.5 * (last + before) if last * before < 0.0 else last
     if abs(before) > (1.0 + 1.0 / _UNKNOWN) * abs(last):
@@ -88,7 +88,7 @@ def _left(last, before):
 
 @kernel_part
 def _left_over(ring, needles, k):
-    """What is left to the skews of trunnion k: mean of its sizes, weighted with the needles' loads, over the limit."""
+    """Remaining changes of the skews of trunnion k over the limit: mean magnitude, weighted with the needles' loads."""
     over, carried, skewed = 0.0, 0.0, 0.0
     for b in range(needles.blocks):
         for lane in range(WIDTH):
@@ -100,7 +100,7 @@ def _left_over(ring, needles, k):
 
 @kernel_part
 def _hasten(ring, needles, k):
-    """Move the skews of trunnion k on to where they tend to."""
+    """Move the skews of trunnion k to their extrapolated values."""
     for b in range(needles.blocks):
         for lane in range(WIDTH):
             now = ring.state[k, b, SKEW, lane]

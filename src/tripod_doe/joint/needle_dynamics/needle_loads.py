@@ -1,9 +1,9 @@
 """Loads of the needles of a bearing at every step of a revolution, eight steps at a time (`lanes`).
 
-They follow from the roller's motion alone, whatever the needles' places and skews: at the angle gamma from the load a
-needle is pressed by D cos gamma - c, and D follows from the balance of all needles' loads with the bearing's. Needle i
-stands at i / count of a turn, and moves on with all others: numbers count on around the trunnion. After a revolution
-all needles are taken to be where they were; skewed ones creep on by some 1e-4 rad.
+The roller's motion alone determines them, not the needles' places and skews: the compression of a needle at the angle
+gamma from the load is D cos gamma - c; D follows from the balance of all needle loads and the bearing load. Needle i
+starts at i / count of a turn; all move together, and numbers continue around the trunnion. After a revolution all
+needles are assumed to be at their start; in fact skewed ones creep by some 1e-4 rad.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ MOST_NEEDLES = 100
 EXPONENT = 10.0 / 9.0
 """Of Eq. 2 for needles."""
 _LEAST_STEPS = 360
-"""Steps of a revolution, at least."""
+"""Fewest steps of a revolution."""
 _NEWTON = 60
-"""Iterations of the bearings' balances, at most; two are usual."""
+"""Most iterations of the bearings' balances; two are usual."""
 _NEARLY = 1e-5
-"""Last change of a shift over the shift: the error left is of the order of its square."""
+"""Limit of the last change of a shift over the shift: the remaining error is of the order of its square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class NeedleSteps(ByReference):
 
     parts: int  # steps of a sample
     steps: int  # of a revolution
-    motion: FloatArray  # what `RollerMotions` says at every step in order of `STEP`, shape (3, steps, 8)
+    motion: FloatArray  # values of `RollerMotions` at every step in the order of `STEP`, shape (3, steps, 8)
     bearing_loads: FloatArray  # N
     shifts: FloatArray  # D, mm
     # cosines, sines: of the angle from the load to the nearest needle
@@ -76,7 +76,7 @@ class NeedleSteps(ByReference):
 
     @classmethod
     def for_samples(cls, samples: int, finer: int = 1) -> NeedleSteps:
-        """Memory for a number of samples per revolution, and steps that are so many times finer than usual."""
+        """Memory for a number of samples per revolution; a factor refines the usual steps."""
         parts = finer * -(-_LEAST_STEPS // samples)
         steps = samples * parts
         shape = (3, -(-steps // WIDTH), WIDTH)
@@ -102,7 +102,7 @@ class NeedleSteps(ByReference):
 
 @dataclass(frozen=True, eq=False)
 class NeedleLoads(ByReference):
-    """Loads of all needles that carry any; arrays of shape (3, blocks, steps, 8): a needle's number gives its place."""
+    """Loads of all loaded needles; arrays of shape (3, blocks, steps, 8), indexed by the needle's number."""
 
     blocks: int
     loads: FloatArray  # N
@@ -144,7 +144,7 @@ def _load_on_both(c, pressed):
 
 @inlined_kernel
 def _needles_towards(c, direction):
-    """Numbers of needles to one side of the load, the nearest of all counted as one of the first side."""
+    """Numbers of needles on one side of the load; the nearest needle belongs to the first side."""
     count = int(c.needles)
     return (0, count // 2 + 1) if direction > 0.0 else (1, (count + 1) // 2)
 
@@ -158,7 +158,7 @@ def _turned(around, number, direction, cosine, sine):
 
 @kernel_part
 def _balance_eight(c, around, bearing_load, cosine, sine, shift):
-    """Shifts of eight bearings with which their needles' loads balance them, and the farthest needle in any of them."""
+    """Shifts of eight bearings in balance with their needle loads, and the farthest loaded needle of any bearing."""
     farthest = 0
     for _ in range(_NEWTON):
         along, slope, farthest = spread(0.0), spread(0.0), 0
@@ -236,7 +236,7 @@ def press_needles(row, roller, at):
     Returns
     -------
     int
-        Needles that carry at a time, at most.
+        Largest number of needles that carry load at a time.
     """
     c, most = needle_constants_of(row), 0
     for number in range(int(c.needles) // 2 + 1):

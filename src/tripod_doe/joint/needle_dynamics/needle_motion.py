@@ -1,12 +1,12 @@
 """Needles that follow their roller: skew, axial place and forces of every needle of a trunnion, without its inertia.
 
-A roller's motion on its trunnion hardly depends on what its needles do, so they are moved along a known one: the spin
-s, the plunging w and the normal force N over a revolution. Frame: t is the trunnion's axis, outward, n the normal of
-the trunnion at a needle, tau = t x n. A needle skewed by psi has the axis e = cos psi t - sin psi tau. At the angle
-gamma from the load it is pressed by D cos gamma - c; D follows from the balance of all needles' loads f with N. As the
-roller turns, a needle rolls around the trunnion by s r_b / (2 r_p), and the trunnion of a bent joint rocks about its
-own axis by w_t against the load, once a revolution and mostly the other way: d gamma / dt = s r_b / (2 r_p) + w_t. To
-and fro: the same few needles carry the load.
+A roller's motion on its trunnion hardly depends on its needles, so they move with a given motion: the spin s, the
+plunging w and the normal force N over a revolution. Frame: t is the trunnion's axis, outward, n the normal of the
+trunnion at a needle, tau = t x n. A needle skewed by psi has the axis e = cos psi t - sin psi tau. At the angle gamma
+from the load it is pressed by D cos gamma - c; D follows from the balance of all needles' loads f with N. As the roller
+turns, a needle rolls around the trunnion by s r_b / (2 r_p), and the trunnion of a bent joint rocks about its
+own axis by w_t against the load, once a revolution and mostly in the opposite direction: d gamma / dt = s r_b / (2 r_p)
++ w_t. The motion oscillates: the same few needles carry the load.
 
 Axial place. It rolls freely across its axis, and slips along it on trunnion and bore by v_t + v_b = w cos psi - s r_e
 sin psi. In an even gap a free needle slips on both alike, and moves by w / 2 along the trunnion: half of the plunging,
@@ -17,23 +17,23 @@ the axis, throws it outward by the centrifugal force F = m_n R_p omega^2. Fricti
     mu_n (tanh(v_t / v_sn) - tanh(v_b / v_sn)) = -beta + F / f.
 
 Friction hardly grows with slip: 2 mrad, a twentieth of mu_n, take a needle with the roller by 0.6 of its motion. So a
-centrifugal force of a hundredth of the friction carries needles to their outer stops within a few revolutions. Where
-one is stopped by flange or retainer it rolls on in place:
+centrifugal force of a hundredth of the friction carries needles to their outer stops within a few revolutions. A needle
+that flange or retainer stops rolls on in place:
 
     v_t = -s r_e sin(psi) / 2,    v_b = w cos psi + v_t,
     R = mu_n f (tanh(v_b / v_sn) - tanh(v_t / v_sn)) - beta f + F,
 
-where R is the force of the outer stop. It goes on until the roller turns back. At the stop the end of the needle rubs,
+where R is the force of the outer stop. This lasts until the roller turns back. At the stop the end of the needle rubs,
 as the needle moves around the trunnion by s r_b / 2: S = mu_n R tanh(s r_b / (2 v_sn)) against that motion. Trunnion
-and bore bear half of S each. A skewed needle is shorter along the trunnion, by l (1 - cos psi). By virtual power it
-does to the roller, along and about the trunnion,
+and bore bear half of S each. A skewed needle is shorter along the trunnion, by l (1 - cos psi). Virtual power gives its
+force and moment on the roller, along and about the trunnion,
 
     -mu_n f tanh(v_b / v_sn) cos psi,    mu_n f (r_e / 2) sin psi (tanh(v_t / v_sn) + tanh(v_b / v_sn)) - S r_b / 2.
 
 Yaw. Three moments turn a needle about n:
 
     wedge      (psi / r_p) (sum over the spheres of f_t x^2 - f_b x^2), x the station along the needle: a skewed needle
-               touches the trunnion with its middle and the bore with its ends, and is pressed straight.
+               touches the trunnion with its middle and the bore with its ends; the load straightens it.
     stop       R (l / 2) sin psi: the stop pushes the end along t, not along e, as a load buckles a column.
     rubbing    +- S l / 2 at the outer and the inner stop.
 
@@ -42,11 +42,11 @@ axis by v, friction yields to a slip across as if it were viscous, so that
 
     psi' mu_n f (<x^2>_t tanh(v_t / v_sn) / v_t + <x^2>_b tanh(v_b / v_sn) / v_b) = the sum of the moments.
 
-A needle is held in its skew where it hardly slips along its axis, and yaws per millimetre of that slip elsewhere: no
-time enters, and the speed of the joint by the centrifugal force alone.
+A needle with little axial slip keeps its skew; else its yaw is proportional to the slip path. Time has no influence;
+the speed of the joint only through the centrifugal force.
 
-A needle without load is thrown against its outer stop, and lies along its neighbour that carries load. Left out are
-forces between needles, and the needles' inertia but for the centrifugal force.
+An unloaded needle is thrown against its outer stop, and lies along its loaded neighbour. Not included: forces between
+needles, and the needles' inertia except for the centrifugal force.
 """
 
 from __future__ import annotations
@@ -91,17 +91,17 @@ from tripod_doe.mechanics.laws.contact import contact_secant
 from tripod_doe.mechanics.laws.friction import relative_tangent
 
 RECORD = np.dtype([(name, float) for name in ("load", "angle", "place", "skew", "stop", "line")])
-"""State of a needle that is recorded: its angle from the load, largest load per length on the trunnion, and others."""
+"""Recorded state of a needle: its angle from the load, largest load per length on the trunnion, and others."""
 
 _REFRESHED = 4
-"""Steps for which the loads' spread along a straight needle is kept. That along a crowned one is followed in each step:
-it changes more with the load, and with it all resistance to yaw."""
+"""Steps between updates of the load distribution along straight needles. For crowned needles each step updates it: it
+changes more with the load, and with it all resistance to yaw."""
 _FIRST_LOOKS = 3
-"""Newton steps towards the spread along a needle that comes under load."""
+"""Newton steps for the load distribution of a newly loaded needle."""
 _MOST_SLIP = 300.0
-"""Slip of a needle over its transition velocity, where it is limited for the exponential's sake."""
+"""Limit of a needle's slip over its transition velocity: larger values overflow the exponential."""
 _HOLDS = 1e-6
-"""Resistance to yaw over the largest that is possible, from which on a needle is taken to have any."""
+"""Least resistance to yaw over its largest possible value; below it the resistance counts as zero."""
 
 
 @inlined_kernel
@@ -124,7 +124,7 @@ def _move(c, state, carried, motion, gap, turned, duration):
     """Move eight needles of a trunnion on by a step: their forces along it on the roller, and moments about it.
 
     `motion` is spin, plunging of the bore, place of the load, and rubbing; `gap` the roller's tilt and yaw and their
-    rates; `turned` cosine and sine of the needles' angles. What throws needles outward counts as a gap that widens.
+    rates; `turned` cosine and sine of the needles' angles. Centrifugal force counts as a widening gap.
     """
     spin, plunge, offset, rubs = motion
     tilt, yaw, tilting, yawing = gap
@@ -134,7 +134,7 @@ def _move(c, state, carried, motion, gap, turned, duration):
     bore = plunge - c.bore_radius * (tilting * (1.0 - turned[0]) - yawing * turned[1])
     turning = 0.5 * c.lever * spin * sine
     total = bore * cosine - 2.0 * turning
-    # thrown as far as friction on trunnion and bore can hold it
+    # limited to what friction on trunnion and bore can hold
     slope = tilt * turned[0] + yaw * turned[1] - min(c.thrown / max(carried, 1e-30), 2.0 * c.sliding)
     free = _free_slip(c, total, slope)
     moved = (free + turning) / cosine * duration
@@ -142,7 +142,7 @@ def _move(c, state, carried, motion, gap, turned, duration):
     reach = c.reach + 0.5 * c.length * (1.0 - cosine)
     stopped = abs(wanted) > reach
     side = select(wanted > 0.0, spread(1.0), spread(-1.0))
-    # the part of the step in which a needle is stopped: the rest of that in which it comes to its stop
+    # part of a step with the needle at its stop: in the step of arrival, the part after it
     rest = min((abs(wanted) - reach) / max(abs(moved), 1e-30), 1.0)
     share = select(stopped, select(side * load(state, SIDE) > 0.0, 1.0, rest), 0.0)
     store(state, SIDE, select(stopped, side, 0.0))
@@ -164,9 +164,9 @@ def _move(c, state, carried, motion, gap, turned, duration):
     held = c.sliding / c.transition * yields
     lever = 0.5 * c.length - side * load_centre(c, offset, new_place)
     moments = wedge * skew + lever * (stop * sine + side * rubbing)
-    # the wedge grows with the cube of the skew: implicit in it, so that it never overshoots
+    # the wedge grows with the cube of the skew: implicit in the skew, so that it never overshoots
     resistance = held + 3.0 * duration * max(-wedge, 0.0)
-    # one sphere alone says nothing of the skew
+    # one sphere alone gives no skew
     holds = held > _HOLDS * c.sliding * c.length * c.length / c.transition
     store(state, SKEW, skew + select(holds, duration * moments / resistance, 0.0))
     store(state, PLACE, new_place)
@@ -208,7 +208,7 @@ def _come_under_load(c, state, deep, slots, number, other):
 
 @kernel_part
 def _admit(c, state, needles, k, step, carrying, first, last):
-    """Let needles that come under load be as they were without, along their neighbours; whether there are any."""
+    """Start newly loaded needles in their unloaded state, along their neighbours; returns whether there are any."""
     slots = WIDTH * needles.blocks
     if first >= carrying[0] and last <= carrying[1]:
         carrying[0], carrying[1] = first, last
@@ -229,7 +229,7 @@ def _admit(c, state, needles, k, step, carrying, first, last):
 def step_on(c, tilt, at, needles, ring, k, step, duration):
     """Move all needles of a trunnion that carry load on by a step.
 
-    Returns sums over them: place, skew, both times their loads; force on the roller along the trunnion and about it.
+    Returns sums over needles: place times load, skew times load, force along and moment about the trunnion.
     """
     i, n, state, roller = step // WIDTH, step % WIDTH, ring.state[k], ring.roller[k]
     new = _admit(c, state, needles, k, step, ring.carrying[k], at.first[k, i, n], at.last[k, i, n])
@@ -289,7 +289,7 @@ def _line_load(c, state, block, lane):
 
 @kernel_part
 def record_needles(c, at, needles, state, k, step, records):
-    """Record all needles of a trunnion; those without load lie at their outer stop, along the last that carries."""
+    """Record all needles of a trunnion; unloaded needles lie at their outer stop, along the last loaded needle."""
     i, n, count, slots = step // WIDTH, step % WIDTH, int(c.needles), WIDTH * needles.blocks
     first, last, nearest = at.first[k, i, n], at.last[k, i, n], at.nearest[k, i, n]
     turned = math.atan2(at.sines[k, i, n], at.cosines[k, i, n])

@@ -1,9 +1,8 @@
-"""Does a joint whose motion was balanced vibrate by itself? What its lumped joint says, for models without vibration.
+"""Test for self-excited vibration in models without vibration, by a run with lumped bearings.
 
-A balance knows no departures from its motion. So the joint with lumped bearings is followed through a smooth motion,
-and departures from that are tested for growth (`growing_vibration`), as before each run of `rollers`: both say the
-same. This costs as much as several balances: it is done on request, and where joints on record do not say that such a
-joint is calm.
+A balance contains no departures from its motion. So the joint with lumped bearings is followed through a smooth motion,
+and its departures are tested for growth (`growing_vibration`), as before each run of `rollers`: both results agree.
+This costs several balances: the test runs on request, and if the recorded joints do not rule out vibration.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from tripod_doe.mechanics.contact_damping_parameters import GREASED
 from tripod_doe.model_interface import BlockResult, Outcome
 
 _MOST = 300
-"""Joints of a study that are looked at before it runs, some ten seconds."""
+"""Number of joints of a study that are tested before it runs, some ten seconds."""
 
 
 def rows_to_judge(points: JointValues[FloatArray], block: BlockResult) -> IntArray:
-    """Rows of the joints that are answered, bend, turn, and carry a torque: of others nothing is known."""
+    """Rows of solved joints with angle, speed and torque; the test does not apply to others."""
     return np.flatnonzero((block.outcome == Outcome.FINISHED) & _in_motion(points))
 
 
@@ -32,14 +31,14 @@ def _in_motion(points: JointValues[FloatArray]) -> NDArray[np.bool_]:
 
 
 def undecided_rows(points: JointValues[FloatArray], rows: IntArray) -> IntArray:
-    """Some of these rows whose joints may vibrate: recorded joints like them do, or have more damping."""
+    """Rows whose joints may vibrate: similar recorded joints vibrate, or have more damping."""
     joints = points.take(rows)
     less = joints.contact_damping_time < GREASED  # as joints on record have it
     return rows[less | may_vibrate(np.degrees(joints.joint_angle), joints.groove_sliding_friction)]
 
 
 def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
-    """Whether joints vibrate, 1 or 0, of the first of those that may; NaN at others, shape (point,)."""
+    """Whether joints vibrate, 1 or 0, for the first joints that may; NaN at others, shape (point,)."""
     from tripod_doe.joint.vibration.growing_vibration import (
         growing_vibration,  # 0.6 s, which most processes do not need
     )
@@ -51,7 +50,7 @@ def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
 
 
 def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: BlockResult) -> dict[str, FloatArray]:
-    """Whether some joints of a block vibrate by themselves; a note at each that does.
+    """Test some joints of a block for self-excited vibration; add a note at each vibrating joint.
 
     Returns:
         The outputs `VIBRATES` and `VIBRATION_VERDICT`, shape (point,), NaN at other rows.

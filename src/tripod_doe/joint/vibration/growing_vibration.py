@@ -1,21 +1,21 @@
 """Onset of self-excited vibration: whether a joint vibrates by itself, and the damping that would prevent it.
 
 The friction laws rise with the slip, so that friction damps. It excites by turning normal forces into other directions:
-it couples motions with nearby frequencies one way only, and one drives the other (mode coupling). Contact damping acts
-against it, and friction across the slip. Parts of the largest growth rate of departures, 1/s:
+it couples motions with nearby frequencies in one direction only: one drives the other (mode coupling). Contact damping
+acts against it, and friction across the slip. Parts of the largest growth rate of departures, 1/s:
 
     joint, grooves' friction                    frequency    rate   groove sliding  needle sliding  contact damping
     7 deg, 76 N m, 1860 rpm, 0.015 (needles 0.14)  741 Hz      78               59             404              -31
     10 deg, 25 N m, 600 rpm, 0.1                   708 Hz      75              546             108              -14
     9 deg, 57 N m, 1170 rpm, 0.18                 2810 Hz    3150             3870            1019             -104
 
-The rest is elastic. At some 700 Hz the output shaft turns against the contacts, in most of a revolution: twice to three
-times the contact damping that is assumed here ends it. At some kHz a roller spins against the shaft, in parts of a
-revolution, and faster than contact damping could take it there.
+The rest is elastic. Near 700 Hz the output shaft oscillates against the contacts, in most of a revolution: two to three
+times the assumed contact damping suppresses it. At some kHz a roller spins against the shaft, in parts of a revolution,
+and grows too fast for contact damping.
 
-The method that runs use damps vibrations. So departures from the smooth motion that it gives are tested for growth.
-The answer holds for small departures; their final size and their effect on the thrust follow from a run with a method
-that hardly damps (`vibrating_run`).
+The usual method of runs damps vibrations and gives a smooth motion; departures from it are tested for growth. The
+result holds for small departures; a run with a method of little damping (`vibrating_run`) gives their final size and
+effect on the thrust.
 """
 
 from __future__ import annotations
@@ -42,8 +42,9 @@ from tripod_doe.mechanics.stability.floquet import Growth, departure_matrices, f
 from tripod_doe.quantities import duration
 
 _METHOD = "adaptive-euler"
-"""The method whose motion is tested: it damps vibrations. A method that damps little is on its way into them,
-where departures grow otherwise, or by chance not at all (seen: 0.93 for 200, linearly implicit Euler at 7e-6 s)."""
+"""The method whose motion is tested: it damps vibrations. A method of little damping leaves the smooth motion:
+departures then grow differently, or by chance not at all (measured: 0.93 for 200, linearly implicit Euler at 7e-6
+s)."""
 
 
 class _Look(NamedTuple):
@@ -65,25 +66,25 @@ before the end of a first."""
 _DIES_OUT = -1.0
 """Logarithm of the growth in a revolution below which no vibration is expected."""
 _ASKS, _DECIDES = _Look(24, 6, 4e-3), _Look(144, 2, 1e-3)
-"""Few states ask, and where they see growth, many decide: friction damps most where a slip turns round, which few
-states hit or miss. The error of a motion as coarse as the first may show growth that is not there (seen: 9 for 1); one
-finer than the second leaves the smooth motion where a small kick is enough for that."""
+"""Few states give a first result; if it shows growth, many states decide: friction damps most at slip reversals, which
+few states hit or miss by chance. A motion as coarse as the first may show false growth (measured: 9 for 1); a motion
+finer than the second leaves the smooth motion if a small kick can start the vibration."""
 
 _GROWS = 1.1
-"""Growth in a revolution above which a joint vibrates: what turns freely neither grows nor dies out, which differences
-of states show as 0.93 to 1.07."""
+"""Growth in a revolution above which a joint vibrates: free rotations neither grow nor decay; finite differences give
+0.93 to 1.07 for them."""
 
 _FAST = 12
-"""Order above which a departure is a vibration: slower ones would be seen in the orders of the thrust."""
+"""Order above which a departure is a vibration: slower departures are visible in the orders of the thrust."""
 
 _BUILT_UP = math.log(1e6)
-"""Logarithm of the growth in a revolution by which a vibration forgets how it began."""
+"""Logarithm of the growth in a revolution above which a vibration is independent of its start."""
 
 _STRONGER = (2.0, 4.0, 8.0, 16.0, 32.0)
-"""Factors of contact damping that are tried against a vibration."""
+"""Trial factors on contact damping to suppress a vibration."""
 
 _LEAST_FACTOR, _LEAST_TIME = 1e-4, 1e-6
-"""Contact damping in s/mm (dry) or s (greased) that counts at least."""
+"""Least contact damping that is multiplied, in s/mm (dry) or s (greased)."""
 
 
 @dataclass(frozen=True)
@@ -115,13 +116,12 @@ class Vibration:
 
 
 def growing_vibration(values: JointValues[float], assembly: Assembly | None = None) -> Vibration | None:
-    """Find a vibration that grows from the smooth motion of a joint; None where all departures die out.
+    """Find a vibration that grows from the smooth motion of a joint; None if all departures decay.
 
-    Needles rattle, so that a joint with needle bodies has no smooth motion whose departures could be followed: joints
-    are tested with lumped bearings.
+    Joints are tested with lumped bearings: needle bodies rattle and have no smooth motion.
 
     Args:
-        assembly: Its joint with lumped bearings, where that is there already.
+        assembly: The joint with lumped bearings, if already assembled.
     """
     assembly = assembly or assemble(build_joint(values, needles=False))
     if not _may_vibrate(assembly, values):
@@ -161,16 +161,16 @@ def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
 
 
 def damping_against(values: JointValues[float], states: Sequence[State]) -> str:
-    """Contact damping with which a joint that vibrates would not, among doublings of what it has.
+    """Contact damping that would suppress the vibration of a joint, among doublings of its value.
 
-    A smooth motion is the same with any contact damping: its contacts are pressed in slowly. So departures from one
-    motion are asked for all, and their matrices are linear in contact damping, as the forces are.
+    A smooth motion is the same with any contact damping: contacts deform slowly. So one motion serves all values, and
+    the matrices of departures are linear in contact damping, as the forces are.
 
     Args:
         states: Of its smooth motion (`Vibration.states`).
 
     Returns:
-        Parameter and value; empty where the joint vibrates with all that are tried.
+        Parameter and value; empty if the joint vibrates with all trial values.
     """
     dry = values.contact_damping > 0
     own = max(values.contact_damping, _LEAST_FACTOR) if dry else max(values.contact_damping_time, _LEAST_TIME)
@@ -203,12 +203,12 @@ class _Smooth:
 
     @property
     def last(self) -> slice:
-        """Its last revolution, without the start of it."""
+        """Its last revolution, without the start state."""
         return slice(-self.look.samples, None)
 
     @property
     def middles(self) -> tuple[State, ...]:
-        """The states that are looked at, at the middles of equal parts of its last revolution."""
+        """The states that are linearised, at the middles of equal parts of its last revolution."""
         first = self.look.between // 2 - 1 - self.look.samples
         return tuple(self.state(k) for k in range(first, 0, self.look.between))
 
@@ -217,17 +217,17 @@ class _Smooth:
         return State(float(self.run.times[sample]), self.run.positions[sample], self.run.velocities[sample])
 
     def before(self, share: int) -> State:
-        """The state that is such a part of a revolution before the last one."""
+        """The state at this part of a revolution before the end."""
         return self.state(-1 - self.look.samples - self.look.samples // share)
 
 
 def _smooth(
     assembly: Assembly, values: JointValues[float], look: _Look, other: _Smooth | None = None
 ) -> _Smooth | None:
-    """Follow a smooth motion: two revolutions from the start, or the last one of another, and a little before it.
+    """Follow a smooth motion: two revolutions from the start, or the last one of another and a little before it.
 
     Returns:
-        None where the run stopped on its way.
+        None if the run stopped before its end.
     """
     before = look.samples // LEAD if other else look.samples
     smooth = run(

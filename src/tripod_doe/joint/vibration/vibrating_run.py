@@ -1,16 +1,16 @@
 """A joint that vibrates by itself, followed until the mean orders of its thrust are certain.
 
-The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
-With three trunnions, thirds of a revolution are alike but for their skews: the scatter of a revolution is estimated
-from its thirds (`order_noise`).
+The vibration is not synchronous with the rotation: revolutions differ by chance, and an order is the mean over
+revolutions. With three trunnions, thirds of a revolution differ only by skews: they give the scatter of a revolution
+(`order_noise`).
 
-The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
-followed for longer until the vibration has stopped growing. Where the vibration builds up within a revolution, a second
-one is enough. The run starts with a kick: from the smooth motion steps would be so long that they damp the vibration
-(seen: 657 N in place of 441 N). The same number of revolutions, or few where scatter hardly matters, follows in finer
-steps: the difference of the two means beyond scatter gives the errors of both. The answer is the mean of all
-revolutions where steps hardly matter, else of those in finer steps. Still finer steps or more revolutions follow,
-depending on the larger part of the error, until the orders are as certain as required.
+The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the run
+continues until the vibration stops growing. If the vibration builds up within a revolution, a second revolution is
+enough. The run starts with a kick: steps from the smooth motion would be so long that they damp the vibration
+(measured: 657 N instead of 441 N). The same number of revolutions, or few if scatter hardly matters, follows in finer
+steps: the difference of the two means beyond scatter gives both errors. The result is the mean of all revolutions if
+steps hardly matter, else of the revolutions in finer steps. Still finer steps or more revolutions follow, depending on
+the larger part of the error, until the orders are as certain as required.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 Allowed = Callable[[FloatArray], FloatArray]
 
 _FINER = 4.0
-"""Factor by which errors fall with the next finer tolerance or step."""
+"""Reduction factor of errors with the next finer tolerance or step."""
 
 _FIRST, _DROPPED, _MOST = 4, 1 / 3, 256
-"""Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most.
-Half of these may have the first steps."""
+"""First number of revolutions, share of them that is dropped, and largest number of revolutions. At most half of the
+largest number uses the first steps."""
 
 _FEWEST, _HARDLY = 2, 0.5
 """Least number of revolutions of an answer, also in finer steps unless the vibration builds up in one of them; and the
@@ -45,14 +45,14 @@ _RESERVE, _COST_RATIO = 0.75, 2.0
 """Share of the budget left that is reserved for finer steps, and the cost ratio of a revolution in finer steps."""
 
 _AIM = 0.95
-"""Share of the allowed error that is aimed at by more revolutions."""
+"""Share of the allowed error that more revolutions must reach."""
 
 _COARSELY = 1.6
 """Largest scatter over the allowed error with which a mean is good enough to estimate the error of finer steps, which
 is a third of its own. With this, revolutions in coarse and in finer steps cost the least together."""
 
 _STEADY = 0.1
-"""Relative change of the vibration between two halves of the revolutions that counts as none."""
+"""Relative change of the vibration between two halves of the revolutions that is not significant."""
 
 
 def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
@@ -60,9 +60,9 @@ def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
 
     Rosenbrock's method of third order controls its step. At 9 deg, 57 N m, 1173 rpm, groove friction 0.18, where the
     vibration reduces the third order from 51.0 N to 41.3 N, a tolerance of 1e-3 gives 41.4 +- 0.2 N in 24 revolutions
-    and costs a third of generalized-alpha or BDF2 at 4e-6 s (41.3 and 41.3 +- 0.2 N); those at 1e-5 s 41.2 and 41.0 N
-    for twice its price. Needles rattle, and limit its steps to a microsecond; BDF2 follows them at a fifth of the price
-    in steps that damp a vibration by less than its contacts do.
+    and costs a third of generalized-alpha or BDF2 at 4e-6 s (41.3 and 41.3 +- 0.2 N); these two at 1e-5 s give 41.2 and
+    41.0 N for twice its cost. Rattling needles limit its steps to a microsecond; BDF2 follows them at a fifth of the
+    cost in steps that damp a vibration less than its contacts do.
 
     Args:
         needles: Whether needles are bodies.
@@ -81,17 +81,17 @@ _TOLERANCE, _LONGEST_STEP, _ANGLE = 4e-3, 3e-5, 0.25
 class FollowedVibration:
     """The result of following a vibration."""
 
-    # revolutions, followed: number of revolutions that the orders are the mean of, and of all that were followed
+    # revolutions, followed: number of averaged revolutions, and of all followed revolutions
     revolutions: int
     followed: int
-    setting: float  # tolerance or step of the finest of them
+    setting: float  # tolerance or step of the finest revolutions
     # third, scatter: third order of the thrust, and its standard deviation from revolution to revolution
     third: float
     scatter: float
     unrest: float  # effective value of the thrust above the orders that are reported
     steady: bool  # whether the vibration has stopped growing
-    certain: bool  # whether all orders are also as certain as required
-    # estimated force evaluations that this would still take, where the budget did not allow them; 0 elsewhere
+    certain: bool  # whether all orders also have the required accuracy
+    # estimated further force evaluations for it, if the budget did not allow them; else 0
     lacking: float
     # its results; the error of an order is by chance (twice the standard deviation of the mean) and by the steps
     readings: Readings
@@ -100,7 +100,7 @@ class FollowedVibration:
 def follow_vibration(
     joint: RevolvingJoint, setting: float, allowed: Allowed, builds_up: bool = False
 ) -> FollowedVibration:
-    """Follow a joint from its start until the mean orders of its thrust are certain, or its budget is nearly used up.
+    """Follow a joint from its start until its mean orders reach the allowed errors, or its budget is nearly used up.
 
     Args:
         setting: Tolerance or step to begin with.
@@ -108,7 +108,7 @@ def follow_vibration(
         builds_up: Whether the vibration builds up within a revolution, so that only the first one is dropped.
 
     Raises:
-        StoppedError: If the run stops on its way, or its budget is used up before anything is known of the error.
+        StoppedError: If the run stops on its way, or its budget is used up before an error estimate exists.
     """
     first, fewest = max(_FIRST, int(joint.values.cycles)), _FEWEST
     if builds_up:
@@ -147,17 +147,17 @@ class _Compared:
 
     pooled: bool  # whether the mean is taken over both
     mean: ComplexArray  # mean complex orders, shape (order,)
-    # by_steps, by_chance, allowed: errors of each, and what they may be, shape (order,)
+    # by_steps, by_chance, allowed: errors of each order and allowed errors, shape (order,)
     by_steps: FloatArray
     by_chance: FloatArray
     allowed: FloatArray
 
     @classmethod
     def of(cls, coarse: Sequence[Revolution], fine: Sequence[Revolution], allowed: Allowed) -> _Compared:
-        """The mean of the finer revolutions or of both, whichever is the more certain; few finer ones only if need be.
+        """The mean of the finer revolutions or of both, with the smaller error; few finer ones only if necessary.
 
-        The difference of the two means beyond scatter is three times the error of the finer steps, but no difference is
-        known better than its standard deviation; the error of the coarser steps is four times as large.
+        The difference of the two means beyond scatter, at least its standard deviation, is three times the error of the
+        finer steps; the error of the coarser steps is four times as large.
         """
         coarsely, finely = _thirds(coarse), _thirds(fine)
         (before, chance_before), (mean, chance) = mean_and_chance(coarsely, finely), mean_and_chance(finely, coarsely)
@@ -185,12 +185,12 @@ class _Compared:
 
     @property
     def miss(self) -> float:
-        """Largest error of an order over what it may be."""
+        """Largest error of an order over the allowed one."""
         return float((self.error / self.allowed).max())
 
     @property
     def certain(self) -> bool:
-        """Whether all orders are as certain as asked for."""
+        """Whether all orders have the required accuracy."""
         return self.miss <= 1
 
     @property
@@ -211,7 +211,7 @@ class _Compared:
 def _before_finer_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
     """Number of further revolutions, at most doubling them, before the effect of steps can be estimated.
 
-    Zero where the vibration has stopped growing, and they are.
+    Zero if the vibration has stopped growing and the mean is accurate enough.
     """
     mean, chance = mean_and_chance(_thirds(kept))
     excess = float((chance / (_COARSELY * allowed(np.abs(mean)))).max()) ** 2
@@ -223,7 +223,7 @@ def _before_finer_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
 def _more(compared: _Compared, coarse: Sequence[Revolution], fine: Sequence[Revolution], left: int) -> int:
     """Number of further revolutions in finer steps, at most doubling them and no more than are left.
 
-    Zero where they would not help.
+    Zero if they would not help.
     """
     if not _is_steady(fine):
         more = len(fine)
@@ -243,9 +243,9 @@ def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed, fewest: int) -
 
 
 def _is_steady(kept: Sequence[Revolution]) -> bool:
-    """Whether a vibration is as large in the second half of revolutions as in the first, but for chance.
+    """Whether a vibration has the same size in both halves of the revolutions, except for chance.
 
-    A single revolution is held against itself by its first and its last third.
+    In a single revolution its first and last third are compared.
     """
     sizes = np.concatenate([each.unrests for each in kept])
     half = sizes.size // 2

@@ -1,10 +1,10 @@
-"""The answer of a joint that vibrates by itself: the motion with its vibration, or whether a run may do without.
+"""The result of a joint with self-excited vibration: its motion with vibration, or a run without if accurate enough.
 
-The method by which runs find their own steps damps the vibration: such a run of `rollers` is followed with it instead.
-With needle bodies that costs ten to three hundred times their usual run. Lumped bearings show first by how much the
-vibration changes the third order (of 20 points that were also followed with needles, they were wrong about a loss of 5
-% at one); needles are followed where the change exceeds the allowed error. A run with a chosen method or step is kept,
-and its third order is compared with lumped bearings.
+The method of runs that choose their steps damps the vibration: a run of `rollers` is then replaced by one with
+vibration. With needle bodies this costs ten to three hundred times their usual run. Lumped bearings first give the
+change of the third order by the vibration (at 20 points, needle runs contradicted them about a loss of 5 % once);
+needles are followed if the change exceeds the allowed error. A run with a chosen method or step is kept, and its third
+order is compared with lumped bearings.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.model_interface import Outcome
 
 _BUILT_UP = 1.5
-"""Factor of the thrust's unrest above which growing departures count as a vibration."""
+"""Unrest of the thrust over its value in the smooth motion, above which growing departures count as a vibration."""
 
 
 class VibratingJoint:
     """A joint in which departures from the smooth motion grow.
 
     Args:
-        limits: What a revolution may show.
+        limits: Bounds of the checks of a revolution.
         allowed: Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
     """
 
@@ -57,8 +57,8 @@ class VibratingJoint:
         """Follow the joint with its vibration; `anyhow` if there is no other answer.
 
         Returns:
-            None where the vibration comes to nothing, if there may be another answer, or with needles changes the third
-            order by no more than the error that is allowed.
+            None, unless `anyhow`, if the vibration stays small; with needles also if it changes the third order by at
+            most the allowed error.
         """
         try:
             lumped = self._lumped
@@ -80,12 +80,12 @@ class VibratingJoint:
         )
 
     def verdict(self, third: float | None, limit: float) -> tuple[Outcome, str]:
-        """Whether a run without the vibration may be used: its outcome, and a note.
+        """Outcome and note of a run without the vibration: is it accurate enough?
 
         Args:
             third: Third order of the run; None for needles, whose change by the vibration is taken from lumped
                 bearings.
-            limit: Share of the third order by which a run may be off.
+            limit: Allowed relative error of the third order.
         """
         try:
             followed = self._lumped
@@ -127,7 +127,7 @@ class VibratingJoint:
 
     @property
     def _loose(self) -> str:
-        """Hint for needle bodies in a ring with gaps, which a vibration shakes together."""
+        """Hint for needle bodies in a ring with gaps, which a vibration moves together."""
         room = room_for_needles(self._values)
         if room < 2 or not self._joints[-1].has_needles:
             return ""
@@ -173,7 +173,7 @@ class VibratingJoint:
 
     @property
     def _end(self) -> str:
-        """State in words what would end the vibration."""
+        """State in words the damping that would suppress the vibration."""
         if self._vibration.growth.rate <= 0:
             return "a kick such as the start keeps it up"
         damping = damping_against(self._values, self._vibration.states)

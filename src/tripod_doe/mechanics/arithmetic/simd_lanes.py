@@ -1,8 +1,8 @@
-"""Eight numbers at a time: a value type of kernels that is one AVX-512 register, or whatever the machine has instead.
+"""Eight numbers at a time: a value type of kernels in one AVX-512 register, or in the registers that the machine has.
 
-Arithmetic on lanes reads like that on floats, and floats mix with it, so that laws and vector formulas are written
-once for both. It follows IEEE 754, without contraction (which gains nothing), so that what is symmetric cancels. The
-compiler's own vectorisation of loops over eight was tried: it is three to five times slower on products of blocks.
+Lanes and floats share operators and mix, so that one law or vector formula serves both. Arithmetic follows IEEE 754,
+without contraction (which gains nothing), so that symmetric terms cancel. The compiler's own vectorisation of loops
+over eight was tried: it is three to five times slower on products of blocks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Lanes(types.Type):
         super().__init__(name=name)
 
     def lift(self, builder: Any, kind: Any, value: Any) -> Any:
-        """The lanes of a value of this type, or of a float among such values."""
+        """The lanes of a value of this type, or of a float that is mixed with it."""
         return spread_lanes(builder, kind, value)
 
 
@@ -77,7 +77,7 @@ def call(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
 
 
 def define(function: Any, count: int, result: Any, make: Any, own: Lanes = LANES) -> None:
-    """Let a function of Python take lanes: `count` arguments of which one or more are `own`, the others floats."""
+    """Let a function of Python accept lanes: `count` arguments, one or more of type `own`, the others floats."""
     mixtures = [(own,)] if count == 1 else [(own, own), (own, types.float64), (types.float64, own)]
     cases = [signature(result, *kinds) for kinds in mixtures]
     infer_global(function)(type("Mixtures", (ConcreteTemplate,), {"cases": cases}))
@@ -169,7 +169,7 @@ def _bits(builder: Any, value: Any) -> tuple[Any, Any]:
 
 @intrinsic
 def fused(_, a, b, c):
-    """A b + c, rounded once where the machine can; floats, lanes, or some of each."""
+    """A b + c, rounded once if the machine can; floats, lanes, or a mixture."""
     own: Any = next((kind for kind in (a, b, c) if isinstance(kind, Lanes)), types.float64)
 
     def lower(_, builder, sign, values):
@@ -339,7 +339,7 @@ def _add_shuffled(builder: Any, a: Any, b: Any, first: list[int], second: list[i
 
 
 _BITS_OF_ONE = (1023.0 - 0.045) * 2.0**52
-"""The bits of 1.0 read as an integer, less what makes the error of `root`'s guess smallest."""
+"""The bits of 1.0 read as an integer, minus the correction that minimises the error of `root`'s guess."""
 
 
 @inlined_kernel

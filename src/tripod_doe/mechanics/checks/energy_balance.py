@@ -1,4 +1,4 @@
-"""The energy balance of a run: change of energy against work put in and lost, at every sample."""
+"""The energy balance of a run: change of energy minus work put in plus work lost, at every sample."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NOTHING = 1e-6
 
 
 class Passage:
-    """The states that a run passes, and what it had noted at each: copies, to be looked over when it has ended."""
+    """The states of a run with the recorded sums of each: copies, to be checked after the run."""
 
     def __init__(self, memory: Work, state: State) -> None:
         self.states: list[State] = []
@@ -69,31 +69,31 @@ class EnergyBalance:
 
     @classmethod
     def of(cls, assembly: Assembly, passage: Passage, turned_over: float = 0.0) -> EnergyBalance:
-        """The balance of a run that turns over this energy at least."""
+        """The balance of a run; the energy turned over is at least the given one."""
         energies, work = passage.stored, passage.work
         kinetic_energies(assembly.tables, passage.positions, passage.velocities, energies)
         change, put_in, lost = energies - energies[0], work[:, 0], work[:, 1:].sum(axis=1)
-        # a motion that turns nothing over is held to a millionth of what it has
+        # a motion without work is compared with a millionth of its energy
         sizes = [turned_over, _NOTHING * abs(energies[0]), *(np.abs(part).max() for part in (change, put_in, lost))]
         return cls(float(np.max(sizes)), passage.times[1:], (change - put_in + lost)[1:])
 
     def refined(self, finer: EnergyBalance, factor: float) -> EnergyBalance:
-        """Take what finer steps of the same motion change, times a factor, from what is missed, and what comes back.
+        """Subtract from the residuals the changes by finer steps times a factor, and energy that returns.
 
-        Where a power breaks off within a step, the sum of powers misses energy that the motion does not. What a method
-        borrows within a contact and gives back before the next sample is not lost either.
+        If a power ends within a step, the sum of powers has an error that the motion has not. Energy that a method
+        borrows within a contact and returns before the next sample is not lost either.
         """
         missed = self.residuals + factor * (finer.residuals - self.residuals)
         later = np.append(missed[1:], missed[-1:])
         return replace(self, residuals=np.where(np.abs(missed) <= np.abs(later), missed, later))
 
     def shares(self) -> FloatArray:
-        """Share of the energy turned over that is missed at every sample, shape (sample,)."""
+        """Residual over the energy turned over at every sample, shape (sample,)."""
         if self.turned_over == 0.0:
             return np.zeros_like(self.residuals)
         shares: FloatArray = np.abs(self.residuals) / self.turned_over
         return shares
 
     def worst(self) -> float:
-        """Largest share that is missed, 0 without samples."""
+        """Largest relative residual, 0 without samples."""
         return float(self.shares().max(initial=0.0))

@@ -1,8 +1,8 @@
 """The numerical error of a run, from a second run in half the steps or with a tenth of the tolerance.
 
-A run of few steps is repeated whole and compared at its samples: that costs milliseconds, and coarse runs are the ones
-that go wrong. A longer one is repeated in windows only, each from the run's own state: they are a sample of the run,
-and the sum of their differences stands for it.
+A run of few steps is repeated completely and compared at its samples: this costs milliseconds, and coarse runs are the
+least reliable. A longer run is repeated in windows only, each from a state of the run: they are a random sample, and
+the sum of their differences represents the run.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _TENTH = 0.1
 class PathLengths:
     """Path lengths of a motion, to which differences are related."""
 
-    duration: float  # time that the ways took
+    duration: float  # duration of the motion
     # slip, travel, spun: longest slip path of a sphere, longest way of a body along an axis, and largest turn of a body
-    # about one. Turns count by the length that the scene's speed_scale is at its rotation_scale.
+    # about one. Turns are multiplied by the length speed_scale / rotation_scale of the scene.
     slip: float
     travel: float
     spun: float
@@ -46,22 +46,22 @@ class RepeatedStretch:
     turned: FloatArray
     ways: PathLengths  # slip, travel and turn of the finer motion
     balance: EnergyBalance  # energy balance of the finer motion
-    evaluations: int  # force evaluations that it took
-    outcome: Outcome  # how it ended; the rest holds up to there
+    evaluations: int  # force evaluations of the finer motion
+    outcome: Outcome  # how it ended; other fields hold up to its end
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The largest difference to half the steps, relative to a path: its size, its body, its time."""
+    """The largest difference to half steps, relative to a path: its size, its body, its time."""
 
-    size: float  # difference over the slip path, or over the travel where nothing slips
+    size: float  # difference over the slip path, or over the travel if nothing slips
     body: int  # number of the body
-    begin: float  # start of the stretch with most of it
-    way: str  # the path that it is relative to
+    begin: float  # start of the stretch with the largest part
+    way: str  # the reference path
 
 
 def error_over_difference(order: int, controlled: bool) -> float:
-    """Error over the difference to half the steps at this order, or to a tenth of the tolerance in proportion to it."""
+    """Error over the difference to half steps at this order, or to a tenth of the tolerance (proportional errors)."""
     return 1 / (1 - (_TENTH if controlled else 0.5**order))
 
 
@@ -73,9 +73,8 @@ def repeat_finer(
     Args:
         states: The stretch; the first is where it begins.
         count: Steps that were taken from each state to the next.
-        controlled: Whether the method chose its steps by its tolerance. Where a tenth of it is below what the method
-            can do, ten times the tolerance are compared; where the equations of a halved step do not converge, a third
-            of the step.
+        controlled: Whether the method chose its steps by its tolerance. If the method cannot reach a tenth of it, ten
+            times the tolerance is compared; if the equations of a half step do not converge, a third of the step.
     """
     tolerance = settings.tolerance
     for factor, each in ((_TENTH, 2), (1 / _TENTH, 3)):
@@ -117,7 +116,7 @@ def _follow(
 
 
 def path_lengths(assembly: Assembly, states: Sequence[State], memory: Work) -> PathLengths:
-    """Path lengths of a motion from its states and the slip paths that it left."""
+    """Path lengths of a motion from its states and recorded slip paths."""
     if len(states) < 2:
         return PathLengths(0.0, 0.0, 0.0, 0.0)
     places = np.array([state.positions[:, :3] for state in states])
@@ -134,8 +133,8 @@ def path_lengths(assembly: Assembly, states: Sequence[State], memory: Work) -> P
 def difference(assembly: Assembly, pieces: Sequence[RepeatedStretch], whole: PathLengths) -> Difference:
     """Sum the differences between a run and its repeated pieces, and find the body with the largest sum.
 
-    Differences are relative to the paths of the pieces, but to no less than their share of the whole run's: the rest of
-    a slip that is over would make any difference large.
+    The reference is the path in the pieces, at least their share of the path of the whole run: else the end of a slip
+    would make any difference large.
     """
     part = sum(piece.ways.duration for piece in pieces) / whole.duration
     slip, travel, spun = (

@@ -2,7 +2,7 @@
 
 numba passes a named tuple by value: with the tables and the work memory of a scene every call between kernels had 430
 arguments, whose handling took two thirds of all compile time. The fields of a `ByReference` are laid out once in the
-memory of this process as numba lays out its arrays, and what kernels pass on is the address.
+memory of this process, as numba lays out its arrays; kernels pass on only the address.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class ByReference:
         object.__setattr__(self, "_numba_type_", _reference_to(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies, and other processes, lay out their own."""
+        """Copies, and other processes, create their own layout."""
         return type(self), tuple(value for _, value in _fields(self))
 
 
@@ -129,7 +129,7 @@ class _FieldTypes(AttributeTemplate):
     key = _Reference
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
-        """Find the type of a field; none where there is no such field."""
+        """Find the type of a field; None if there is no such field."""
         return dict(kind.fields).get(name)
 
 

@@ -1,9 +1,9 @@
 """The first compilation of kernels in a version: announced on the terminal, and done by one process at a time.
 
-Why not leave it to numba: every worker of a study would compile the same kernels for half a minute, unannounced, and
-count that as the cost of its first point. A file in the folder of the kernel cache notes that kernels are compiled,
-with the number of compilations of each. Where it is missing, a process takes a lock, compiles and writes the file;
-others wait for the lock and load the machine code. The system releases the lock of a process that ends in any way.
+With numba alone, every worker of a study would compile the same kernels for half a minute, unannounced, and count this
+as the cost of its first point. A file in the kernel cache records that kernels are compiled, with the number of
+compilations of each. If it is missing, a process takes a lock, compiles and writes the file; others wait for the lock
+and load the machine code. The system releases the lock of a process that ends in any way.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
         kernels: Their name in the message, as ``"model equilibrium with newton"``; the same words for the same kernels.
         seconds: At most, from an empty cache (Intel Xeon, one core), for the message.
 
-    Where the folder cannot be written, each process compiles.
+    If the folder cannot be written, each process compiles.
     """
     note = _note(kernels)
     if note.exists():
@@ -59,7 +59,7 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
 
 
 def compilations(kernels: str) -> dict[str, int]:
-    """Count the compilations of each kernel, but for inlined ones and those that were in the cache before.
+    """Count the compilations of each kernel, except inlined and previously cached ones.
 
     More than one means that arguments differ in type.
 
@@ -73,7 +73,7 @@ def compilations(kernels: str) -> dict[str, int]:
 @contextmanager
 def _counted(note: Path) -> Iterator[None]:
     """Count the compilations of a block by kernel, and note them at its end."""
-    from numba.core import event  # a process that compiles nothing does without
+    from numba.core import event  # only processes that compile import it
 
     compiled = event.RecordingListener()
     with event.install_listener("numba:compile", compiled):
@@ -108,7 +108,7 @@ def _note(kernels: str) -> Path:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Hold a lock; nothing where this process holds one already or the folder cannot be written."""
+    """Hold a lock; no effect if this process holds one already or the folder cannot be written."""
     global _compiling
     if _compiling or (lock := _open_lock(place)) is None:
         yield

@@ -1,8 +1,8 @@
 """Compilation of kernels: one decorator, and a disk cache that every change of a kernel source renews.
 
-numba's own cache looks only at the file a kernel stands in: a change in an imported file leaves stale machine code
-behind, and a changed comment compiles its whole file again. Here the folder is named by a hash of the code of all
-modules with kernels (`sources`), and neither line numbers nor the place of the installation count.
+numba's cache checks only the file that defines a kernel: a change in an imported file leaves stale machine code, and a
+changed comment compiles the whole file again. Here a hash of the code of all modules with kernels (`sources`) names the
+folder; line numbers and installation path have no influence.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class KernelLocator:
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> KernelLocator | None:
-        """A locator for a kernel, None for any other function or where nothing can be written."""
+        """A locator for a kernel; None for any other function, or if the folder cannot be written."""
         path = Path(file).resolve()
         try:
             if path.is_relative_to(_PACKAGE):
@@ -60,11 +60,11 @@ class KernelLocator:
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """What must not have changed since: the folder's name says it all."""
+        """Stamp of the source: constant, because the folder's name contains the hash."""
         return ""
 
     def get_disambiguator(self) -> str:
-        """Nothing besides module and name: numba would add the line number."""
+        """Module and name only: numba would add the line number."""
         return "kernel"
 
 
@@ -85,17 +85,17 @@ def kernel(function: Callable[..., Any]) -> Any:
 def kernel_part(function: Callable[..., Any]) -> Any:
     """Make a function a part of the kernels that call it: it is compiled with them, as if it were written there.
 
-    For what is large and called from one place or two. A kernel that others call is optimised and translated for
-    itself, and once more in each caller, and in theirs: that was a sixth of all compile time.
+    For large functions with one or two callers. A kernel that others call is compiled alone, again in each caller, and
+    again in their callers: this took a sixth of all compile time.
     """
     return numba.jit(cache=True, inline="always", **_OPTIONS)(function)
 
 
 class _Inner(CPUDispatcher):  # type: ignore[misc]
-    """A compiled function for kernels: without an entry for Python and not cached, which were most of its price."""
+    """A compiled function for kernels, without Python entry and cache, which took most of its compile time."""
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it from Python, as tests do, by way of a function with such an entry."""
+        """Call it from Python, as tests do, through a function with a Python entry."""
         return self._entry(*arguments)
 
     @cached_property

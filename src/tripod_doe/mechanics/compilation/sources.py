@@ -1,6 +1,6 @@
 """Hashes of the sources that decide results and machine code. Docstrings, comments and layout do not count.
 
-A better sentence must neither make old results unusable nor compile kernels again; any change of code must do both.
+A changed comment must neither make old results unusable nor recompile kernels; any change of code must do both.
 One hash over all bytes would compile for half a minute after every changed comment. The hashes are of syntax trees,
 which take half a second to make: they are kept in the cache, under a hash of the bytes.
 """
@@ -61,7 +61,7 @@ def _is_own_folder(path: Path, writable: int = stat.S_IWGRP | stat.S_IWOTH) -> b
 
 @cache
 def _temporary_cache() -> Path:
-    """A temporary folder with a lasting name; where another user has taken it, a new one for these processes."""
+    """A temporary folder with a fixed name; if another user owns it, a new folder for these processes."""
     lasting = Path(tempfile.gettempdir()) / f"tripod_doe-{os.geteuid()}"
     if _is_own_folder(lasting):
         return lasting
@@ -90,7 +90,7 @@ def hash_sources(package: Path) -> SourceHashes:
     decide = [name for name in names if name.partition("/")[0] in _DECIDE_RESULTS]
     trees = {name: _parsed(package / name) for name in decide}
     waiting, kernels = [name for name in decide if _has_kernels(trees[name])], set[str]()
-    while waiting:  # numba compiles the values of globals in, so all that a kernel's module imports counts
+    while waiting:  # kernels contain the values of globals, so every import of a kernel's module counts
         name = waiting.pop()
         if name not in kernels:
             kernels.add(name)
@@ -112,7 +112,7 @@ def _digest(parts: Iterable[bytes]) -> str:
 
 
 def _parsed(path: Path) -> ast.Module:
-    """A module without texts that stand alone, as docstrings do."""
+    """Syntax tree of a module without docstrings and other string statements."""
     tree = ast.parse(path.read_bytes())
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):

@@ -16,9 +16,9 @@ the slice's load, and s the roller's spin about t, it slips on bore and trunnion
 
     v = w cos psi - s r_e sin psi,    r_e = r_b r_t / r_p:
 
-half the difference of speeds carries the needles round (planetary rolling), so virtual power finds that lever. The
-needles of a slice drag by F = mu_s L tanh(v / (2 v_st)): an axial force -F cos psi on the bore where w is taken, and a
-torque F r_e sin psi about t. Their rolling resistance mu_r f d_n / 2 at both contacts, whose relative angular
+half the difference of speeds carries the needles round (planetary rolling); virtual power gives this lever. The
+friction of a slice's needles is F = mu_s L tanh(v / (2 v_st)): an axial force -F cos psi on the bore where w is taken,
+and a torque F r_e sin psi about t. Their rolling resistance mu_r f d_n / 2 at both contacts, whose relative angular
 velocities are s r_b / d_n and s r_t / d_n, brakes the spin; by virtual power its levers add up to the pitch radius,
 
     T = mu_r L r_p tanh(s / s_st),

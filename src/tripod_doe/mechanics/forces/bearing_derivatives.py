@@ -81,7 +81,7 @@ def _turn_to_world(fit, block):
 def _linearise(bearing, fit, secant, damping, stiffness):
     """Fill the derivatives of the force on the bore by its motion against the trunnion, about A + o_0, in its frame.
 
-    Taken in the bore's axis, a spinning roller does not move against its trunnion.
+    With the bore's axis as reference, a spinning roller does not move against its trunnion.
 
     Returns:
         Whether anything touches.
@@ -153,8 +153,8 @@ def bearing_matrices(tables, work, positions, velocities, slopes, matrix):
         slopes: Which derivatives are wanted (`tables.Slopes`).
         matrix: Receives by_velocity D + by_position K, shape (block, 6, 8).
 
-    The load zone's turning is in. Left out: the turning of all forces with the trunnion, the bore's lean, what damping
-    adds to the stiffness and to the friction, and how the load spreads around the trunnion.
+    Included: rotation of the load zone. Not included: rotation of all forces with the trunnion, lean of the bore,
+    effect of damping on stiffness and friction, and changes of the load distribution around the trunnion.
     """
     block, stiffness, drift = work.pair[0], work.pair[1], work.drift
     for n in range(tables.bearings.size):

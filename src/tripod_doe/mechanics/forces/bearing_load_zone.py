@@ -1,4 +1,4 @@
-"""Load zone of a needle bearing with clearance: where a bore lies on its trunnion, and how it presses the needles.
+"""Load zone of a needle bearing with clearance: position of a bore on its trunnion, and needle loads.
 
 Frame: t is the trunnion's axis, A the middle of the needles on it; the bore's axis h = t + g (scaled so that h t = 1)
 pierces the plane across t at the station s in A + s t + o(s), with o(s) = o_0 + s g across t. At the angle gamma from

@@ -1,4 +1,4 @@
-"""From a derivative about a common place to the blocks of two bodies: what every element between two bodies shares."""
+"""Blocks of two bodies from a derivative about a common place: shared by all elements between two bodies."""
 
 from __future__ import annotations
 

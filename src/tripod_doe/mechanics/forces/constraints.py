@@ -27,8 +27,8 @@ from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.tables import DISTANCE, IN_PLANE
 
 _RANK_TOLERANCE = 1e-10
-"""A pivot this much below the first one belongs to a redundant equation; honest pivots of the tested scenes are
-above 1e-6, redundant ones below 1e-14."""
+"""Limit of a pivot over the first one: smaller pivots belong to redundant equations. In the tested scenes independent
+equations are above 1e-6, redundant ones below 1e-14."""
 
 
 @kernel
@@ -111,7 +111,7 @@ def factorise_schur(rows, jacobian, weighted, schur, pivots):
                 total += jacobian[i, d] * weighted[j, a, d] + jacobian[i, 6 + d] * weighted[j, b, d]
             schur[i, j] = total
         pivots[i], pivots[count + i] = i, i
-    for i in range(count):  # equations of length and of angle made alike: units must not decide what is redundant
+    for i in range(count):  # scale equations of length and of angle: units must not decide redundancy
         schur[i, count] = 1.0 / math.sqrt(max(abs(schur[i, i]), 1e-300))
     for i in range(count):
         for j in range(count):

@@ -88,7 +88,7 @@ def add_momenta(tables, positions, velocities, factor, turn, out):
     damp a body that stands still while the frame turns.
 
     Args:
-        turn: Time for which the frame has turned on since the momenta were as they are.
+        turn: Rotation time of the frame since the time of the momenta.
         out: Shape (row of the block matrix, 6).
     """
     frame = load_vector(tables.frame, 0)

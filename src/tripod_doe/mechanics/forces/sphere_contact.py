@@ -39,7 +39,7 @@ from tripod_doe.mechanics.laws.rolling import rolling_moment, spinning_lever
 
 
 class _Load(NamedTuple):
-    """What the laws say: elastic force, normal force and its slopes; secant slopes of friction per unit of it."""
+    """Results of the laws: elastic force; normal force with slopes; secant slopes of friction over normal force."""
 
     elastic: Any
     normal: Any
@@ -79,7 +79,7 @@ def _load(contact, spheres, motion):
 
 @inlined_kernel
 def _resistances(contact, normal, motion):
-    """Secant slopes of rolling and spinning friction per unit of normal force, which most rows have none of."""
+    """Secant slopes of rolling and spinning friction per unit of normal force; zero in most rows."""
     roll = spin = speed = 0.0 * normal
     if contact.rolling > 0.0:
         speed = math.sqrt(motion.roll_t * motion.roll_t + motion.roll_b * motion.roll_b)
@@ -139,12 +139,12 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
         tables, work: The scene, and the memory of its run: `work.force` and `work.ledger` receive forces, energies and
             lost powers, `work.slip` the slips and `work.touching` whether any may differ from zero, `work.drift` K
             times the velocities.
-        first, last: The range of the table of contacts that is wanted.
+        first, last: The requested range of the table of contacts.
         positions, velocities: Shapes (body, 7) and (body, 6).
         slopes: Which derivatives are wanted (`tables.Slopes`).
         matrix: Receives by_velocity D + by_position K, shape (block, 6, 8).
 
-    The turning of the normal with the body of the surface and the change of levers are left out of K.
+    K does not include rotation of the normal with the surface's body and changes of levers.
     """
     contacts, touching, slips = tables.contacts, work.touching, work.slip
     linear, block = slopes.by_velocity != 0.0 or slopes.by_position != 0.0, work.pair[0]
@@ -210,7 +210,7 @@ def largest_penetration(contacts, sizes, positions):
     """Deepest penetration of all spheres in some states, and the one that is the largest share of its contact's size.
 
     Args:
-        sizes: Length that a contact's penetrations are small against, shape (contact,).
+        sizes: Reference length of each contact's penetration, shape (contact,).
         positions: Shape (state, body, 7).
 
     Returns:

@@ -29,14 +29,14 @@ def _slope(coefficient, secant, chord, speed, transition):
 
 @inlined_kernel
 def _twist(spheres, d, twists):
-    """Row d of the change of moment by change of angular velocity that friction against turning gives."""
+    """Row d of the derivative of the moment of rolling or spinning friction for the angular velocity."""
     of_t, of_b = scale(spheres.tangent[d], twists[0]), scale(spheres.binormal[d], twists[1])
     return add(add(of_t, of_b), scale(spheres.normal[d], twists[2]))
 
 
 @inlined_kernel
 def _twists(contact, s, m, acting, secant, damped):
-    """Change of moment by change of angular velocity that rolling and spinning friction give, three rows."""
+    """Derivative of the moments of rolling and spinning friction for the angular velocity, three rows."""
     nothing = 0.0 * damped
     if contact.rolling == 0.0 and contact.spinning == 0.0:
         still = (nothing, nothing, nothing)

@@ -88,7 +88,7 @@ def place_row(contact, positions):
 
 @inlined_kernel
 def is_apart(contact, place):
-    """Whether no sphere of the row can touch, by the nearest that an end of it may be to the surface."""
+    """Whether no sphere of the row can touch, from the smallest possible distance of its ends from the surface."""
     reach = 0.5 * contact.length
     if contact.sign == 0.0:
         clearance = place.height - reach * abs(place.lean)

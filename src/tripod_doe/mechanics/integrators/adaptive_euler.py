@@ -1,10 +1,10 @@
-"""Implicit Euler at the pace of a scene: for many light bodies that rattle between a few heavy ones.
+"""Implicit Euler with steps from the scene's time scale: for many light bodies that rattle between a few heavy ones.
 
 Implicit Euler lags behind by half the change of a velocity over a step. In a scene that changes by itself in the time
-T (`Scene.time_scale`) the relative tolerance therefore asks for steps of 2 tolerance T. A step that followed the error
-of every body would follow impacts of light bodies that change nothing; so the equations of a step are solved to
-`_SLACK` times the tolerance only, with the secant slope of friction (`newton.LEAST_SHARE`), and a step whose
-equations do not converge is halved.
+T (`Scene.time_scale`) the relative tolerance therefore asks for steps of 2 tolerance T. Step control by the error of
+every body would resolve impacts of light bodies without effect. So the equations of a step are solved only to `_SLACK`
+times the tolerance, with the secant slope of friction (`newton.LEAST_SHARE`); a step whose equations do not converge is
+halved.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The two-step backward differentiation formula with secant iterations: second order, L-stable.
 
 p = (4 p_n - p_(n-1)) / 3 + (2 h / 3) Q(q, u) for the momenta, and the same for displacements counted from q_n, where
-the attitude at t_(n-1) enters as its rotation vector from that at t_n. The first step is one of implicit
-Euler, whose error of second order in h is made once. So is a step whose equations do not converge, in parts: a light
-body that rattles would end a run that hardly feels it.
+the attitude at t_(n-1) enters as its rotation vector from that at t_n. The first step uses implicit Euler: its error of
+second order in h occurs only once. A step whose equations do not converge is also done by implicit Euler, in parts:
+else a light rattling body would end a run on which it has little effect.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _in_parts(tables, work, end, step, settings, positions, velocities):
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
-    """Advance by equal steps; see `method_interface`. clock[1] holds the step that the history was made with."""
+    """Advance by equal steps; see `method_interface`. clock[1] holds the step of the history."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
     start, base = work.stages[_START], work.stages[_BASE]

@@ -1,8 +1,8 @@
 """Linearly implicit Euler with the secant slope of friction: one linear solve a step.
 
-Forces are those where the step's first velocities lead: with K v of the matrices in their place, which leave out how
-levers, normals and directions of slip turn, the joint's third order was off by 1000 / s times the step, twenty times
-what the secant costs.
+Forces are evaluated at the positions that the step's first velocities give. K v from the matrices instead neglects the
+rotation of levers, normals and slip directions: the error of the joint's third order was 1000 / s times the step,
+twenty times the error of the secant.
 """
 
 from __future__ import annotations

@@ -19,11 +19,11 @@ TRACE_FULL = -1
 """A stretch has paused for its trace to be emptied, and goes on when it is called again."""
 
 RUNAWAY = 1e6
-"""A speed this many times the scene's scale is no motion of the scene."""
+"""Speed over the scene's scale above which a run counts as diverged."""
 
 
 _ROLLING = 0.01
-"""Slip below this share of the transition velocity is what rolling and rounding leave: its sign means nothing."""
+"""Slip below this share of the transition velocity comes from rolling and rounding: its sign is not significant."""
 
 
 class Settings(NamedTuple):
@@ -59,9 +59,9 @@ def _note_start(tables, work, positions, velocities):
 
 @kernel
 def _work_beyond_powers(tables, positions, velocities, step, before):
-    """What constant loads and gravity did more, by their bodies' ways, than the mean of their powers over a step says.
+    """Work of constant loads and gravity along bodies' displacements, minus the mean of their powers times the step.
 
-    A coarse step's ways are not what its velocities say, and a ledger of powers would not see that.
+    In a coarse step displacements differ from the integral of velocities; a ledger of powers would miss this.
     """
     more = 0.0
     for i in range(tables.bodies.size):
@@ -77,7 +77,7 @@ def _work_beyond_powers(tables, positions, velocities, step, before):
 
 @kernel
 def _follow_slips(contacts, touching, slip, before, step, paths):
-    """Add up how far the spheres of contacts that touch, or did, have slipped in a step, and by how much reversing."""
+    """Add up the slip paths of touching spheres in a step (or touching before it), in total and with reversed slip."""
     for i in range(contacts.size):
         if touching[i, 0] + touching[i, 1] == 0:
             continue
@@ -96,7 +96,7 @@ def _follow_slips(contacts, touching, slip, before, step, paths):
 
 @kernel
 def _trace(work, positions, velocities, time):
-    """Keep a state; return whether there is no room for another one."""
+    """Store a state; return whether memory for states is full."""
     row = work.trace[work.counters[TRACED]]
     work.counters[TRACED] += 1
     row[0] = time
@@ -119,7 +119,7 @@ def accept(tables, work, positions, velocities, clock, time, step, settings):
         settings: Numerics: the budget of force evaluations.
 
     Returns:
-        `FINISHED` to go on, or why to stop.
+        `FINISHED` to go on, or the reason to stop.
     """
     clock[0] = time
     work.counters[STEPS] += 1

@@ -59,7 +59,7 @@ _EMBEDDED = np.array([3.7810903145819369e-01, -9.6042292212423178e-02, 5.0e-01, 
 def _set_out(tables, work, positions, velocities, time, settings):
     """Take a state as the start of a step: forces and accelerations, and the matrices D and K.
 
-    The matrices stand apart: a step that is rejected is tried again with another sum of them.
+    The matrices are stored separately: a rejected step is tried again with another sum of them.
     """
     linearise(tables, work, positions, velocities, 0.0, 1.0, 0.0, work.dissipation)
     linearise(tables, work, positions, velocities, 0.0, 0.0, 1.0, work.stiffness)

@@ -1,4 +1,4 @@
-"""SciPy's solvers on the same right-hand side: slow, and an oracle for the methods of this package."""
+"""SciPy's solvers on the same right-hand side: slow, as a reference for the methods of this package."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _integrate(
 ) -> int:
     """Advance with SciPy's step control; see `method_interface`.
 
-    Its own flag is not trusted: the caller checks the result.
+    SciPy's success flag is ignored: the caller checks the result.
 
     On one thread of linear algebra: on several, LU factors are rounded differently, and results must not depend on
     the process that computes them.

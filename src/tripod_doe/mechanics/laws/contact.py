@@ -4,8 +4,8 @@ Damping. A dry contact loses energy with its elastic force F (Hunt and Crossley)
 
     f = F + D F delta' + g,  g = y / sqrt(1 + (y / F)^2),  y = tau dF/d delta delta'
 
-so that |g| < F: a contact does not pull, and a fresh one, whose stiffness grows at once, starts without a jump. Without
-that limit needles that knock against each other cost twice as many iterations. D delta' is cut where f would pull.
+so that |g| < F: a contact does not pull, and a new contact, whose stiffness grows at once, starts without a jump.
+Without this limit needle impacts cost twice the iterations. D delta' is limited so that f never pulls.
 
 Compiled functions of floats or of `lanes`, without branches on them.
 """
@@ -42,13 +42,13 @@ def contact_energy(elastic_force, exponent, penetration):
 
 @inlined_kernel
 def damped_force(elastic_force, dry, greased):
-    """Contact force with what damping adds, f of the module's formula; never below zero."""
+    """Contact force with damping, f of the module's formula; never below zero."""
     return max(elastic_force + dry + elastic_force * greased / _size(elastic_force, greased), 0.0)
 
 
 @inlined_kernel
 def damping_slope(elastic_force, greased):
-    """Slope of the greased damping's force by what it would be without a limit."""
+    """Derivative dg/dy of the limited damping force of a greased contact."""
     share = elastic_force / _size(elastic_force, greased)
     return share * share * share
 
@@ -68,4 +68,4 @@ def _size(elastic_force, greased):
 
 
 _NOTHING = 1e-200
-"""Square of a force that is none, so that a contact without force has no damping."""
+"""Square of a negligible force, so that a contact without force has no damping."""

@@ -37,7 +37,7 @@ def relative_tangent(x):
 def hyperbolic_tangent(x):
     """Regularised sign of the paper's Fig. 4 and Eq. 3: tanh(x) to 1e-14 relative, odd, in a form that vectorises.
 
-    It is a third of the price of the C library's function in a loop that the compiler can vectorise.
+    In a vectorised loop it costs a third of the C library's function.
 
     Args:
         x: Slip over transition velocity; any finite number, or lanes.

@@ -47,7 +47,7 @@ RUN_OUTPUTS = (
 """Outputs of every run."""
 
 _RATE_STATES = 10
-"""States on the way at which a run is linearised."""
+"""Number of states of a run at which it is linearised."""
 
 
 def scene_parameters(file: str, methods: Methods, evaluation_budget: int) -> dict[str, Parameter]:
@@ -76,7 +76,7 @@ class SceneSimulator(Simulator):
         """Compute every output of the scene from a run, except those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
-        """Points whose method does not use a step or tolerance that they set, or whose contacts are greased and dry."""
+        """Points that set a step or tolerance that their method does not use, or contacts both greased and dry."""
         refused = [(i, Outcome.OUT_OF_RANGE, BOTH) for i in greased_and_dry(points)]
         for i, method in enumerate(points["method"]):
             used = self.numerics.get(str(method), {})
@@ -121,7 +121,7 @@ class SceneSimulator(Simulator):
             try:
                 result = self._run_point(values, method)
                 answers = self._answer_point(values, result, keep)
-            except Exception as error:  # one point's error is not its neighbours'
+            except Exception as error:  # other points must not fail
                 block.end(i, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
             block.end(i, result.outcome, result.detail)
@@ -136,7 +136,7 @@ class SceneSimulator(Simulator):
         return self.run(values, method, values.get("step_s"), settings)
 
     def _answer_point(self, values: Mapping[str, float], result: Run, keep: Collection[str]) -> dict[str, Any]:
-        """All outputs of a run that may be used, none of any other."""
+        """All outputs of a valid run; none for an invalid run."""
         if result.outcome != Outcome.FINISHED:
             return {}
         rates = _rates(result) if any(output.name in keep for output in RATE_OUTPUTS) else {}

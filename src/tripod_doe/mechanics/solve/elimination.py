@@ -1,13 +1,13 @@
 """Block elimination: the matrix of an implicit step as 6 x 6 blocks over the graph of bodies that touch each other.
 
-The order of elimination is worked out once an assembly by minimum degree: the needles of a ring go first, each leaving
-one block of fill between its neighbours, the bodies that all of them touch go last. Work and memory grow linearly with
-the needles. Pivot blocks are inverted without looking at other blocks: M + a D + b K with a D and b K mostly
-semidefinite leaves them regular.
+Minimum degree gives the order of elimination, once per assembly: the needles of a ring go first, each leaving one block
+of fill between its neighbours; the bodies that all needles touch go last. Work and memory grow linearly with the
+needles. Pivot blocks are inverted without looking at other blocks: M + a D + b K with a D and b K mostly semidefinite
+leaves them regular.
 
 Bodies named as last ones, and all that take part in constraints, are the tail of the order. Elimination can be done in
 parts: once `eliminate` has gone through the pivots before the tail, the blocks of the tail, which stand together at the
-end of the matrix, hold what is left of the scene for the bodies of the tail. Then
+end of the matrix, hold the reduced system of the tail. Then
 
     eliminate(pattern, matrix, 0, pattern.tail)         reduce_right_side(pattern, matrix, x, 0, pattern.tail)
     ... the tail, pivots pattern.tail to pattern.order.size, as often as wanted ...
@@ -28,7 +28,7 @@ from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.tables import Pattern
 
 _CANCELLED = 1e-6
-"""A pivot that has lost this much of its diagonal entry is looked for again with exchanges of rows."""
+"""Pivot over its original diagonal entry, below which elimination repeats with row exchanges."""
 
 
 def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]], last: Iterable[int] = ()) -> Pattern:
@@ -177,7 +177,7 @@ def _times(block, i, rows):
 
 @inlined_kernel
 def _is_empty(block):
-    """Whether a block is zero, as one between bodies that might touch and do not."""
+    """Whether a block is zero, as between bodies without present contact."""
     rows = _rows(block)
     size = (abs(rows[0]) + abs(rows[1]) + abs(rows[2])) + (abs(rows[3]) + abs(rows[4]) + abs(rows[5]))
     return everywhere(size <= 0.0)

@@ -33,7 +33,7 @@ def copy_vectors(source, target):
 
 @inlined_kernel
 def larger(worst, size):
-    """The larger of two sizes that are not negative, infinite where one is not a number: NaN must not be lost."""
+    """The larger of two non-negative numbers; infinite if one is NaN, which must not be lost."""
     if size <= worst:
         return worst
     return size if size > worst else math.inf
@@ -54,7 +54,8 @@ def _power(frame, position, velocity, force, free, kind):
 def generalized_forces(tables, work, positions, velocities):
     """Evaluate Q of Eq. 1: loads, gravity, elements and inertia forces, and the energy ledger.
 
-    Energies are those in axes at rest. The power of locked velocities is that of the reaction -Q which keeps them.
+    Energies are those in axes at rest. The power of locked velocities is the power of the reaction -Q that keeps them
+    constant.
     """
     work.counters[EVALUATIONS] += 1
     _add_elements(tables, work, positions, velocities, Slopes(1.0, 0.0, 0.0, False), work.matrix)
@@ -87,7 +88,7 @@ def linearise_elements(tables, work, positions, velocities, slopes, matrix):
 
 @kernel_part
 def _add_elements(tables, work, positions, velocities, slopes, matrix):
-    """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
+    """Evaluate all forces and the ledger and, unless both factors are zero, add the elements' parts of D and K."""
     force, ledger, frame = work.force, work.ledger, load_vector(tables.frame, 0)
     clear(ledger)
     for i in range(tables.bodies.size):
@@ -105,7 +106,7 @@ def _add_elements(tables, work, positions, velocities, slopes, matrix):
     bearing_forces(tables.bearings, positions, velocities, force, ledger)
     if slopes.by_velocity != 0.0 or slopes.by_position != 0.0:
         bearing_matrices(tables, work, positions, velocities, slopes, matrix)
-    for i in range(tables.bodies.size):  # what keeps a locked body, and the ground, going
+    for i in range(tables.bodies.size):  # power that moves locked bodies and the ground
         ledger[1] -= _power(frame, positions[i], velocities[i], force[i], tables.bodies[i].free, 0.0)
 
 
@@ -133,10 +134,10 @@ def constraint_rate(row, jacobian, vectors):
 
 @inlined_kernel
 def add_reaction_power(tables, work, positions, velocities, factor):
-    """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
+    """Add to the ledger the power of reactions: of drives, and of locked velocities under loads from joints.
 
     Args:
-        factor: What `work.multipliers` have to be multiplied by.
+        factor: Factor on `work.multipliers`.
     """
     frame = load_vector(tables.frame, 0)
     for k in range(tables.rows.size):
@@ -224,7 +225,7 @@ def project_velocities(tables, work, positions, velocities, time):
 
 @kernel
 def project(tables, work, positions, velocities, time, settings):
-    """Put a new state back onto its constraints if that is asked for."""
+    """Project a new state onto its constraints if requested."""
     if settings.projection and tables.rows.size > 0:
         project_positions(tables, work, positions, velocities, time)
         project_velocities(tables, work, positions, velocities, time)
@@ -232,6 +233,6 @@ def project(tables, work, positions, velocities, time, settings):
 
 @kernel
 def settle(tables, work, positions, velocities, time, settings):
-    """Put a new state back onto its constraints if that is asked for, and evaluate it: forces, slips and ledger."""
+    """Project a new state onto its constraints if requested, and evaluate it: forces, slips and ledger."""
     project(tables, work, positions, velocities, time, settings)
     evaluate(tables, work, positions, velocities, time, settings.baumgarte)

@@ -2,10 +2,9 @@
 
 D = -dQ/dv and K = -dQ/dq. With the secant (lagged) slope of friction a stage converges where Newton's method with the
 exact tangent diverges: the tangent of tanh is almost zero in slip, so the linear model sees no friction at all
-(Drake's TAMSI and "lagged" contact models). But where a body slips at both of its contacts nothing but the tangents
-decides where it settles, and the secant iteration contracts by 1 - tangent/secant only. So an iteration that has
-become slow lowers the share of the secant below which no slope may fall, and raises it again when its corrections
-grow.
+(Drake's TAMSI and "lagged" contact models). But if a body slips at both of its contacts, only the tangents determine
+its equilibrium, and the secant iteration contracts only by 1 - tangent/secant. So a slow iteration lowers the least
+slope (a share of the secant), and raises it again when its corrections grow.
 """
 
 from __future__ import annotations
@@ -33,11 +32,12 @@ _SLOW = 0.3
 """Contraction above which an iteration is slow."""
 
 LEAST_SHARE = 1e-6
-"""Least share of the secant, below which slopes are tangents. An iteration that ends at rough corrections keeps the
-secant: light bodies that rattle make it look slow, and with tangents they are thrown about."""
+"""Smallest share of the secant, below which slopes are tangents. An iteration with a loose tolerance keeps the secant:
+rattling light bodies make it look slow, and tangents would throw them about."""
 
 _ROUNDING = 1e-6
-"""Corrections below this share of the scene's speed that no longer fall are rounding: stiffness times a last digit."""
+"""Corrections below this share of the scene's speed that no longer decrease are rounding: stiffness times a last
+digit."""
 
 
 @kernel_part
@@ -180,7 +180,7 @@ def solve_system(tables, work, wanted, out):
 
 
 class Stage(NamedTuple):
-    """What an implicit method knows of a stage: p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`.
+    """Data of a stage of an implicit method: p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`.
 
     p are the momenta in axes at rest (`inertia.add_momenta`), p_0 those in `Work.momenta`; or, for methods that know
     velocities `before` instead, p - p_0 = M (u - before) and Q holds the inertia forces too.
@@ -224,7 +224,7 @@ def largest_correction(tables, correction, failure):
 
 @kernel_part
 def _factorise_stage(tables, work, stage, share, positions, velocities):
-    """Linearise the equations of a stage and factorise them; `work.gamma` receives what the constraints ask for.
+    """Linearise and factorise the equations of a stage; `work.gamma` receives the constraints' right-hand side.
 
     Returns:
         False if the matrix is singular.
@@ -265,7 +265,7 @@ def solve_stage(tables, work, stage, iterations, tolerance, least, positions, ve
     """Solve a stage by secant iterations.
 
     Args:
-        stage: What the method knows of it.
+        stage: Data of the stage.
         iterations, tolerance: Largest number of iterations, and the relative correction of a velocity at which they
             end.
         least: Least share of the secant below which no slope may fall: `LEAST_SHARE`, or 1 to keep the secant.

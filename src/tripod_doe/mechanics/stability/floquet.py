@@ -1,14 +1,14 @@
-"""Stability of a motion: the growth rate of the departure from it that grows fastest (Floquet's theory).
+"""Stability of a motion: the growth rate of its fastest growing departure (Floquet's theory).
 
-A method that damps what it does not resolve follows a smooth motion even where the equations of motion would leave it:
-a joint with friction may vibrate by itself. So small departures (q, v) of positions and velocities are followed along
-the motion: their equation is
+A method that damps unresolved motion follows a smooth motion even if the exact motion is unstable: a joint with
+friction may vibrate by itself. So small departures (q, v) of positions and velocities are followed along the motion;
+their equation is
 
     q' = v + omega x q        v' = A_q q + A_v v        with A_q = da/dq, A_v = da/dv
 
-where the cross product is for turns only, and a are the accelerations of Eq. 1 with all reactions, differentiated
-numerically at some states of the motion. Between two states the matrix counts as constant, and its exponential
-carries departures on. Constraints are stabilised, so that departures that break them die out.
+with the cross product for rotations only, and a the accelerations of Eq. 1 with all reactions, differentiated
+numerically at some states of the motion. Between two states the matrix is assumed constant; its exponential propagates
+departures. Constraints are stabilised: departures that violate them decay.
 
 Source: e.g. P. Hagedorn, Non-Linear Oscillations, Clarendon Press, 1988, ch. 2. Cost: 2 evaluations a degree of
 freedom and state, and an exponential of a matrix of twice that size a state.
@@ -43,15 +43,14 @@ _AT, _SPEEDS = range(2)
 
 @dataclass(frozen=True)
 class Growth:
-    """The departure from a motion that grows fastest."""
+    """The fastest growing departure from a motion."""
 
-    # by what it has grown at the end of the motion that was looked at, at least, up to 8e307; a multiplier's size if
-    # that is a period
+    # least growth over the tested motion, up to 8e307; magnitude of a Floquet multiplier if the motion is a period
     factor: float
-    rate: float  # the same as a rate, 1/time: negative where all departures die out
-    frequency: float  # angular frequency of the departure where it grows fastest; zero where none oscillates
-    # what departures grow by in those parts of the motion in which some oscillating one does: a logarithm, more than
-    # that of the factor where they die out in between
+    rate: float  # the same as a rate, 1/time: negative if all departures decay
+    frequency: float  # angular frequency of the departure at its fastest growth; zero if none oscillates
+    # logarithm of the growth in the parts of the motion with growing oscillations; larger than log(factor) if
+    # departures decay in other parts
     climb: float = 0.0
 
 
@@ -67,7 +66,7 @@ def departure_matrices(assembly: Assembly, states: Sequence[State], duration: fl
 
 
 def fastest_growth(matrices: FloatArray, duration: float) -> Growth:
-    """How fast departures grow that grow fastest.
+    """Growth of the fastest growing departures.
 
     Args:
         matrices: Of equal parts of a motion (`departure_matrices`).
@@ -90,17 +89,17 @@ def oscillating_rates(matrices: FloatArray, slowest: float) -> FloatArray:
 
 
 def _growth(matrices: FloatArray, part: float) -> Growth:
-    """How fast departures grow through parts of a motion with these matrices, which are spoilt; each takes so long."""
+    """Growth of departures through parts of a motion of equal duration with these matrices, which are overwritten."""
     half = len(matrices[0]) // 2
     stiffest = float(np.abs(matrices[0, half:, :half]).max()) ** 0.5
-    matrices[:, :half, half:] *= stiffest  # so places count as speeds, and the exponential needs fewer squarings
+    matrices[:, :half, half:] *= stiffest  # scales places like speeds: the exponential needs fewer squarings
     matrices[:, half:, :half] /= stiffest
     carried, log_scale = np.eye(2 * half), 0.0
     for matrix in matrices:
         moved, log_moved = _exponential(part * matrix)
         carried = moved @ carried
         exponent = math.frexp(float(np.abs(carried).max()))[1]
-        carried = np.ldexp(carried, -exponent)  # at low speed departures outgrow the numbers within a revolution
+        carried = np.ldexp(carried, -exponent)  # at low speed departures overflow within a revolution
         log_scale += log_moved + exponent * math.log(2)
     log_factor = math.log(float(np.abs(np.linalg.eigvals(carried)).max())) + log_scale
     frequency = climb = 0.0

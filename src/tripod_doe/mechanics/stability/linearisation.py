@@ -6,13 +6,13 @@ friction
     The fastest relaxation by friction and damping, the largest eigenvalue of M^-1 D with the exact tangent of every
     law: mu f_n / (v_st m) for a body that hardly slips, times m r^2 / I where friction turns it with the lever r.
 lag
-    What the secant (lagged) slope of friction costs a linearly implicit step. With D_s the secant's matrix and D the
+    Error of a linearly implicit step from the secant (lagged) slope of friction. With D_s the secant's matrix and D the
     tangent's, such a step solves M u' + h (D_s - D) u' + ... to first order in h, so in a motion that changes at the
-    pace P its velocities are off by h P times (K / (i P) + D + i P M)^-1 (D_s - D): the rate is P times its largest
+    rate P the error of velocities is h P times (K / (i P) + D + i P M)^-1 (D_s - D): the rate is P times its largest
     eigenvalue, and the step times the rate is the relative error.
 
 Explicit methods are unstable beyond fixed multiples of 1/contact and 1/friction (`method_interface.Method.reach`).
-Constraints are obeyed: all matrices act on the motions that they leave.
+All matrices act only on motions that constraints allow.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tripod_doe.mechanics.tables import Slopes
 
 @dataclass(frozen=True)
 class Matrices:
-    """Linearisation of a scene, reduced to the motions that locks and constraints leave; each of shape (dof, dof)."""
+    """Linearisation of a scene, reduced to the motions that locks and constraints allow; each of shape (dof, dof)."""
 
     # mass, stiffness: M, and K = -dQ/dq
     mass: FloatArray
@@ -100,7 +100,7 @@ def rates_at(matrices: Matrices, pace: float) -> Rates:
     """The rates of one state.
 
     Args:
-        pace: Rate at which the motion changes, over which the secant's lag counts.
+        pace: Rate at which the motion changes, for the error by the secant's lag.
     """
     m, k, d = matrices.mass, matrices.stiffness, matrices.tangent
     response = k / (1j * pace) + d + 1j * pace * m
@@ -114,9 +114,9 @@ def _largest(matrix: FloatArray, mass: FloatArray) -> float:
 
 
 def fastest_rates(assembly: Assembly, states: Iterable[State], pace: float) -> Rates:
-    """Limits of a step on the way through these states.
+    """Limits of a step over a motion through these states.
 
-    Stability is lost where the rates are fastest; the lag adds up along the way, so its rate is the mean.
+    The fastest rates limit stability; errors by the lag add up, so its rate is the mean.
     """
     rows = np.array([astuple(rates_at(linear_matrices(assembly, state), pace)) for state in states])
     return Rates(*(float(rate) for rate in (*rows[:, :2].max(axis=0), rows[:, 2].mean())))
