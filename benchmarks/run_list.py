@@ -3,13 +3,14 @@
     python benchmarks/run_list.py [--runs 2000]
 
 The table of runs is filled with runs of six questions, ten tags and twenty folders, of the last year. In the browser,
-opening runs from the address to the list drawn, and filtering from the last letter to the list drawn, the pause in which
-it waits for more letters included.
+opening runs from the address to the list drawn, and filtering from the last letter to the list drawn, the pause of 25 ms in
+which it waits for more letters included. CPU time is that of the server's process and of the page's main thread.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import tempfile
 import time
@@ -19,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import sync_playwright
-from service_load import Server
+from service_load import Server, cpu_of
 
 from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, stamp
 
@@ -69,14 +70,19 @@ def at_the_server(server: Server, count: int) -> None:
         ("all runs as JSON", "/api/v1/runs"),
         ("runs as JSON filtered by a word", "/api/v1/runs?text=torque+1999"),
     ):
-        seconds = []
+        seconds, used = [], cpu_of(server)
         for _ in range(count):
             headers = {"Authorization": f"Bearer {server.token}"}
             request = urllib.request.Request(f"http://127.0.0.1:{server.port}{place}", headers=headers)
             started = time.perf_counter()
             urllib.request.urlopen(request).read()
             seconds.append(time.perf_counter() - started)
-        print(f"{what}: median {1e3 * np.median(seconds):.0f} ms, least {1e3 * min(seconds):.0f} ms")
+        print(f"{what}: {1e3 * (cpu_of(server) - used) / count:.0f} CPU-ms each; {_wall(1e3 * np.array(seconds))}")
+
+
+def _wall(milliseconds: np.ndarray) -> str:
+    load = os.getloadavg()[0]
+    return f"wall: median {np.median(milliseconds):.0f} ms, least {min(milliseconds):.0f} ms at load {load:.1f}"
 
 
 def in_the_browser(server: Server, count: int) -> None:
@@ -87,15 +93,34 @@ def in_the_browser(server: Server, count: int) -> None:
         )
         page = browser.new_page()
         page.goto(f"http://127.0.0.1:{server.port}/?token={server.token}")
-        opened = []
-        for _ in range(count):
-            page.goto(f"http://127.0.0.1:{server.port}/?token={server.token}")
-            opened.append(page.evaluate(OPENED))
-        filtered = [page.evaluate(FILTERED, f"torque {17 * at + 101}") for at in range(count)]
+        browser_side = page.context.new_cdp_session(page)
+        browser_side.send("Performance.enable", {"timeDomain": "threadTicks"})  # CPU time of the page's main thread
+
+        def page_seconds() -> float:
+            metrics = browser_side.send("Performance.getMetrics")["metrics"]
+            return next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration")
+
+        def opened(_: int) -> tuple[float, float]:
+            page.goto(page.url)
+            return page.evaluate(OPENED), page_seconds()  # which counts from the start of the page
+
+        def filtered(at: int) -> tuple[float, float]:
+            before = page_seconds()
+            return page.evaluate(FILTERED, f"torque {17 * at + 101}"), page_seconds() - before
+
+        for what, act in (("opened", opened), ("filtered", filtered)):
+            wall, of_page, of_server = [], [], []
+            for at in range(count):
+                time.sleep(1)  # until what the last turn asked for has ended
+                before = cpu_of(server)
+                milliseconds, seconds = act(at)
+                wall.append(milliseconds), of_page.append(1e3 * seconds), of_server.append(1e3 * (cpu_of(server) - before))
+            print(
+                f"in Chromium, {what}: {np.mean(of_server):.0f} CPU-ms of the server, "
+                f"{np.median(of_page):.0f} of the page; {_wall(np.array(wall))}"
+            )
         assert page.locator("table.runs tbody tr").count() < 100
         browser.close()
-    for what, times in (("opened", opened), ("filtered", filtered)):
-        print(f"in Chromium, {what}: median {np.median(times):.0f} ms, least {min(times):.0f} ms")
 
 
 def measure(runs: int, count: int = 15) -> None:

@@ -38,7 +38,8 @@ def test_tags_states_folders_and_days():
     assert ids(folder="customer") == [3, 2]
     assert ids(folder="customer/old/") == [3]
     assert ids(folder="cust") == []
-    assert ids(since="2026-03-15", until="2026-04-15") == [3, 2]
+    assert ids(since="2026-03-15T00:00:00.000Z", until="2026-04-15T10:00:00.000Z") == [3, 2]
+    assert ids(since="2026-03-15T10:00:00.001Z", until="2026-04-15T10:00:00.001Z") == [3]
 
 
 def test_orders():

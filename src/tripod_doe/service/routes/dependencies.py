@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from datetime import UTC, date, datetime, time
 from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Query, Request
-from pydantic import BaseModel
+from pydantic import AwareDatetime, BaseModel, Field
 
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
-from tripod_doe.service.runs.run_table import State
+from tripod_doe.service.runs.run_table import State, stamp
 from tripod_doe.service.security.access import OWNER
 from tripod_doe.service.security.connections import left_of
 from tripod_doe.service.service import Service
@@ -76,7 +77,21 @@ WritingService = Annotated[Service, Depends(_writing_service)]
 """The service behind a route that changes something; refused (403) where the server is read-only."""
 
 
-_DAY = r"^(\d{4}-\d{2}-\d{2})?$"
+_EARLIEST, _LATEST = datetime(1970, 1, 2, tzinfo=UTC), datetime(9000, 1, 1, tzinfo=UTC)
+Moment = Annotated[
+    Annotated[AwareDatetime, Field(ge=_EARLIEST, le=_LATEST)]
+    | Annotated[date, Field(ge=_EARLIEST.date(), le=_LATEST.date())]
+    | Literal[""],
+    Field(union_mode="left_to_right"),
+]
+"""A day in UTC, YYYY-MM-DD, or a time with its offset; empty where none is asked for."""
+
+
+def _stamp_of(moment: Moment, time_of_day: time) -> str:
+    """A time as runs have it; of a day the given one."""
+    if isinstance(moment, datetime):
+        return stamp(moment.astimezone(UTC))
+    return stamp(datetime.combine(moment, time_of_day, UTC)) if moment else ""
 
 
 def _asked_runs(
@@ -84,12 +99,13 @@ def _asked_runs(
     tag: Annotated[list[str], Query(description="tag that a run has; repeatable")] = [],  # noqa: B006
     state: Annotated[list[State | Literal[""]], Query(description="state of a run; repeatable: one of them")] = [],  # noqa: B006
     folder: Annotated[str, Query(max_length=200, description="beginning of the name, up to a /")] = "",
-    since: Annotated[str, Query(pattern=_DAY, description="submitted on this day or later, YYYY-MM-DD (UTC)")] = "",
-    until: Annotated[str, Query(pattern=_DAY, description="submitted on this day or earlier")] = "",
+    since: Annotated[Moment, Query(description="submitted on this day (YYYY-MM-DD in UTC) or at this time, or later")] = "",
+    until: Annotated[Moment, Query(description="submitted on this day or at this time, or earlier")] = "",
     sort: Sort = "newest",
 ) -> RunFilter:
     states, tags = tuple(str(each) for each in state if each), tuple(each for each in tag if each)
-    return RunFilter(text, tags, states, folder, since, until, sort)
+    first, last = _stamp_of(since, time.min), _stamp_of(until, time.max)
+    return RunFilter(text, tags, states, folder, first, last, sort)
 
 
 AskedRuns = Annotated[RunFilter, Depends(_asked_runs)]

@@ -41,8 +41,8 @@ class Extremes:
             stale = [run for run in runs if self._is_stale(run, order)]
             for run in stale:
                 self._known[run.id, order] = (run.counts.finished, time.monotonic(), self._find(run, order))
-            gone = self._known.keys() - {(run.id, known) for run in there for _, known in self._known}
-            for key in gone:
+            ids = {run.id for run in there}
+            for key in [key for key in self._known if key[0] not in ids]:
                 del self._known[key]
             return bool(stale)
         finally:

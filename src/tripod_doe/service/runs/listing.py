@@ -9,7 +9,7 @@ from tripod_doe.service.runs.run_table import Run
 
 T = TypeVar("T")
 
-PAGE = 100
+PAGE = 50
 """Runs on a page."""
 
 Sort = Literal["newest", "oldest", "updated", "name", "state", "points", "cpu"]
@@ -36,8 +36,9 @@ class RunFilter:
     tags: tuple[str, ...] = ()  # the run has all these tags
     states: tuple[str, ...] = ()  # the run has one of these states
     folder: str = ""  # its name begins with this folder: `customer` holds `customer/joint-7`
-    since: str = ""  # submitted on this day or later, YYYY-MM-DD in UTC
-    until: str = ""  # submitted on this day or earlier
+    # since, until: first and last time of submission, as `run_table.stamp` writes them
+    since: str = ""
+    until: str = ""
     sort: str = "newest"
 
     def __bool__(self) -> bool:
@@ -48,28 +49,19 @@ class RunFilter:
         """The runs that pass, in the requested order."""
         words = self.text.casefold().split()
         key, reverse = _KEYS[self.sort]
-        return sorted((run for run in runs if self._passes(run, words)), key=key, reverse=reverse)
+        passed = (run for run in runs if self._passes(run, words)) if self else runs
+        return sorted(passed, key=key, reverse=reverse)
 
     def _passes(self, run: Run, words: Sequence[str]) -> bool:
         if self.states and run.state.value not in self.states:
             return False
-        if not set(self.tags) <= set(run.tags):
+        if self.tags and not set(self.tags) <= set(run.tags):
             return False
         if self.folder and not run.shown_name.startswith(f"{self.folder.rstrip('/')}/"):
             return False
-        day = run.created[:10]
-        if (self.since and day < self.since) or (self.until and day > self.until):
+        if (self.since and run.created < self.since) or (self.until and run.created > self.until):
             return False
-        text = _searched(run) if words else ""
-        return all(word in text for word in words)
-
-
-def _searched(run: Run) -> str:
-    """All texts of a run that the search covers."""
-    plan = run.plan
-    parts = [run.id, run.name, run.label, run.question, run.note, run.owner, run.state.value, run.kind, *run.tags]
-    parts += [str(name) for key in ("factors", "models") for name in plan.get(key, ())]
-    return "\n".join(parts).casefold()
+        return all(word in run.searched_text for word in words)
 
 
 def page_of(runs: Sequence[T], page: int) -> list[T]:
@@ -89,7 +81,8 @@ def tags_of(runs: Sequence[Run]) -> list[str]:
 
 def folders_of(runs: Sequence[Run]) -> list[str]:
     """All folders in the names of runs, including nested folders."""
-    parts = [run.shown_name.split("/")[:-1] for run in runs]
+    folders = {run.shown_name.rpartition("/")[0] for run in runs}
+    parts = [folder.split("/") for folder in folders if folder]
     return sorted({"/".join(part[: depth + 1]) for part in parts for depth in range(len(part))})
 
 

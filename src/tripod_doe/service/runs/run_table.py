@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,13 @@ class Run:
     def shown_name(self) -> str:
         """The label of the run, else the name of its study."""
         return self.label or self.name
+
+    @cached_property
+    def searched_text(self) -> str:
+        """Every text of the run in which words are looked for, without upper case."""
+        parts = [self.id, self.name, self.label, self.question, self.note, self.owner, self.state.value, self.kind]
+        parts += [str(name) for key in ("factors", "models") for name in self.plan.get(key, ())]
+        return "\n".join([*parts, *self.tags]).casefold()
 
     @property
     def annotation(self) -> Annotation:

@@ -7,8 +7,13 @@ function name(element) {
   return element?.dataset.post || element?.dataset.delete || element?.id || element?.getAttribute("href");
 }
 
+const turns = new WeakMap();  // the last question of each place: an answer to an earlier one may come after it
+
 export async function refresh(place, address) {
+  const turn = (turns.get(place) ?? 0) + 1;
+  turns.set(place, turn);
   const text = await (await ask(address)).text();
+  if (turns.get(place) !== turn) return;
   const fresh = document.createElement("template");
   fresh.innerHTML = text;
   localTimes(fresh.content);

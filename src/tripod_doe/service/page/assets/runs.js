@@ -5,6 +5,7 @@ import { root } from "./address.js";
 import { askJson, complain, say } from "./asking.js";
 import { refresh } from "./fragments.js";
 import { watch } from "./live.js";
+import { localDay } from "./local_times.js";
 
 const list = document.getElementById("list");
 const LOOK = 2500;  // ms from a change to the next look for the extremes of runs
@@ -12,9 +13,15 @@ const TYPING = 25;  // ms from a letter to the search
 let due = null;
 
 const form = document.getElementById("find");
+const days = form.querySelectorAll("[type=date]");
+for (const day of days) if (day.dataset.at) day.value = localDay(new Date(day.dataset.at));
 
 function asked() {
   const query = new URLSearchParams([...new FormData(form)].filter(([, value]) => value));
+  for (const { name, value } of days) {  // a day of the reader's zone, as the list shows its times
+    if (value < "1970") query.delete(name);  // its year is being typed
+    else query.set(name, new Date(`${value}T${name === "until" ? "23:59:59.999" : "00:00"}`).toISOString());
+  }
   const page = new URLSearchParams(location.search).get("page");
   if (page) query.set("page", page);
   return query;
