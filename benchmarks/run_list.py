@@ -114,7 +114,11 @@ def in_the_browser(server: Server, count: int) -> None:
                 time.sleep(1)  # until what the last turn asked for has ended
                 before = cpu_of(server)
                 milliseconds, seconds = act(at)
-                wall.append(milliseconds), of_page.append(1e3 * seconds), of_server.append(1e3 * (cpu_of(server) - before))
+                (
+                    wall.append(milliseconds),
+                    of_page.append(1e3 * seconds),
+                    of_server.append(1e3 * (cpu_of(server) - before)),
+                )
             print(
                 f"in Chromium, {what}: {np.mean(of_server):.0f} CPU-ms of the server, "
                 f"{np.median(of_page):.0f} of the page; {_wall(np.array(wall))}"

@@ -15,7 +15,7 @@ from typing import Any, cast
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.names import path_within
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.uploads import STUDY, UPLOAD, main_file
+from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.one_run import OneRun
 from tripod_doe.service.runs.result_directory import result_directories
@@ -266,7 +266,8 @@ class Service:
         run = self.runs.find(run_id)
         folder = self.directory(run_id) / UPLOAD
         if run.is_left_alone:
-            return {"study": (folder.parent / STUDY).read_text(encoding="utf-8"), "files": {}}
+            text, tables = self.ask(f"{_QUESTIONS}:texts_of_directory", path=str(folder.parent))
+            return {"study": text, "files": tables}
         texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
 

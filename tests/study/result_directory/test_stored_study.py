@@ -12,8 +12,9 @@ import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.result_directory.stored_study import stored_study
+from tripod_doe.study.result_directory.stored_study import stored_study, texts_of_study
 
 FUNCTION = """
 def f(x, scale=0.5, mode="sum", often=3, strict=True):
@@ -109,3 +110,27 @@ def test_a_table_of_stored_results_leads_nowhere_else(tmp_path):
         (out / "study.toml").write_text((tmp_path / "t.toml").read_text().replace("t.csv", name))
         with pytest.raises(InputError, match="no copy of it"):
             make_points(stored_study(out))
+
+
+@pytest.mark.parametrize("name", ["points.csv", "../elsewhere/points.csv"])
+def test_a_study_with_a_table_needs_only_its_result_directory(tmp_path, capsys, name):
+    """It runs again, and goes elsewhere as texts, when the file of its points is gone."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    study, table, out = tmp_path / "own" / "s.toml", tmp_path / "own" / name, tmp_path / "out"
+    table.write_text("joint_angle_deg,torque_n_m\n4,60\n8,120\n")
+    design = f'[design]\nkind = "table"\ntable = "{name}"\n[keep]\noutputs = ["thrust_amplitude"]\n'
+    factors = "[factors.joint_angle_deg]\n[factors.torque_n_m]\n"
+    study.write_text(f'[study]\nname = "t"\n[base]\nmodel = "equilibrium"\n{factors}{design}')
+    td.run(study, out, workers=0, progress=False)
+    table.unlink()
+    assert main(["run", str(out / "study.toml"), "--out", str(out), "--workers", "0"]) == 0
+    assert "2 reused" in capsys.readouterr().err
+    text, tables = texts_of_study(out)
+    (tmp_path / "upload").mkdir()
+    for plain, content in {"study.toml": text, **tables}.items():
+        (tmp_path / "upload" / plain).write_text(content + ("12,90\n" if plain != "study.toml" else ""))
+    larger = tmp_path / "upload" / "study.toml"
+    assert make_points(load_study(larger, StudyFolder.of(larger, untrusted=True))).count == 3
+    assert main(["run", str(larger), "--out", str(out), "--workers", "0"]) == 0
+    assert "1 point computed" in capsys.readouterr().err

@@ -99,7 +99,9 @@ def _asked_runs(
     tag: Annotated[list[str], Query(description="tag that a run has; repeatable")] = [],  # noqa: B006
     state: Annotated[list[State | Literal[""]], Query(description="state of a run; repeatable: one of them")] = [],  # noqa: B006
     folder: Annotated[str, Query(max_length=200, description="beginning of the name, up to a /")] = "",
-    since: Annotated[Moment, Query(description="submitted on this day (YYYY-MM-DD in UTC) or at this time, or later")] = "",
+    since: Annotated[
+        Moment, Query(description="submitted on this day (YYYY-MM-DD in UTC) or at this time, or later")
+    ] = "",
     until: Annotated[Moment, Query(description="submitted on this day or at this time, or earlier")] = "",
     sort: Sort = "newest",
 ) -> RunFilter:

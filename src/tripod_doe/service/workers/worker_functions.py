@@ -152,6 +152,13 @@ def plan_directory(path: str, limits: Limits) -> Any:
     return plan_stored(Path(path), limits)
 
 
+def texts_of_directory(path: str) -> Any:
+    """The study of a directory that the command line filled, and its tables by name."""
+    from tripod_doe.study.result_directory.stored_study import texts_of_study
+
+    return texts_of_study(Path(path))
+
+
 def changes(body: bytes, limits: Limits) -> Any:
     """Changes that a request makes to the annotation of a run."""
     return read_form(body, RunChange, limits.nesting).model_dump(exclude_none=True)

@@ -1,11 +1,13 @@
 """The folder of a study or workflow file, where its files and functions are looked up.
 
 The user's own file may name any file and any function. A file from a stranger, such as an upload to the service, may
-name files inside its folder, and no function, so that nothing of it is imported.
+name files inside its folder, and no function, so that nothing of it is imported. In a result directory, copies of the
+tables of its study stand for those that are not there.
 """
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -15,6 +17,12 @@ from tripod_doe.model_interface import Simulator
 
 _SHOWN = 100  # characters of a name in a message
 _LISTED = 50  # files of a folder that a message names
+
+
+def table_copy(directory: Path, name: str) -> Path:
+    """Where a result directory has its copy of a table that its study names."""
+    digest = hashlib.blake2b(name.encode(errors="replace"), digest_size=8).hexdigest()
+    return directory / "tables" / f"{digest}.csv"
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,9 @@ class StudyFolder:
         Raises:
             ForbiddenError: In a file from a stranger, for a name that leads out of the folder, or to nothing in it.
         """
+        copy = table_copy(self.path, name)
+        if copy.is_file() and not (self.path / name).exists():
+            name = str(copy.relative_to(self.path))
         if self.trusted:
             return self.path / name
         try:

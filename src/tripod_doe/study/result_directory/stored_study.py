@@ -4,7 +4,6 @@ A directory may come from a stranger. To show its points, its study is read agai
 arguments are recorded in the journal, and its tables are copies in the directory.
 """
 
-import hashlib
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +19,7 @@ from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_file import StudyFile, parse_file
-from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.study_folder import StudyFolder, table_copy
 from tripod_doe.study.definition.toml_text import parse_toml, read_text
 from tripod_doe.study.journal import Journal, journal_path
 
@@ -33,8 +32,6 @@ FUNCTION = "function"
 DERIVED = "derived"
 """Note in the journal: responses that were added to the results, as JSON of their tables by name."""
 
-_TABLES = "tables"  # folder of a result directory with copies of the study's tables
-
 
 @dataclass(frozen=True)
 class ResultFolder(StudyFolder):
@@ -45,7 +42,8 @@ class ResultFolder(StudyFolder):
     def file(self, name: str, key: str) -> Path:
         """The copy of a table; InputError if there is none."""
         try:
-            return StudyFolder(self.path / _TABLES, trusted=False).file(_copy_name(name), key)
+            copy = table_copy(self.path, name)
+            return StudyFolder(copy.parent, trusted=False).file(copy.name, key)
         except InputError as error:
             raise InputError(
                 f"{key} = {name!r}: no copy of it in {self.path}: run the study again with the same {option('out')}"
@@ -57,10 +55,6 @@ class ResultFolder(StudyFolder):
     def recorded_function(self, function: str) -> RecordedFunction:
         """The function of the study, which is not imported."""
         return RecordedFunction(function, self.record)
-
-
-def _copy_name(name: str) -> str:
-    return f"{hashlib.blake2b(name.encode(errors='replace'), digest_size=8).hexdigest()}.csv"
 
 
 def with_responses(directory: Path, file: Path | None, drop: Collection[str] = ()) -> tuple[Study, dict[str, Any]]:
@@ -140,6 +134,28 @@ def stored_study(directory: Path, most_points: int | None = None) -> Study:
         ) from error
 
 
+def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
+    """The study of a result directory as texts that need no other folder, as they are uploaded.
+
+    Returns:
+        Its text, which names its tables without folders; and its tables by these names.
+    """
+    path, tables = directory / STORED, {}
+    text = read_text(path, "study")
+    file, document = parse_file(text, str(path)), tomlkit.parse(text)
+    folder, table_of = ResultFolder(directory, trusted=False), document.get("design", {})
+    for part, design in ((table_of, file.design), *((table_of[name], file.designs[name]) for name in file.designs)):
+        name = design.table
+        if design.kind != "table" or name is None or not table_copy(directory, name).is_file():
+            continue
+        copy = folder.file(name, "table")
+        plain = f"table_{copy.name}" if "/" in name or "\\" in name else name
+        if plain != name:
+            part["table"] = plain
+        tables[plain] = read_text(copy, "table")
+    return tomlkit.dumps(document), tables
+
+
 def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
     """The record of the study's function; the names in the study if the journal has lost it."""
     if file.study.function is None:
@@ -175,7 +191,7 @@ def keep_sources(study: Study, directory: Path) -> dict[str, str]:
     for design in (study.file.design, *study.file.designs.values()):
         if design.kind == "table" and design.table is not None:
             text = read_text(study.folder.file(design.table, "table"), "table")
-            copy = directory / _TABLES / _copy_name(design.table)
+            copy = table_copy(directory, design.table)
             if not copy.is_file() or copy.read_text(encoding="utf-8") != text:
                 replace_text(copy, text)
     if isinstance(study.simulator, FunctionSimulator):
