@@ -30,7 +30,7 @@ from tripod_doe.service.runs.run_table import TABLE, PointCounts, Run, RunTable,
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
-from tripod_doe.workflow.steps_file import STEPS
+from tripod_doe.workflow.steps_file import STEPS, write_steps
 
 PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
 SLEEP = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL); time.sleep(60)"
@@ -363,6 +363,19 @@ def test_a_report_that_seems_older_than_its_cube_is_the_last_word(tmp_path):
     assert ending_of(run, run.counts, (), tmp_path) == (State.FINISHED, "")
     remove_report(tmp_path)
     assert ending_of(run, run.counts, (), tmp_path)[0] is State.FAILED
+
+
+def test_a_failed_workflow_says_what_its_studies_were_to_look_for(tmp_path):
+    run = Run("a", "workflow", "a", "", State.RUNNING, counts=PointCounts(1))
+    steps = (
+        {"name": "map", "state": "finished", "detail": "", "found": "map: 2 of 3 points have thrust_rms > 5."},
+        {"name": "shares", "state": "failed", "detail": "too few points"},
+    )
+    write_steps(tmp_path, steps)
+    assert ending_of(run, run.counts, steps, tmp_path) == (
+        State.FAILED,
+        "shares: too few points; map: 2 of 3 points have thrust_rms > 5.",
+    )
 
 
 def test_a_table_that_is_none_is_told(tmp_path):

@@ -37,7 +37,9 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         return State.STOPPED, ""
     if run.is_left_alone:
         return State.STOPPED, "points are missing: extend it here, or run the study again from the command line"
-    return State.FAILED, "; ".join(failed) or last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
+    if failed:  # of the studies that ended, what they were to look for is known
+        return State.FAILED, "; ".join(filter(None, (*failed, found_sentences(directory))))
+    return State.FAILED, last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
 
 
 def _is_full(directory: Path) -> bool:
