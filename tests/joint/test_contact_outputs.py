@@ -12,6 +12,7 @@ import tripod_doe as td
 from tripod_doe.joint.constants.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.contact_outputs import CONTACT_NAMES, NEEDLE_NAMES
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.study.simulate import simulate_point
 
 POINT = {"joint_angle_deg": 13.0, "torque_n_m": -130.0, "speed_rpm": 900.0, "initial_skew_1_deg": 0.4}
 KEPT = {*CONTACT_NAMES, "friction_power_w", "groove_thrust"}
@@ -143,3 +144,12 @@ def test_contacts_are_computed_on_request_only(tmp_path):
     cube = td.open_cube(tmp_path / "out")
     assert cube["needle_load"].dims == ("torque_n_m", "trunnion", "needle", "rotation_deg")
     assert cube["needle"].values.tolist() == list(range(1, 28))
+
+
+def test_the_largest_pressure_alone_is_that_of_all_places():
+    """Invariance: it is read off the largest load where no pressure of a place is wanted."""
+    joint = {"model": "equilibrium", "joint_angle_deg": 11, "torque_n_m": -70, "initial_skew_2_deg": 0.4}
+    alone = simulate_point("joint", ("largest_needle_pressure_mpa",), **joint).outputs
+    everywhere = simulate_point("joint", ("largest_needle_pressure_mpa", "needle_pressure_mpa"), **joint).outputs
+    assert alone["largest_needle_pressure_mpa"].data == everywhere["largest_needle_pressure_mpa"].data
+    assert alone["largest_needle_pressure_mpa"].data == everywhere["needle_pressure_mpa"].data.max()

@@ -516,6 +516,21 @@ def test_a_front_that_the_better_judgement_rejects(solve, tmp_path):
     assert "None of 40 candidates is feasible" in (tmp_path / "out" / "report" / "index.html").read_text()
 
 
+def test_limits_that_only_the_first_sample_keeps(solve):
+    """Exact: 95 % of the joints stay below 0.164; the few joints of the search below less."""
+    summary = solve(
+        "slope",
+        {"x": {"values": [0.9, 1.0]}},
+        {"f": {"output": "f"}},
+        constraints={"calm": {"output": "f", "high": 0.155}},
+        scatter={"s": {"distribution": "normal", "mean": 0, "std": 0.1}},
+        search={"evaluations": 10, "samples": 8, "confirm_samples": 256, "confirmed": 2, "seed": 3},
+    )
+    assert summary.lines[0].startswith(
+        "No candidate that was judged once more is feasible; in the search 2 of 2 were. The nearest one is x = 1, where calm"
+    )
+
+
 def test_one_candidate_that_is_best_in_all(solve):
     aims = {"a": {"output": "stress"}, "b": {"output": "stress", "over": "mean"}}
     summary = solve("hole", {"x": {"values": [0.1, 0.2, 0.3]}}, aims, search={"evaluations": 10})
@@ -561,6 +576,19 @@ def test_equal_candidates_and_a_single_one_are_called_so(solve):
     one = solve("hole", levels, aims, "one", search={"evaluations": 10})
     assert one.lines[0] == "One candidate is feasible: lightest 0.5 and softest 1.5, at x = 0.5."
     assert "2 cannot be built, did not finish or lack a value" in one.lines[-1]
+
+
+def test_a_level_changes_by_decibels(solve):
+    """Exact: 20 lg of 7 at the start and of 4 at the end; a part of a level says nothing."""
+    responses = {"loud": {"formula": "20 * log10(10 * weight)", "unit": "dB"}}
+    aims, variables = {"loudness": {"output": "loud"}}, {"x": {"values": [0.3, 0.5, 0.6]}}
+    base = {"x": 0.3}
+    lines = solve("hole", variables, aims, base=base, responses=responses, search={"evaluations": 10}).lines
+    (start,) = (line for line in lines if line.startswith("Where the search starts"))
+    assert start.startswith("Where the search starts, loudness is 16.9 dB; the best is 12.04 dB (")
+    assert start.endswith("4.86 dB).")
+    assert any("came within 0.1 dB of its last value" in line and "the last 0.1 dB cost" in line for line in lines)
+    assert not any("%" in line for line in lines)
 
 
 def test_a_search_that_has_not_come_to_rest_says_so(solve):

@@ -9,9 +9,9 @@ from tripod_doe.analyses.optimisation.charts import optimisation_charts
 from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem, pasted
 from tripod_doe.analyses.optimisation.result import Solved, base_values
-from tripod_doe.analyses.optimisation.sentences import (
+from tripod_doe.analyses.optimisation.sentences import find_in_optimisation
+from tripod_doe.analyses.optimisation.tables import (
     ends_table,
-    find_in_optimisation,
     front_table,
     left_out_table,
     sensitivity_table,

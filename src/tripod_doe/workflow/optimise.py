@@ -122,8 +122,8 @@ class _Run:
     def try_out(self, units: FloatArray, generation: int) -> IntArray:
         """Judge the candidates that are new, as many as are left; rows of all that are known by then, -1 of others."""
         keys = [unit.tobytes() for unit in units]
-        new = list(dict.fromkeys(at for at, key in enumerate(keys) if key not in self._rows))
-        new = list({keys[at]: at for at in reversed(new)}.values())[::-1][: self.left]
+        first = {key: at for at, key in reversed(list(enumerate(keys))) if key not in self._rows}
+        new = sorted(first.values())[: self.left]  # the start of the search comes first
         if new:
             judged = self.judge(units[new], self.sample, self.problem.model)
             self._judged.append(judged)
@@ -302,6 +302,7 @@ class _Run:
             return Solved(archive, front, front.judged, start, 0, polished=polished, ended=tuple(self.ended))
         order = front_rows(fine.objectives * problem.signs, fine.feasible)
         front = Archive(archive.units[chosen[order]], fine.take(order), archive.generation[chosen[order]])
+        nearest = fine.nearest()
         return Solved(
             archive,
             front,
@@ -310,6 +311,7 @@ class _Run:
             len(chosen),
             polished=polished,
             ended=tuple(self.ended),
+            nearest=None if nearest is None else (archive.units[chosen[nearest]], fine.reasons[nearest]),
         )
 
     def around(self, front: Archive) -> Neighbours | None:

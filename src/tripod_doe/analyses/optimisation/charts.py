@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
-from tripod_doe.analyses.optimisation.sentences import dominated_count
+from tripod_doe.analyses.optimisation.tables import dominated_count
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
 from tripod_doe.page_parts.main_results import listed, unit_text

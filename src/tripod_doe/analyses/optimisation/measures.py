@@ -81,6 +81,13 @@ class Judged:
             reasons=[self.reasons[k] for k in at.tolist()],
         )
 
+    def nearest(self) -> int | None:
+        """Row of the candidate whose limits are broken least in sum; None where none has values of all of them."""
+        able = np.flatnonzero(np.isfinite(self.violations).all(axis=1))
+        if not able.size or not self.violations.shape[1]:
+            return None
+        return int(able[np.maximum(self.violations[able], 0).sum(axis=1).argmin()])
+
     @staticmethod
     def impossible(reasons: list[str], objectives: int, constraints: int) -> Judged:
         """Candidates that cannot be, of which no point runs."""

@@ -32,6 +32,8 @@ class Solved:
     counts: Mapping[str, int] = field(default_factory=dict)  # points, computed, failed
     ended: tuple[float, ...] = ()  # the best objective, to minimise, of each search from another place
     around: Neighbours | None = None  # of the ends and the knee of the front; None where the front is empty
+    # of those that were judged once more where none is feasible: the one nearest to it, and what it breaks
+    nearest: tuple[FloatArray, str] | None = None
     polished: float = np.nan  # step of the last polish that found nothing better, as part of a range
 
 

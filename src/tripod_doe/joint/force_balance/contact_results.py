@@ -133,12 +133,12 @@ class ContactReader:
         values = self._points.point(i)
         read["groove_pressure_mpa"] = groove_pressure(values, read["groove_normal_force"])
         records = None if followers is None else followers.recorded(i)
-        line = self._line_loads(values, read["groove_normal_force"]) if self.of_needles else np.zeros((3, 1))
+        normal = read["groove_normal_force"]
         read = {name: np.concatenate([data, data], axis=-1) for name, data in read.items()}  # two equal revolutions
         if records is not None:
             read |= _of_needles(records)
-            line = records["line"].max(axis=1)
         if self.of_needles:
+            line = self._line_loads(values, normal) if records is None else records["line"].max(axis=1)
             read["needle_pressure_mpa"] = np.broadcast_to(
                 needle_pressure(values, line if line.shape[-1] != self._samples else np.tile(line, 2)),
                 (3, 2 * self._samples),
@@ -152,7 +152,12 @@ class ContactReader:
             self._outputs[name][i] = data
 
     def _line_loads(self, values: JointValues[float], normal: FloatArray) -> FloatArray:
-        """Load per length of the most loaded straight needle at each groove and sample, N/mm."""
+        """Load per length of the most loaded straight needle at each groove and sample, N/mm.
+
+        Of the largest load alone, shape (1, 1), where only the largest pressure is wanted: it grows with the load.
+        """
+        if "needle_pressure_mpa" not in self._names:
+            normal = normal.max(keepdims=True)
         depths = np.empty(normal.size)
         _needle_depths(
             normal.ravel(), values.bearing_radial_clearance, values.needle_stiffness, values.needle_count, depths

@@ -1,0 +1,93 @@
+"""Candidates of an optimisation in words: joints, objectives, steps and reasons, as sentences and tables have them."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from tripod_doe.analyses.optimisation.neighbours import places_of
+from tripod_doe.analyses.optimisation.problem import Problem
+from tripod_doe.analyses.optimisation.result import Solved, base_values
+from tripod_doe.array_types import FloatArray
+from tripod_doe.page_parts.main_results import spoken, unit_text
+from tripod_doe.quantities import interval, level, levels_apart, number, with_unit
+
+_NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
+
+
+def unit_of(problem: Problem, output: str) -> str:
+    """The unit of an output, a response or a parameter, as it is written."""
+    if output in problem.simulator.outputs:
+        return unit_text(problem.simulator.outputs[output].unit)
+    if output in problem.request.file.responses:
+        return unit_text(problem.request.file.responses[output].unit)
+    return unit_text(problem.simulator.parameters[output].unit) if output in problem.simulator.parameters else ""
+
+
+def aim_text(problem: Problem, at: int, value: float, error: float = np.nan) -> str:
+    """A value of an objective with its error and unit."""
+    table = list(problem.objectives.values())[at]
+    text = interval(value, error) if error > 0 else number(value, 4)
+    return with_unit(text, unit_of(problem, table.output))
+
+
+def joint_text(problem: Problem, unit: FloatArray) -> str:
+    """The variables of a candidate in words."""
+    parts = []
+    for name, value in base_values(problem, unit).items():
+        own = unit_text(problem.simulator.parameters[name].unit)
+        shown = level(float(value)) if isinstance(value, int | float) else str(value)
+        parts.append(f"{spoken_name(problem, name)} = {with_unit(shown, own)}")
+    return ", ".join(parts)
+
+
+def spoken_name(problem: Problem, name: str) -> str:
+    """The name of a variable in words; that of a function's argument as it is."""
+    return name if problem.request.file.optimisation.function else spoken(name)
+
+
+def step_text(problem: Problem, solved: Solved, neighbour: int) -> str:
+    """A step of one variable: ``pitch radius = 26.5 mm in place of 26.2 mm``."""
+    own = solved.around
+    assert own is not None
+    name = problem.variables.chosen[int(own.variable[neighbour])].name
+    unit = unit_text(problem.simulator.parameters[name].unit)
+    ends = (own.units[neighbour], solved.front.units[own.centres[own.centre[neighbour]]])
+    values = [base_values(problem, each)[name] for each in ends]
+    words = [str(value) for value in values] if isinstance(values[0], str) else levels_apart(values)
+    new, old = (with_unit(word, unit) for word in words)
+    return f"{spoken_name(problem, name)} = {new} in place of {old}"
+
+
+def change_text(value: float) -> str:
+    """A change with its sign; a dash where it is not known."""
+    if not np.isfinite(value):
+        return "-"
+    return f"{'+' if value > 0 else ''}{number(float(value), 3)}"
+
+
+def front_places(problem: Problem, solved: Solved) -> dict[str, int]:
+    """The ends and the knee of the front, by what they are."""
+    return places_of(solved.front.judged.objectives * problem.signs, list(problem.objectives))
+
+
+def counted_reasons(reasons: Sequence[str]) -> list[tuple[str, int]]:
+    """Reasons with their counts, the most frequent first; those that differ in numbers only are one."""
+    counts: Counter[str] = Counter()
+    first: dict[str, str] = {}
+    for reason in filter(None, reasons):
+        kind = _NUMBER.sub("0", reason)
+        counts[kind] += 1
+        first.setdefault(kind, reason)
+    return [(first[kind], count) for kind, count in counts.most_common()]
+
+
+def objective_is_level(problem: Problem, at: int) -> bool:
+    """Whether an objective is a level in dB: its zero is a reference, so that a part of it means nothing."""
+    return unit_of(problem, list(problem.objectives.values())[at].output).startswith("dB")
+
+
+def objective_change(problem: Problem, at: int, change: float) -> str:
+    """A change of an objective in its unit: ``-3.2 dB``."""
+    return with_unit(change_text(change), unit_of(problem, list(problem.objectives.values())[at].output))

@@ -1,0 +1,143 @@
+"""Tables of an optimisation: the front, its ends, the steps from there, the start, and what was left out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tripod_doe.analyses.optimisation.candidate_text import (
+    change_text,
+    counted_reasons,
+    front_places,
+    joint_text,
+    spoken_name,
+    step_text,
+    unit_of,
+)
+from tripod_doe.analyses.optimisation.pareto_front import binding, front_rows
+from tripod_doe.analyses.optimisation.problem import Problem
+from tripod_doe.analyses.optimisation.result import Solved, base_values
+from tripod_doe.array_types import FloatArray
+from tripod_doe.page_parts.main_results import listed, unit_text
+from tripod_doe.quantities import digits_apart, interval, level, number
+from tripod_doe.study.failure_summary import Failure
+
+_MOST_ROWS = 40
+
+Table = tuple[list[str], list[list[str]]]
+
+
+def shown_rows(count: int) -> list[int]:
+    """The candidates of a front that a page lists: all of few, else some from end to end."""
+    if count <= _MOST_ROWS:
+        return list(range(count))
+    return [int(row) for row in np.unique(np.linspace(0, count - 1, _MOST_ROWS).round())]
+
+
+def front_table(problem: Problem, solved: Solved) -> Table:
+    """The candidates of the front: variables, objectives and constraints with their errors."""
+    front = solved.front
+    heads = ["candidate", *problem.objectives, *problem.constraints, *problem.variables.names]
+    judged = front.judged
+    apart = _digits(judged.objectives)
+    table = []
+    for row in shown_rows(len(front.units)):
+        cells = [str(row)]
+        for at, (value, error) in enumerate(zip(judged.objectives[row], judged.objective_errors[row], strict=True)):
+            cells.append(interval(float(value), float(error)) if error > 0 else number(float(value), apart[at]))
+        cells += [number(float(value), 4) for value in judged.constraints[row]]
+        cells += [
+            level(float(v)) if isinstance(v, int | float) else str(v)
+            for v in base_values(problem, front.units[row]).values()
+        ]
+        table.append(cells)
+    return heads, table
+
+
+def _digits(values: FloatArray) -> list[int]:
+    """Digits by which the smallest and the largest value of each column differ, at least four."""
+    if not len(values):
+        return [4] * values.shape[1]
+    return [max(4, min(6, digits_apart(float(column.min()), float(column.max())) + 1)) for column in values.T]
+
+
+def ends_table(problem: Problem, solved: Solved) -> Table:
+    """Active limits and bounds at the ends and the knee of the front."""
+    front = solved.front
+    if not len(front.units):
+        return [], []
+    table = []
+    for what, row in front_places(problem, solved).items():
+        touched = binding(front.units[row], front.judged.violations[row], problem.variables, list(problem.constraints))
+        table.append([what, str(row), joint_text(problem, front.units[row]), listed(touched) or "nothing"])
+    return ["where", "candidate", "joint", "binds"], table
+
+
+def sensitivity_table(problem: Problem, solved: Solved) -> Table:
+    """How objectives and limits change by a step of a variable at the ends and the knee, the largest change first."""
+    own = solved.around
+    if own is None or not own.units.size:
+        return [], []
+    aims, kept = own.changes("objectives"), own.changes("constraints")
+    reasons = own.reasons(solved.front.judged, list(problem.constraints))
+    size = np.nan_to_num(np.abs(aims))
+    size = size / np.where(size.max(axis=0) > 0, size.max(axis=0), 1.0)
+    names = list(problem.objectives)
+    rows = []
+    for what, row in front_places(problem, solved).items():
+        centre = int(np.flatnonzero(own.centres == row)[0])
+        aim = what.removeprefix("best ")
+        weight = size[:, names.index(aim)] if aim in names else size.max(axis=1)
+        mine = np.flatnonzero(own.centre == centre)
+        largest = {at: weight[mine][own.variable[mine] == at].max() for at in set(own.variable[mine].tolist())}
+        for at in sorted(mine.tolist(), key=lambda k: (-largest[int(own.variable[k])], k)):
+            changes = [change_text(value) for value in (*aims[at], *kept[at])]
+            rows.append([what, step_text(problem, solved, at), *changes, reasons[at] or "yes"])
+    outputs = [
+        *(table.output for table in problem.objectives.values()),
+        *(table.output for table in problem.constraints.values()),
+    ]
+    units = [unit_of(problem, output) for output in outputs]
+    heads = [
+        f"{name}{f' ({unit})' if unit else ''}"
+        for name, unit in zip([*names, *problem.constraints], units, strict=True)
+    ]
+    return ["where", "step", *heads, "feasible"], rows
+
+
+def start_table(problem: Problem, solved: Solved) -> Table:
+    """The start against the ends and the knee: variables, objectives, constraints."""
+    front = solved.front
+    if not len(front.units):
+        return [], []
+    shown = front_places(problem, solved)
+    units = [solved.archive.units[0], *(front.units[row] for row in shown.values())]
+    rows = []
+    bases = [base_values(problem, unit) for unit in units]
+    for name in problem.variables.names:
+        unit = unit_text(problem.simulator.parameters[name].unit)
+        cells = [level(float(b[name])) if isinstance(b[name], int | float) else str(b[name]) for b in bases]
+        rows.append([f"{spoken_name(problem, name)}{f' ({unit})' if unit else ''}", *cells])
+    for names, own, start in (
+        ({n: t.output for n, t in problem.objectives.items()}, front.judged.objectives, solved.start.objectives),
+        ({n: t.output for n, t in problem.constraints.items()}, front.judged.constraints, solved.start.constraints),
+    ):
+        for at, (name, output) in enumerate(names.items()):
+            unit = unit_of(problem, output)
+            values = [float(start[0, at]), *(float(own[row, at]) for row in shown.values())]
+            rows.append([f"{name}{f' ({unit})' if unit else ''}", *(number(value, 4) for value in values)])
+    state = "feasible" if solved.start.feasible[0] else solved.start.reasons[0]
+    rows.append(["state", state, *["feasible"] * len(shown)])
+    return ["", "start", *shown], rows
+
+
+def left_out_table(solved: Solved, failures: Sequence[Failure]) -> Table:
+    """Reasons of the candidates that are not feasible, with their counts."""
+    rows = [[reason, f"{count:,}"] for reason, count in counted_reasons(solved.archive.judged.reasons)[:_MOST_ROWS]]
+    return ["reason (numbers of the first one)", "candidates"], rows
+
+
+def dominated_count(problem: Problem, solved: Solved) -> int:
+    """Number of feasible candidates that another one dominates."""
+    judged = solved.archive.judged
+    front = front_rows(judged.objectives * problem.signs, judged.feasible)
+    return int(judged.feasible.sum()) - front.size
