@@ -51,7 +51,7 @@ _ALLOWED = (
 )
 
 MOST_VALUES = 50_000
-"""Largest number of values of a point in between: a formula that spreads waveforms over everything takes no more."""
+"""Largest number of intermediate values of a point: it limits formulas that broadcast waveforms over all dimensions."""
 
 
 class Source(Protocol):
@@ -68,7 +68,7 @@ class Source(Protocol):
         ...
 
     def read(self, name: str, whole: bool) -> NamedArray:
-        """Values of a name; `whole` where they are indexed or reduced, so that all labels are wanted."""
+        """Values of a name; `whole` if they are indexed or reduced, so that all labels are needed."""
         ...
 
 
@@ -125,7 +125,7 @@ class Expression:
         return f"{self.text!r}: more than {_DEEPEST} operators within each other"
 
     def _wrong(self, node: ast.expr, reason: object) -> InputError:
-        """An error that says where in the text it is."""
+        """An error with its position in the text."""
         before = self._whole.encode()[: node.col_offset] if node.lineno == 1 else b""
         place = f" at character {len(before.decode(errors='replace')) + 1}" if node.lineno == 1 else ""
         return InputError(f"{self.text!r}{place}: {reason}")
@@ -164,7 +164,7 @@ class Expression:
             self._check(child, names, depth + 1)
 
     def _arguments(self, node: ast.expr, function: str, arguments: list[ast.expr]) -> tuple[list[ast.expr], list[str]]:
-        """The values among the arguments of a function, and the dimensions after them over which it goes."""
+        """The values among the arguments of a function, and the dimensions after them that it reduces."""
         dims: list[str] = []
         values = list(arguments)
         while function in _REDUCE and len(values) > 1:
@@ -241,7 +241,7 @@ class Expression:
             raise InputError(f"{self.text!r}: {error}") from error
 
     def _refuse_mixed(self, terms: Sequence[Any]) -> None:
-        """Refuse a comparison of a number with a text, which would be false in silence."""
+        """Refuse a comparison of a number with a text, which would silently be false."""
         if any(np.asarray(term).dtype.kind in "fb" for term in terms) and any(map(_is_text, terms)):
             raise InputError(f"{self.text!r}: compares a number with a text; write texts in quotes, numbers without")
 
@@ -340,7 +340,7 @@ def _truth(value: Any) -> NDArray[np.bool_]:
 
 
 def _is_text(value: Any) -> bool:
-    """Whether a value is text, or a column of nothing else."""
+    """Whether a value is a text, or a column of texts only."""
     array = np.asarray(value)
     return array.dtype.kind == "U" or (array.dtype == object and all(isinstance(each, str) for each in array.flat))
 

@@ -84,7 +84,7 @@ def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[st
 
 
 def _advice(outcomes: set[Outcome], retried: bool) -> list[str]:
-    """Remedies for outcomes; running again is one only where the outcome may change."""
+    """Remedies for outcomes; they include running again only if the outcome may change."""
     remedies = []
     if again := sorted(outcome.label for outcome in outcomes & _CHANCE):
         remedies.append(

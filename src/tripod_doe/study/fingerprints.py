@@ -1,4 +1,4 @@
-"""Fingerprints of points, by which results are recognised: made of all parameters, and looked up in an index."""
+"""Fingerprints of points from all parameters, to find results in an index."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ _CHUNK = 10_000  # points whose parameters are held at once
 def point_keys(study: Study, points: Points) -> NDArray[np.void]:
     """A fingerprint of each point from the values of all its parameters, shape (point,), 16 bytes each.
 
-    It does not depend on which parameters are factors, so that a study that grew finds its old points again.
+    It does not depend on which parameters are factors, so that an extended study reuses its old points.
     """
     fixed = study.simulator.columns(study.base, points.at(slice(0, 1)), 1)
     names, varied = sorted(fixed), set(points.setting_names)
@@ -45,7 +45,7 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
 
 
 def _digest_of_names(study: Study, names: Sequence[str]) -> Any:
-    """The beginning of all fingerprints: what the values belong to."""
+    """The beginning of all fingerprints: simulator, names of parameters, and accuracy."""
     named = [study.simulator.name, *names, *([study.accuracy.text] if study.accuracy else [])]
     return hashlib.blake2b("\n".join(named).encode(), digest_size=16)
 
@@ -87,7 +87,7 @@ class KeyIndex:
         return first
 
     def places(self, wanted: Keys) -> tuple[IntArray, IntArray]:
-        """Rows of the wanted fingerprints, one for each point that has it, and these points; none for unknown ones."""
+        """Rows of the wanted fingerprints, one for each point that has it, and these points; none if unknown."""
         halves = _first_halves(wanted)
         begins = np.searchsorted(self._sorted, halves)
         counts = np.searchsorted(self._sorted, halves, side="right") - begins

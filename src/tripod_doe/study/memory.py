@@ -12,7 +12,7 @@ def refuse_too_many_points(count: int, each: int) -> None:
     """Refuse a list of points that does not fit into the free memory.
 
     Raises:
-        InputError: With the number of points and what they need.
+        InputError: With the number of points and their memory.
     """
     remedy = "use fewer levels or samples, or split the study"
     refuse_too_much_memory(count * each, f"a list of {count:,} points", remedy)
@@ -30,7 +30,7 @@ def _free_memory() -> int:
 
 
 def _available() -> int:
-    """Free memory of the machine; all of it where the system does not say."""
+    """Free memory of the machine; all memory if the system does not report it."""
     try:
         text = Path("/proc/meminfo").read_text(encoding="ascii")
         available = next(line for line in text.splitlines() if line.startswith("MemAvailable:"))

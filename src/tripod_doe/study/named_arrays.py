@@ -1,4 +1,4 @@
-"""Values with named dimensions and labels: what expressions index, reduce and combine.
+"""Values with named dimensions and labels, which expressions index, reduce and combine.
 
 Why not xarray: a query of a small cube would wait 0.7 s for its import, and constraints are made of plain columns.
 """
@@ -29,7 +29,7 @@ class NamedArray:
 
     dims: tuple[str, ...]  # their names
     data: NDArray[Any]  # the values
-    labels: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # along dimensions; positions where there are none
+    labels: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # along dimensions; positions without labels
 
     def labels_along(self, dim: str) -> NDArray[Any]:
         """Labels along a dimension, shape (length,)."""
@@ -44,7 +44,7 @@ class NamedArray:
         """Values at labels along its dimensions, in their order.
 
         Args:
-            picks: A label or a range for each dimension; a dimension with a label is gone.
+            picks: A label or a range for each dimension; a label removes its dimension.
 
         Raises:
             InputError: If there are other dimensions than picks, or no such label.
@@ -69,7 +69,7 @@ class NamedArray:
         return NamedArray(dims, data.squeeze(gone), labels)
 
     def reduced(self, reduce: Any, dims: Collection[str]) -> NamedArray:
-        """One number along some dimensions, which are gone; `reduce` is a function such as `numpy.max`."""
+        """Reduce some dimensions to one number; `reduce` is a function such as `numpy.max`."""
         axes = tuple(self.dims.index(dim) for dim in dims)
         labels = {dim: known for dim, known in self.labels.items() if dim not in dims}
         return NamedArray(self.without(dims), reduce(self.data, axis=axes), labels)
@@ -119,7 +119,7 @@ def _listed(labels: NDArray[Any]) -> str:
 
 
 def aligned(arrays: Sequence[NamedArray], rows: Collection[str], most: int) -> list[NamedArray]:
-    """Arrays with the dimensions of all of them, each of length one where an array does not have it.
+    """Arrays with the union of their dimensions; missing dimensions get length one.
 
     Args:
         rows: Dimensions that do not count in the limit.

@@ -21,16 +21,16 @@ from tripod_doe.study.failure_summary import Failure, common_failures
 from tripod_doe.study.study_points import StudyPoints
 
 RECORDED = "recorded on another machine for usual points; others may cost twenty times as much"
-"""Source of a price without timing."""
+"""Source of a cost without timing."""
 
 _TIMING_SECONDS = 10.0
 _BLOCK_SECONDS = 1.0
-_PRICED = 100  # points whose recorded prices are averaged
+_PRICED = 100  # points whose recorded costs are averaged
 _CHUNK = 10_000  # points that are checked together
 _WORD, _COSTS = 4, 6  # bytes of a whole number, a text or the number of a point; numbers of a point in cost.nc
 _MOST_CHECKED = 200_000  # points that are checked one by one; of more, a sample
 _OF_MANY = "models and failures are judged by {:,} points drawn at random; repeated points are not looked for"
-_NOTABLE_BYTES = 100_000_000  # of memory, from which a plan states it
+_NOTABLE_BYTES = 100_000_000  # least memory that a plan states
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +38,14 @@ class Plan:
     """Counts and prices of a study."""
 
     points: int  # points of the design, repeated and excluded ones included
-    unique: int  # points to compute: repeated ones are computed once
-    excluded: int  # cells that a constraint leaves out
+    unique: int  # points to compute: repeated ones count once
+    excluded: int  # cells that a constraint excludes
     blocks: int | None  # tasks, estimated; None without a price
     # lower quartile, mean and upper quartile of the total; None without a price
     cpu_hours: tuple[float, float, float] | None
     cube_bytes: int | None  # size of the cube, where the outputs' shapes are known beforehand
     timed: int  # timed batches of points; 0 where the price is recorded or unknown
-    chosen: bool  # whether a pilot chooses the models, so that no point can be timed before
+    chosen: bool  # whether a pilot chooses the models: no point can be timed before
     warnings: tuple[str, ...]  # warnings of the study, and ranges of the models that points leave
     # points that are known to fail before anything is solved, by outcome and reason
     foreseen: tuple[Failure, ...] = ()
@@ -137,7 +137,7 @@ def plan(
     if prices.size:
         total = count / 3600
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
-        low, high = min(low, mean), max(high, mean)  # a few expensive points raise the mean above most prices
+        low, high = min(low, mean), max(high, mean)  # a few expensive points raise the mean above most costs
         hours = float(low * total), float(mean * total), float(high * total)
         blocks = _blocks(study.file.run.block, count, hours[1] * 3600)
     return Plan(
@@ -166,7 +166,7 @@ def _blocks(fixed: int | None, points: int, seconds: float) -> int:
 
 def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator[tuple[int, str]]:
     """Outcome and reason of each point that is known to fail; `able`, shape (point,), is cleared there."""
-    if study.auto_model:  # a pilot sets what decides
+    if study.auto_model:  # a pilot sets the deciding parameters
         return
     for start in range(0, points.count, _CHUNK):
         chosen = start + np.flatnonzero(able[start : start + _CHUNK])
@@ -179,7 +179,7 @@ def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator
 
 
 def _recorded_prices(study: Study, points: Points, able: NDArray[np.bool_]) -> FloatArray:
-    """Recorded CPU seconds of points spread over the design; none where a point has no recorded price."""
+    """Recorded CPU seconds of points spread over the design; none if a point has no recorded cost."""
     rows = np.flatnonzero(able)
     rows = rows[np.unique(np.linspace(0, rows.size - 1, _PRICED).astype(int))]
     prices = [study.simulator.recorded_price({**study.base, **points.settings_of(row)}) for row in rows.tolist()]

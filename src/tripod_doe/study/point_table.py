@@ -10,14 +10,14 @@ from tripod_doe.model_interface import Outcome, Value, Values
 from tripod_doe.quantities import count_of, duration, level, number, value_range, with_unit
 from tripod_doe.study.simulate import SimulatedPoint
 
-_NOTHING = 1e-9  # part of the largest amplitude below which an amplitude is rounding, and has no phase
+_NOTHING = 1e-9  # amplitudes below this part of the largest one are rounding, and have no phase
 _NO_PHASE = "-"
 
 
 def point_table(point: SimulatedPoint) -> str:
     """Outcome, point, model with its known error, outputs (waveforms by range, phases of what is not zero), cost.
 
-    Outputs without a single number, as of a point that did not finish, are only named.
+    Outputs without any number, as of an unfinished point, are only named.
     """
     detail = f": {point.detail}" if point.detail else ""
     lines = [
@@ -48,7 +48,7 @@ def point_table(point: SimulatedPoint) -> str:
 
 
 def _turns(point: SimulatedPoint) -> str:
-    """Over which revolutions a waveform reaches: ``the last 2 of 4 revolutions (rotation_deg 0 to 719)``."""
+    """Revolutions of a waveform: ``the last 2 of 4 revolutions (rotation_deg 0 to 719)``."""
     angle = np.asarray(point.coordinates["rotation_deg"], float)
     turns, every = round((angle[-1] - angle[0] + angle[1] - angle[0]) / 360), point.parameters.get("cycles")
     whole = f"the last {turns} of {every:g} revolutions" if isinstance(every, int | float) else f"{turns} revolutions"
@@ -63,7 +63,7 @@ def _without_value(point: SimulatedPoint, unknown: list[str]) -> list[str]:
 
 
 def _place(point: SimulatedPoint) -> list[str]:
-    """Which point it is: the operating point, and what else was given."""
+    """The point: its operating point, and other given parameters."""
     values, known = point.parameters, point.simulator.parameters
     first = next(iter(known.values())).group if known else ""
     operating = [name for name in known if known[name].group == first and (name in point.given or values.get(name))]
@@ -91,7 +91,7 @@ def _largest_orders(outputs: Mapping[str, Values]) -> list[str]:
 
 
 def _texts(name: str, values: Values, outputs: Mapping[str, Values]) -> NDArray[Any]:
-    """Numbers as text; those that are rounding are zero, and phases of them are left out."""
+    """Numbers as text; rounding errors become zero, and their phases are omitted."""
     data = np.asarray(values.data, float)
     amplitude = outputs.get(name.replace("_phase_deg", "_amplitude"))
     angle = name.endswith("_phase_deg") and amplitude is not None

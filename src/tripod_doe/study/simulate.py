@@ -40,7 +40,7 @@ class SimulatedPoint:
 
     simulator: Simulator  # its simulator
     parameters: Mapping[str, Value]  # all values that were used
-    # every output of the model but those on request; missing where the point did not finish
+    # every output of the model except those on request; missing if the point did not finish
     outputs: Mapping[str, Values]
     coordinates: Mapping[str, NDArray[Any]]  # labels along the dimensions of the outputs
     # outcome, detail: how the point ended, and the reason for failure or a note
@@ -48,8 +48,8 @@ class SimulatedPoint:
     detail: str
     given: tuple[str, ...]  # names of the parameters that were given
     cost: Mapping[str, float]  # CPU and wall seconds without compilation, steps, force evaluations
-    # how far the point can be trusted, the model with the error that is known for such points, and the ranges of the
-    # model that the point leaves; none where it did not finish
+    # trust in the point, the known error of its model at similar points, and valid ranges of the model that the point
+    # leaves; none if it did not finish
     model_notes: tuple[str, ...] = ()
 
     def usual(self) -> SimulatedPoint:
@@ -58,7 +58,7 @@ class SimulatedPoint:
         return self.only([name for name in self.outputs if not known[name].on_request])
 
     def only(self, names: Collection[str]) -> SimulatedPoint:
-        """The point with these outputs, as far as it has them."""
+        """The point with those of these outputs that it has."""
         outputs = {name: self.outputs[name] for name in names if name in self.outputs}
         along = {dim for values in outputs.values() for dim in values.dims}
         coordinates = {name: labels for name, labels in self.coordinates.items() if name in along}
@@ -67,7 +67,7 @@ class SimulatedPoint:
     def record(self, chosen: Collection[str] = ()) -> dict[str, Any]:
         """The point for programs, as JSON takes it, with the chosen outputs or the usual ones.
 
-        An output is None where the point did not get that far.
+        An output is None if the point stopped before it.
         """
         usual = chosen or [name for name, output in self.simulator.outputs.items() if not output.on_request]
         outputs = {name: _plain(values.data.tolist()) for name, values in self.outputs.items()}
@@ -91,7 +91,7 @@ def _plain(value: Any) -> Any:
 
 
 def usual_price(scene: str = "joint", **parameters: Any) -> float | None:
-    """CPU seconds of a usual point with these values, as recorded; None where none is. Wrong values are refused."""
+    """Recorded CPU seconds of a usual point with these values; None without a record. Wrong values are refused."""
     simulator = load_simulator(scene)
     return simulator.recorded_price(_checked(simulator, parameters, ()))
 
@@ -190,7 +190,7 @@ def _array(name: str, value: Any) -> Any:
     """A value as a plain one, or as an array with named dimensions.
 
     Raises:
-        InputError: If an array has several dimensions without names, no values, or more than memory holds points of.
+        InputError: If an array has several dimensions without names, no values, or more points than fit into memory.
     """
     import xarray as xr
 
@@ -279,7 +279,7 @@ def _labelled(
 def _shared(
     simulator: Simulator, values: Mapping[str, Value], columns: Mapping[str, NDArray[Any]], result: BlockResult
 ) -> dict[str, Value]:
-    """Values that all points used alike."""
+    """Values that all points share."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True) if columns else [()]
     shared: dict[str, Value] = {}
     for at, row in enumerate(rows):

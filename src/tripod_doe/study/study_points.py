@@ -1,4 +1,4 @@
-"""A study with all its points and their fingerprints, as it is run in a result directory."""
+"""A study with all its points and their fingerprints, for runs in a result directory."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.fingerprints import KeyIndex, point_keys
 
-_LOOKED_AT = 1000  # points that are looked at together until one can run
+_LOOKED_AT = 1000  # points that are checked together until one can run
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ class StudyPoints:
         return self.study.simulator.columns(self.study.base, self.points.at(chosen), chosen.size)
 
     def kinds(self, chosen: IntArray) -> IntArray | None:
-        """Number of the combination of words (models, methods) of each of some points; None where all have the same.
+        """Number of the combination of words (models, methods) of each of some points; None if all have the same.
 
-        The words decide what is compiled, and most of the price of a point.
+        The words determine which kernels are compiled, and most of the cost of a point.
         """
         import pandas as pd  # slow to import: a plan does without
 

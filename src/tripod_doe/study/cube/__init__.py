@@ -1,4 +1,4 @@
-"""The cube of a study: made from finished blocks, written to netCDF files and read from them, also part by part.
+"""The cube of a study: made from finished blocks, written to netCDF files and read from them, whole or in parts.
 
-What is asked of a cube is no part of it.
+Queries of cubes are in `study.query`.
 """

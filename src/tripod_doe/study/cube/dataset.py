@@ -1,4 +1,4 @@
-"""The result cube of a study, made from finished blocks: labelled, CF-conforming, held against its declared schema."""
+"""The result cube of a study, made from finished blocks: labelled, CF-conforming, checked against a schema."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -44,13 +44,13 @@ COST_VARIABLES = {
 """Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
 
 EXCLUDED = "excluded"
-"""Variable that flags the cells of a grid that a constraint leaves out; missing where it leaves out none."""
+"""Variable that flags the grid cells that a constraint excludes; missing if no cell is excluded."""
 
 SWITCH_ROLE = "switch of the ablation"
-"""Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
+"""Attribute ``role`` of the coordinates that an ablation switches, by which analyses recognise them."""
 
 RECORD_ROLE = "record of the run"
-"""Attribute ``role`` of variables that record how a point was computed, and are not results."""
+"""Attribute ``role`` of variables that record the computation of a point, not its results."""
 
 RESPONSE_ROLE = "result of its own"
 """Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
@@ -61,7 +61,7 @@ RESPONSES = "responses"
 """Attribute of the result of an analysis: which of its outputs are responses."""
 
 THIS_STUDY = "this study"
-"""Source of a value that the study sets, in place of the paper or an assumption."""
+"""Source of a value that the study sets, instead of the paper or an assumption."""
 
 PlacedBlock = tuple[FinishedBlock, IntArray, IntArray]
 """A block, the rows to use, and their places among the points."""
@@ -296,7 +296,7 @@ def _used_variables(study: Study, used: Mapping[str, NDArray[Any]], points: Poin
 
 
 def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
-    """Estimated errors of the model that a pilot chose for each point, and whether the pilot ran the point."""
+    """Estimated errors of the model that a pilot chose for each point, and whether the point is from the pilot."""
     variables = {
         f"{name}_error_estimate": _shaped(
             points,

@@ -1,4 +1,4 @@
-"""Checks of a netCDF file before it is read: a file, undamaged, and in a result directory one of its results.
+"""Checks of a netCDF file before it is read: undamaged, and in a result directory one of its results.
 
 All readers of netCDF files call `refuse_unfit`.
 """
@@ -26,11 +26,11 @@ _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
 
 
 def refuse_unfit(path: Path, whole: bool = False) -> None:
-    """Refuse a file that is none, that is damaged, or that does not belong to its result directory.
+    """Refuse a missing or damaged file, or one that does not belong to its result directory.
 
     Args:
-        path: The file; outside of a result directory, one without a digest is taken as it is.
-        whole: Whether a large file is read for that, too.
+        path: The file; outside of a result directory, a file without a digest is accepted.
+        whole: Whether a large file is also read for its digest.
 
     Raises:
         CubeError: With the reason and the remedy.
@@ -43,7 +43,7 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
 
 
 def analysis_files(directory: Path) -> dict[str, Path]:
-    """The files of analyses in a result directory, by the names of these; a hidden file is none."""
+    """The files of analyses in a result directory, by names of the analyses, without hidden files."""
     files = sorted((directory / ANALYSES).glob("*.nc"))
     return {path.stem: path for path in files if not path.name.startswith(".")}
 
@@ -61,14 +61,14 @@ def _refuse_damaged(path: Path, whole: bool) -> None:
 
 
 def _directory_of(path: Path) -> Path | None:
-    """The result directory that a file is a result of, by its place; None for any other file."""
+    """The result directory of a file, from its path; None if it is not a result."""
     inside = path.name in _RESULTS or path.parent.name == ANALYSES
     directory = path.parent.parent if path.parent.name == ANALYSES else path.parent
     return directory if inside and journal_path(directory).exists() else None
 
 
 def is_of_its_step(path: Path) -> bool:
-    """Whether the cube of a step of a workflow is the one in the step's record; true where it has none."""
+    """Whether the cube of a workflow step matches the step's record; true without a record."""
     record = path.with_name(STEP)
     if path.name != "cube.nc" or not record.is_file():
         return True

@@ -1,8 +1,8 @@
-"""The digest of a netCDF file, stored at its end, behind all that netCDF reads.
+"""The digest of a netCDF file, stored at its end, behind the part that netCDF reads.
 
-It is replaced and copied with the file, and removed when a program changes the file with netCDF. A damaged bit anywhere
-is noticed, also where HDF5 has no checksum: in names, attributes and texts. A damaged digest is noticed as well: HDF5
-knows where its own part of the file ends, and something else than a digest stands behind it.
+It is replaced and copied with the file, and removed when a program changes the file with netCDF. It detects any damaged
+bit, also in parts without HDF5 checksum: names, attributes and texts. A damaged digest is detected, too: HDF5 stores
+the end of its part of the file, and other bytes than a digest follow.
 """
 
 import hashlib
@@ -74,7 +74,7 @@ def _stored_digest(file: int) -> bytes:
 
 
 def _bytes_behind(file: int) -> int | None:
-    """Number of bytes behind the end of the HDF5 part of a file; None where that cannot be known.
+    """Number of bytes behind the end of the HDF5 part of a file; None if unknown.
 
     The first bytes are as the HDF5 specification has them, III.A (https://support.hdfgroup.org/documentation/hdf5).
     """

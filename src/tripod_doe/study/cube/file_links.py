@@ -1,8 +1,8 @@
-"""Links and storage of a netCDF file that lead out of it or in a circle, which HDF5 and netCDF4 would follow.
+"""Refusal of netCDF files with links or storage outside the file or in a circle, which HDF5 and netCDF4 would follow.
 
-HDF5 reads values from any file that an external link, a list of external files or a virtual data set names. A cube of
-somebody else could so give what its reader keeps elsewhere. Groups within themselves are followed without an end.
-The links are looked at, and none is followed, before netCDF4 opens the file. Ours have one name for each object.
+HDF5 reads values from any file that an external link, a list of external files or a virtual data set names. So a
+stranger's cube could read other files of its user. Groups that contain themselves are followed endlessly. All links are
+checked, without following any, before netCDF4 opens the file. Our files have one name for each object.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ _MOST_LINKS, _DEEPEST = 100_000, 30
 
 
 class _ObjectInfo(ctypes.Structure):
-    """`H5O_info2_t` as far as it is asked for; the token identifies the object."""
+    """The requested part of `H5O_info2_t`; the token identifies the object."""
 
     _fields_ = (("file", ctypes.c_ulong), ("token", ctypes.c_uint64 * 2), ("rest", ctypes.c_uint64 * 8))
 
@@ -88,7 +88,7 @@ def hdf5_library() -> ctypes.CDLL:
 
 
 class _Found(NamedTuple):
-    """What the links of a file lead to: objects by their identity, and reasons to refuse it."""
+    """Targets of the links of a file: objects by their identity, and reasons to refuse it."""
 
     objects: dict[tuple[int, int], bytes]
     reasons: list[str]
@@ -130,7 +130,7 @@ def _opened(library: ctypes.CDLL, path: str | Path) -> int:
 
 
 def _links(library: ctypes.CDLL, file: int) -> _Found:
-    """Look at all links of a file, and at each object that they lead to."""
+    """Check all links of a file, and each object that they lead to."""
     root = _ObjectInfo()
     if library.H5Oget_info3(file, root, _BASIC) < 0:
         raise OSError("HDF5 cannot read its names")

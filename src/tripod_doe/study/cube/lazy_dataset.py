@@ -1,4 +1,4 @@
-"""Cubes opened lazily: variables are read each time they are used, so that a cube may be larger than the memory.
+"""Cubes opened lazily: variables are read at each use, so that a cube may be larger than the memory.
 
 Texts of points are stored as numbers of rows in a table of all different texts, and looked up; the cells of a grid
 become a list of points on request.
@@ -76,7 +76,7 @@ def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
 
 
 def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
-    """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
+    """A netCDF file whose variables are read anew at each use; open until the dataset is closed.
 
     Args:
         chunks: As in `xarray.open_dataset`; None leaves Dask out.
@@ -87,7 +87,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
     """
     refuse_unfit(path)
     with reading(path):
-        # not while values are read: Dask's threads, which take it for each, would wait for this one
+        # not while values are read: Dask's threads, which take this lock, would wait for this thread
         with NETCDF_LOCK, warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
             stored = xr.open_dataset(
@@ -111,7 +111,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
 
 
 def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
-    """Refuse attributes that readers could not use, and outcomes that do not exist: another program wrote the file."""
+    """Refuse unusable attributes and unknown outcomes, as in files from another program."""
     if path.parent.name == ANALYSES and not isinstance(stored.attrs.get("analysis_kind"), str):
         raise CubeError(f"{path}: it does not say of which kind of analysis it is; {remedy(path)}")
     for name in _TEXTS.intersection(stored.attrs):
@@ -135,7 +135,7 @@ def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
 
 
 def _are_flags(attributes: Mapping[str, Any]) -> bool:
-    """Whether there is a number for each word."""
+    """Whether a flag has a number for each word."""
     values = np.atleast_1d(attributes["flag_values"])
     return values.dtype.kind in "iuf" and values.size == len(attributes.get("flag_meanings", "").split())
 
@@ -190,7 +190,7 @@ def flat_points(cube: xr.Dataset) -> xr.Dataset:
 
 
 def _flat(variable: xr.Variable, dims: tuple[Any, ...]) -> xr.Variable:
-    """A variable over the points, or as it is where it has no value for each cell."""
+    """A variable over the points; unchanged if it has no value for each cell."""
     if variable.dims[: len(dims)] != dims:
         return variable
     cells = indexing.LazilyIndexedArray(_FlatCells(variable, len(dims)))

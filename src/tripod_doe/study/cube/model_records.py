@@ -13,7 +13,7 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 
 MODEL_ERROR, MODEL_ERROR_LIMIT, TRUST = "model_error", "model_error_limit", "trust"
-"""Variables of a cube: the error to expect of each point's model, its limit, and how far the point can be trusted."""
+"""Variables of a cube: expected error of each point's model, its limit, and trust in the point."""
 
 Columns = dict[str, tuple[NDArray[Any], str]]
 
@@ -46,11 +46,11 @@ class ModelRecords:
 
         Args:
             used: Parameters that a pilot or retries changed at each point; an empty word where they are unchanged.
-            answered: Points that have a result, or may get one, shape (point,). No error is stated of the others.
+            answered: Points with a result, or a possible one, shape (point,). The others get no error.
             outputs: Outputs of the points, each of shape (point, ...).
 
         Returns:
-            Error, limit and trust of every point, shape (point,) each, with their meanings; empty if nothing is known.
+            Error, limit and trust of every point, shape (point,) each, with their meanings; empty without known errors.
         """
         rows = np.flatnonzero(points.allowed & answered)
         if self._study.auto_model is not None and "model" not in used:
@@ -80,7 +80,7 @@ class ModelRecords:
         }
 
     def _required(self) -> dict[str, object]:
-        """Values of the points that sentences count; empty where they count all."""
+        """Values of the points that sentences count; empty if they count all."""
         design, required = self._study.file.design, dict[str, object](dict.fromkeys(self._study.switches, 1))
         if design.kind == "multifidelity" and (values := self._study.factors[design.fidelity].values):
             return required | {design.fidelity: values[-1]}

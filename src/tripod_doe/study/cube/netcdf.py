@@ -1,4 +1,4 @@
-"""Cubes as netCDF files: written as a whole, opened once in a process, held against their checksums."""
+"""Cubes as netCDF files: written as a whole, opened once per process, checked against their checksums."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
 
 
 def _encoding(variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
-    """How a variable is stored: with checksums of its chunks, and NaN where it has no value."""
+    """How a variable is stored: with checksums of its chunks, and NaN for missing values."""
     encoding: dict[str, Any] = {}
     if variable.dtype.kind == "f":
         encoding["_FillValue"] = None if is_coordinate else np.nan
@@ -73,9 +73,9 @@ def _encoding(variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
 
 @contextmanager
 def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
-    """Give a store for a netCDF file to write, which takes the place of an older one at the end of the block.
+    """Give a store to write a netCDF file, which replaces an older file at the end of the block.
 
-    The lock around netCDF4 is to be held while something is written to it, by the thread that writes.
+    The writing thread must hold the netCDF4 lock while it writes.
 
     Raises:
         StorageError: If it cannot be written; the old file stays.
@@ -120,7 +120,7 @@ def opened_file(path: Path) -> Iterator[netCDF4.Dataset]:
 
 
 def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
-    """Open a netCDF file to read it, as each reader does; the lock is held by the caller.
+    """Open a netCDF file for any reader; the caller holds the lock.
 
     Raises:
         CubeError: If HDF5 would read other files for it.
@@ -135,7 +135,7 @@ def shared_file(path: Path) -> CachingFileManager[Any]:
     """Make a manager of a netCDF file that is open at most once in this process, for all its readers.
 
     A file with texts that is opened twice ends the process when it is closed (netCDF4 1.7.5 with HDF5 2.2, also in one
-    thread). When one reader closes it, another one's next look opens it again. Hold the lock while it is in use.
+    thread). When one reader closes it, the next access of another reader opens it again. Hold the lock during use.
     """
     from xarray.backends import CachingFileManager
 
@@ -157,9 +157,9 @@ def remedy(path: Path) -> str:
 
 
 def are_point_numbers(attributes: Mapping[str, Any], stored: Any) -> bool:
-    """Whether a stored coordinate counts the points of a cube from 0; of many points, some stretches are compared.
+    """Whether a stored coordinate counts the points of a cube from 0; of many points, only stretches are compared.
 
-    It does in a cube as it is written, not in one of selected or sorted points.
+    This holds for a cube as written, not for selected or sorted points.
     """
     if attributes.get("long_name") != POINT_ATTRIBUTES["long_name"]:
         return False

@@ -11,14 +11,14 @@ from typing import Any
 
 
 class NetcdfLock:
-    """A reentrant lock, which holds xarray's lock as well where xarray is in use."""
+    """A reentrant lock, which also holds xarray's lock if xarray is in use."""
 
     def __init__(self) -> None:
         self._own, self._depth = threading.RLock(), 0
         self._others: Any = None
 
     def acquire(self, blocking: bool = True) -> bool:
-        """Take the lock; without `blocking` only where it is free, and give whether it was."""
+        """Take the lock (without `blocking` only if it is free); returns whether it is taken."""
         if not self._own.acquire(blocking):
             return False
         if self._depth == 0 and not self._acquire_others(blocking):
@@ -33,7 +33,7 @@ class NetcdfLock:
         return self._others is None or bool(self._others.acquire(blocking))
 
     def release(self) -> None:
-        """Give the lock back, once for each time that it was taken."""
+        """Release the lock, once for each time that it was taken."""
         self._depth -= 1
         if self._depth == 0 and self._others is not None:
             self._others.release()

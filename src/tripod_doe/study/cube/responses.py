@@ -16,7 +16,7 @@ from tripod_doe.study.designs import Points
 from tripod_doe.study.named_arrays import NamedArray
 
 _MOST_POINTS = 500  # that are evaluated together
-_MOST_VALUES = 2_000_000  # of an array in between: waveforms of a point may be spread over other dimensions
+_MOST_VALUES = 2_000_000  # of an intermediate array: waveforms of a point may be broadcast over other dimensions
 
 Outputs = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]
 """Outputs by name: the dimensions of a point's value, and values of all points, the first axis the point."""
@@ -101,7 +101,7 @@ def response_values(
 
 
 def _points_together(responses: Collection[Response], outputs: Outputs) -> int:
-    """Number of points whose formulas are evaluated together, so that the arrays in between stay small."""
+    """Number of points whose formulas are evaluated together, so that intermediate arrays stay small."""
     sizes = [math.prod(data.shape[1:]) for _, data in outputs.values()]
     widest = max([1, *sizes, *(response.widest for response in responses)])
     return max(1, min(_MOST_POINTS, _MOST_VALUES // widest))
@@ -124,13 +124,13 @@ def _wrong(study: Study, reason: object) -> InputError:
 
 
 def _of(response: Response, responses: Collection[Response]) -> set[str]:
-    """All outputs on which a response rests."""
+    """All outputs from which a response is computed."""
     before = [other for other in responses if other.name in response.responses]
     return set(response.outputs).union(*(_of(other, responses) for other in before))
 
 
 def _is_given(response: Response, responses: Collection[Response], outputs: Outputs) -> bool:
-    """Whether runs gave all outputs on which a response rests: a model may lack one."""
+    """Whether runs gave all outputs of a response: a model may lack one."""
     return _of(response, responses) <= outputs.keys()
 
 

@@ -1,10 +1,10 @@
 """Cubes written to netCDF files slab by slab, so that neither a cube nor all its results are ever in memory.
 
-Variables are stored in chunks that are parts of slabs, and compressed where that pays. Texts of points are stored as
-numbers of rows in a table of all different texts, which `lazy_dataset` turns back.
+Variables are stored in chunks that are parts of slabs, and compressed if that saves enough. Texts of points are stored
+as numbers of rows in a table of all different texts, which `lazy_dataset` turns back.
 
-Why not `to_netcdf` of Dask arrays: for 1 GB it takes 17 CPU-s in place of 10, two to three times the memory (245 to
-331 MB in place of 112), and makes every slab again for the second file.
+Why not `to_netcdf` of Dask arrays: for 1 GB it takes 17 CPU-s instead of 10, two to three times the memory (245 to 331
+MB instead of 112), and computes every slab again for the second file.
 """
 
 import math
@@ -27,7 +27,7 @@ from tripod_doe.study.designs import Points
 
 _COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
 _SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, to decide whether compression pays
-_PAYS = 0.5  # largest compressed part of the bytes where it does
+_PAYS = 0.5  # compress if the compressed part of the bytes is at most this
 
 
 class CubeFile:
@@ -124,7 +124,7 @@ class CubeFile:
             self._store.ds.variables[name][slab.place] = values
 
     def _encoding(self, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
-        """How a variable is stored: its chunks, and compressed where that pays for a sample of its values."""
+        """How a variable is stored: its chunks, and compression if it saves enough in a sample of its values."""
         encoding: dict[str, Any] = {"chunksizes": self._chunk(variable)} | CHECKSUM
         if variable.dtype.kind == "f":
             encoding["_FillValue"] = None if is_coordinate else np.nan
@@ -165,7 +165,7 @@ def _shrinks(values: NDArray[Any]) -> bool:
 def cube_file(
     path: Path, points: Points, lengths: tuple[int, ...], levels: Mapping[str, xr.Variable]
 ) -> Iterator[CubeFile]:
-    """Make a cube file that takes the place of an older one when it is whole.
+    """Make a cube file that replaces an older one when it is complete.
 
     Raises:
         StorageError: If it cannot be written; the old file stays.

@@ -1,4 +1,4 @@
-"""Slabs: parts of a cube that are processed one after the other, so that one at a time is in memory.
+"""Slabs: parts of a cube that are processed one after the other, so that only one is in memory.
 
 A slab is a box of cells that are consecutive in the order of the points: all of the last dimensions, a stretch of one,
 a single label of those before it.

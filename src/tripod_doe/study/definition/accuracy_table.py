@@ -19,8 +19,8 @@ class AutoModel:
     """The checked table [accuracy] of a study with model = "auto"."""
 
     accuracy: Accuracy  # the quantities with their allowed errors
-    confidence: float  # share of the points in which they must be met
-    budget_cpu_s: float | None  # largest estimated price of pilot and study; None: no limit
+    confidence: float  # share of the points that must meet them
+    budget_cpu_s: float | None  # largest estimated cost of pilot and study; None: no limit
     candidates: tuple[Candidate, ...]  # the models to choose from, from the cheapest to the finest
 
     @property
@@ -47,13 +47,13 @@ def check_auto_model(
     Args:
         confidence, budget: See `AutoModel`.
         floor: See `Accuracy`.
-        taken: Parameters that the study sets itself; the choice leaves them alone.
+        taken: Parameters that the study sets; the choice does not change them.
 
     Raises:
         InputError: If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
     """
     if any(name in taken for name in NUMERICS):
-        taken = {*taken, "accuracy"}  # which has no effect where a tolerance or step is given
+        taken = {*taken, "accuracy"}  # which has no effect if a tolerance or step is given
     candidates = own_candidates(simulator.candidates, taken)
     if len(candidates) < 2:
         fixed = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))

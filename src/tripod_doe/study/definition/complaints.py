@@ -20,7 +20,7 @@ def complaints(error: ValidationError, model: type[BaseModel]) -> list[str]:
 
 
 def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
-    """Keys that the table at a path may hold; none where any may stand."""
+    """Keys that the table at a path may hold; empty if all keys are allowed."""
     while path:
         field = model.model_fields.get(path[0])
         annotation = field.annotation if field else None
@@ -33,7 +33,7 @@ def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
 
 
 _NEEDED_TABLES = ("study", "workflow", "steps")
-"""Tables without which a file is none of ours."""
+"""Tables that every file of its kind has."""
 
 _TYPE = re.compile(r"(float|int|str|bool|dict)(\[.*)?")
 """Parts of a pydantic location that name one of several types of a value."""
@@ -91,7 +91,7 @@ def said_of(complaint: ErrorDetails, key: str) -> str:
 
 
 def _as_table(where: str, key: str, value: object) -> str:
-    """The text to write in place of a value where a table belongs."""
+    """The text to write instead of a value if a table is required."""
     if where == "factors" and isinstance(value, list):
         return f"write {key} = {{ values = {shown(value)} }}"
     if where == "factors":

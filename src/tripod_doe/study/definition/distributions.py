@@ -14,7 +14,7 @@ from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study_file import FactorTable
 
 _NARROW, _FAR = 1e-5, 1e3  # width of a range, and distance from it to the mean, in standard deviations
-_STRAIGHT = 1e-12  # decay below which a density is even to its last digits
+_STRAIGHT = 1e-12  # decay below which a density is constant to rounding
 _INSIDE = 1e-12  # keeps the ends of the unit interval off the infinite tails
 
 
@@ -58,7 +58,7 @@ def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
         low_end, high_end = table.low or 0.0, table.high or 0.0
         sampled = np.clip(low_end + unit * (high_end - low_end), low_end, high_end)
     else:
-        sampled = np.clip(_frozen(table).ppf(unit), table.low, table.high)  # the ends exact, whatever rounding does
+        sampled = np.clip(_frozen(table).ppf(unit), table.low, table.high)  # exact ends in spite of rounding
     for extreme in (sampled.min(), sampled.max()):
         try:
             parameter.check(float(extreme))
@@ -92,7 +92,7 @@ def _frozen(table: FactorTable) -> Any:
 
 @dataclass(frozen=True)
 class _Exponential:
-    """A normal distribution on a range where its logarithm is as good as straight.
+    """A normal distribution on a range where its logarithm is almost linear.
 
     SciPy's is a difference of probabilities, which lose their digits there: at a standard deviation of 1e8 ranges its
     quantiles are off by 1e-8 of the range, at 1e16 they are one value. This one is off by 1e-11 of the range at most
@@ -124,15 +124,15 @@ class _Exponential:
 
 @dataclass(frozen=True)
 class Scatter:
-    """How a factor scatters."""
+    """The scatter of a factor."""
 
     density: Callable[[FloatArray], FloatArray]  # its density over its values, or over their logarithms
-    centre: float  # what it scatters about: mean, middle of a range, or peak
+    centre: float  # centre of the scatter: mean, middle of a range, or peak
     logarithmic: bool  # whether density and centre belong to logarithms
 
 
 def scatter_density(table: FactorTable) -> Scatter | None:
-    """How a factor scatters by its distribution; None for listed values, which have no density."""
+    """The scatter of a factor from its distribution; None for listed values, which have no density."""
     from scipy import stats
 
     kind, low, high = table.sampled_as, table.low or 0.0, table.high or 0.0
@@ -146,12 +146,12 @@ def scatter_density(table: FactorTable) -> Scatter | None:
 
 
 def scaled_table(table: FactorTable, scale: float) -> FactorTable:
-    """The factor scattering some times as far about its centre; not for listed values."""
+    """The factor with its scatter about the centre multiplied; not for listed values."""
     return _moved(table, scale, 0.0)
 
 
 def shifted_table(table: FactorTable, shift: float) -> FactorTable:
-    """The factor with its centre moved, in its unit, its scatter as it is (on a logarithmic scale as a ratio)."""
+    """The factor with a new centre in its unit and the same scatter (on a logarithmic scale as a ratio)."""
     return _moved(table, 1.0, shift)
 
 

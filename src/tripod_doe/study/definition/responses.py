@@ -1,4 +1,4 @@
-"""[responses.NAME]: variables of a cube by formula, checked before anything runs by an evaluation of a point of NaN."""
+"""[responses.NAME]: variables of a cube by formula, checked before the run by evaluation at a point of NaN."""
 
 import keyword
 from collections.abc import Collection, Iterator, Mapping
@@ -54,8 +54,8 @@ class Response:
     meaning: str  # CF long_name
     outputs: tuple[str, ...]  # outputs of the simulator that the formula uses
     responses: tuple[str, ...]  # responses before it that the formula uses
-    size: int = 1  # number of values for a point, where the simulator declares its outputs
-    widest: int = 1  # values for a point in the largest array that its evaluation makes, where they are declared
+    size: int = 1  # number of values for a point, if the simulator declares its outputs
+    widest: int = 1  # values for a point in the largest intermediate array, if outputs are declared
 
 
 @dataclass(frozen=True)
@@ -154,13 +154,13 @@ def _among(earlier: list[str], expression: Expression) -> list[str]:
 
 
 def _with_errors(inputs: Collection[str], arrays: Mapping[str, NamedArray]) -> int:
-    """Number of values with numerical errors among some inputs; 0 where an input has none: then no error is made."""
+    """Number of values with numerical errors among some inputs; 0 if an input has none: then there is no error."""
     known = all(f"{name}{ERROR}" in arrays for name in inputs)
     return sum(arrays[name].data.size for name in inputs) if known else 0
 
 
 def _refuse_long_work(expression: Expression, with_errors: int) -> None:
-    """Refuse a formula that takes longer than most points; it is evaluated twice for each value with an error."""
+    """Refuse a formula that takes longer than most points; each value with an error needs two evaluations."""
     work = expression.operations * expression.widest * (1 + 2 * with_errors)
     if work > _MOST_WORK:
         again = f", {1 + 2 * with_errors:,} times for the errors of its values" if with_errors else ""
@@ -223,9 +223,8 @@ def evaluated(
             missing.
 
     Yields:
-        response, value, error: The error is the sum over all values that the formula uses of what the error of each
-            changes, shape as the value; None where the error of one of them is not known. NaN where an output has no
-            value.
+        response, value, error: The error is the sum of the changes by the error of each used value, shape as the value;
+            None if one of these errors is unknown. NaN if an output has no value.
     """
     known, wrong = dict(arrays), dict(errors)
     for response in responses:
@@ -244,7 +243,7 @@ def evaluated(
 
 
 def _with_points(value: NamedArray, known: Mapping[str, NamedArray]) -> NamedArray:
-    """A value along the points first, also where the formula needs none of them."""
+    """A value with the points as first dimension, also if the formula does not depend on them."""
     if POINT not in value.dims:
         count = next(array.data.shape[0] for array in known.values())
         return NamedArray((POINT, *value.dims), np.repeat(value.data[None], count, axis=0), value.labels)

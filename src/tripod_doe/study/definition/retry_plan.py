@@ -39,7 +39,7 @@ class Change:
 
 @dataclass(frozen=True)
 class RetryPlan:
-    """The changes of a study, and the outcomes that need none."""
+    """The changes of a study, and the outcomes without retry."""
 
     changes: tuple[Change, ...] = ()  # in the order in which they are tried
     accepted: frozenset[int] = frozenset(_NEVER_RETRIED)  # outcomes that are not retried
@@ -62,10 +62,10 @@ def check_retries(
 
     Args:
         simulator, base, keep: The simulator, the values that all points share, and the outputs to keep.
-        factors: Values that each factor takes; none where it is sampled.
+        factors: Values of each factor; empty if it is sampled.
         entries: The changes as the study file gives them.
         expected: Outcomes besides finished that do not count as failures.
-        unknown: Parameters whose values only the points show.
+        unknown: Parameters whose values follow only from the points.
 
     Raises:
         InputError: If a change is unknown, cannot run, or changes no point.
@@ -108,7 +108,7 @@ def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
 def _kinds_of_points(
     simulator: Simulator, base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
 ) -> Iterator[dict[str, Value]]:
-    """Values for every combination of levels that a change can meet in a study."""
+    """Values for every combination of levels that a change may apply to."""
     varied = {
         name: levels
         for name, levels in factors.items()

@@ -1,4 +1,4 @@
-"""Simulators by name: scenes from a table, plain functions by where they are imported from."""
+"""Simulators by name: scenes from a table, plain functions by their import path."""
 
 import importlib
 import sys
@@ -34,7 +34,7 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: St
         if scene not in SCENES:
             raise InputError(f"scene = {scene!r}: unknown scene{near_match(scene, SCENES)}")
         module, _, name = SCENES[scene].partition(":")
-        return getattr(importlib.import_module(module), name)  # what fails here is no fault of a study
+        return getattr(importlib.import_module(module), name)  # a failure here is not an error of the study
     if folder:
         if (recorded := folder.recorded_function(function)) is not None:
             return recorded
@@ -51,7 +51,7 @@ _loaded_for: dict[str, list[str]] = {}
 
 
 def _search_first(folder: str, module: str) -> None:
-    """Find a module in a folder before all others, also where one of that name was loaded for a study elsewhere."""
+    """Find a module in a folder first, also if a module of the same name was loaded for a study elsewhere."""
     sys.path[:] = [folder, *(other for other in sys.path if other != folder)]
     earlier = _loaded_for.setdefault(module, [])
     if folder in earlier[-1:]:

@@ -32,7 +32,7 @@ from tripod_doe.study.expressions import Expression
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study: static, all its points follow from it."""
+    """A checked study: constant, and sufficient to make all its points."""
 
     file: StudyFile  # the parsed study file
     simulator: Simulator  # what simulates its points
@@ -126,7 +126,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     levels |= {name: (*levels[name], value) for name, value in center.items()}
     auto_model = _auto_model(origin, simulator, file, {*base, *factors}) if auto else None
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
-    if auto_model:  # all candidates are in play
+    if auto_model:  # all candidates are possible
         levels |= {
             name: tuple(dict.fromkeys(candidate.values[name] for candidate in auto_model.candidates))
             for name in auto_model.parameters
@@ -203,7 +203,7 @@ def _given(base: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _wrong_besides(text: str, origin: str) -> list[str]:
-    """Errors in names and base values of a study whose form is wrong elsewhere; empty where these cannot be checked."""
+    """Errors in names and base values of a study with errors of form elsewhere; empty if they cannot be checked."""
     try:
         raw = parse_toml(text, origin)
         study, base, factors = (raw.get(table, {}) for table in ("study", "base", "factors"))
@@ -236,14 +236,14 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
 
 
 def _parts(file: StudyFile) -> list[DesignTable]:
-    """The sub-designs of a product that exist; of any other study its only design."""
+    """The existing sub-designs of a product; of any other study its only design."""
     if file.design.kind != "product":
         return [file.design]
     return [file.designs[name] for name in file.design.of if name in file.designs]
 
 
 def _varied_around_base(file: StudyFile) -> set[str]:
-    """Factors that one-at-a-time designs vary: values of theirs in [base] are the base point."""
+    """Factors that one-at-a-time designs vary: their values in [base] are the base point."""
     around = [part for part in _parts(file) if part.kind == "one-at-a-time"]
     return {name for part in around for name in part.factors or file.factors}
 
@@ -288,7 +288,7 @@ def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: li
 
 
 def _fidelity(simulator: Simulator, file: StudyFile) -> dict[str, FactorTable]:
-    """The factor with all models of the scene, where a multifidelity study does not list models itself."""
+    """The factor with all models of the scene, if a multifidelity study does not list models."""
     name = file.design.fidelity
     if file.design.kind != "multifidelity" or name in file.factors:
         return {}

@@ -38,7 +38,7 @@ DesignKind = Literal[
 
 
 class Table(BaseModel):
-    """A table of a TOML file, which knows numbers from texts and from true: nothing is converted."""
+    """A table of a TOML file with strict types: numbers, texts and booleans are never converted."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 

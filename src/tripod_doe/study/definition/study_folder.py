@@ -39,7 +39,7 @@ class StudyFolder:
         return cls(Path(file).resolve().parent, not untrusted)
 
     def around(self, file: Path) -> StudyFolder:
-        """The folder of a file that is looked up here, under the same rules."""
+        """The folder of a file in this folder, under the same rules."""
         return replace(self, path=file.resolve().parent)
 
     def file(self, name: str, key: str) -> Path:
@@ -75,7 +75,7 @@ class StudyFolder:
         self.file(name, key)
 
     def recorded_function(self, function: str) -> Simulator | None:
-        """The stand-in for a function that must not be imported; None where it is imported, or refused."""
+        """The stand-in for a function that must not be imported; None if it is imported, or refused."""
         return None
 
     def refuse_functions(self, function: str) -> None:

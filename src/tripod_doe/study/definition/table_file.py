@@ -16,7 +16,7 @@ from tripod_doe.study.expressions import Expression
 
 F = TypeVar("F", bound=Table)
 _HEADS = ("study", "workflow", "fit", "optimisation")
-"""Tables by which the kind of a file is known."""
+"""Tables that identify the kind of a file."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class TableFile(Generic[F]):
         return (error if isinstance(error, InputError) else InputError(error)).at(place)
 
     def check_condition(self, where: str, text: str | None, names: Collection[str]) -> None:
-        """Refuse a condition on a result that is no expression of these names; None is no condition."""
+        """Refuse a condition that is not a valid expression of these names; None means no condition."""
         try:
             Expression(text or "0", names)
         except InputError as error:
@@ -46,7 +46,7 @@ def read_table_file(path: str | Path, model: type[F], head: str, untrusted: bool
 
     Args:
         model: All its tables.
-        head: The table by which its kind is known.
+        head: The table that identifies its kind.
 
     Raises:
         InputError: If it cannot be read, or a table, key or value in it is wrong.

@@ -1,4 +1,4 @@
-"""TOML texts: read, parsed and written, with what no message or reader could bear refused."""
+"""TOML texts: read, parsed and written; values too large for messages or readers are refused."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""Designs: from the factors of a study to its points, one module a method; what runs the points is not here."""
+"""Designs: from the factors of a study to its points, one module a method; execution of the points is elsewhere."""
 
 from tripod_doe.study.designs.design_interface import Column, axis_levels, factor_groups
 from tripod_doe.study.designs.fast import CURVE_HARMONICS

@@ -1,6 +1,6 @@
 """The ablation: switches of mechanisms off and on, in all combinations or one at a time.
 
-A switch multiplies the coefficient of its mechanism, so that one at a half halves its friction.
+A switch multiplies the coefficient of its mechanism: the value 0.5 halves its friction.
 """
 
 import itertools
@@ -17,7 +17,7 @@ _MOST_SWITCHES = 16  # whose combinations are all made
 def _ablation(request: Request) -> Made:
     """All on first; then every combination, or with none on, with each off alone and with each on alone.
 
-    Those with one friction halved come last.
+    Points with one friction halved come last.
     """
     design, switches = request.table, request.factors
     for name, factor in switches.items():

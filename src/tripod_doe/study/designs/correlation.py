@@ -1,7 +1,7 @@
 """Correlated factors: samples of independent factors are given rank correlations by a Gaussian copula.
 
 Latin hypercubes keep their strata: their values are re-ordered by the ranks of the copula's, as Iman and Conover (1982)
-do; sequences keep their points when they grow, since each of theirs depends on itself alone.
+do; sequences keep their points when they grow, since each point is transformed alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -67,7 +67,7 @@ def correlated(unit: FloatArray, ranks: FloatArray, keep_strata: bool) -> FloatA
     Args:
         unit: Points, shape (point, factor).
         ranks: Spearman's rank correlations of the factors, shape (factor, factor).
-        keep_strata: Whether the values of each factor stay what they are and only change their order.
+        keep_strata: Whether the values of each factor are kept and only reordered.
 
     Raises:
         InputError: If no factors can have these correlations together.
@@ -79,7 +79,7 @@ def correlated(unit: FloatArray, ranks: FloatArray, keep_strata: bool) -> FloatA
     if np.linalg.eigvalsh(normal).min() <= _ROUNDING:
         raise InputError("correlation: no factors can have these correlations together; make some of them smaller")
     scores = norm.ppf(np.clip(unit, _INSIDE, 1 - _INSIDE))
-    if keep_strata:  # the sample's own correlations, which chance gave it, are taken out first
+    if keep_strata:  # first remove the random correlations of the sample
         scores = scores @ np.linalg.inv(np.linalg.cholesky(np.corrcoef(scores, rowvar=False))).T
     scores = scores @ np.linalg.cholesky(normal).T
     if not keep_strata:

@@ -1,4 +1,4 @@
-"""One design: what it is asked for, its points, and the interface that all kinds of designs share."""
+"""One design: its request, its points, and the common interface of all kinds of designs."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -60,7 +60,7 @@ class Family:
     """One kind of design."""
 
     make: Callable[[Request], Made]  # makes the points of a request, always the same ones
-    count: Callable[[Request], int]  # their number from counts alone; 0 where only making them shows it
+    count: Callable[[Request], int]  # their number from counts alone; 0 if they must be made to count them
     # (table, number of factors or groups) -> points in a row that an analysis needs together: a constraint cannot
     # leave out one of them, and where one of them fails, the others are of no use
     block: Block = one_point
@@ -87,7 +87,7 @@ def levels_of(factor: Factor) -> Column:
 def axis_levels(factor: Factor) -> Column:
     """Levels of a factor along an axis of a grid: numbers ascend, or descend where the study lists them so.
 
-    A range of an axis in any other order cannot be selected.
+    Ranges can be selected only on a monotonic axis.
     """
     levels = levels_of(factor)
     if levels.dtype.kind not in "iuf" or (np.diff(levels) < 0).all():
@@ -106,7 +106,7 @@ def crossed(parts: Sequence[Mapping[str, Column]]) -> dict[str, Column]:
 
 
 def factor_groups(tables: Mapping[str, FactorTable]) -> dict[str, list[str]]:
-    """Factors by the group that they vary in, in the order of their first members; one alone is its own group."""
+    """Factors by group, in the order of first members; a factor without group forms its own group."""
     groups: dict[str, list[str]] = {}
     for name, table in tables.items():
         groups.setdefault(table.group or name, []).append(name)

@@ -47,7 +47,7 @@ def pilot_samples(table: DesignTable) -> int:
 
 
 def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
-    """Samples of each model, the truth last; the pilot's where there is no split yet.
+    """Samples of each model, the truth last; the pilot's samples before the split.
 
     Raises:
         InputError: If the split names no model of the study, or gives the truth other samples than the design.
@@ -86,7 +86,7 @@ def most_samples(table: DesignTable, models: int, block: int) -> int:
 
 
 def most_points(study: Study) -> int:
-    """Points that a study may have when its split is known, from counts alone; 0 where no pilot decides it."""
+    """Largest possible number of points after the split, from counts alone; 0 if no pilot determines the split."""
     table = study.file.design
     if table.kind != "multifidelity" or table.split:
         return 0

@@ -38,9 +38,9 @@ class Points:
     levels: Mapping[str, Column] = field(default_factory=dict)
     # further coordinates along ``point``, for instance which row of a sub-design a point belongs to
     labels: Mapping[str, Column] = field(default_factory=dict)
-    # what the user should know of the design, for instance which effects it cannot tell apart
+    # notes on the design for the user, for instance which effects are confounded
     notes: tuple[str, ...] = ()
-    # values of parameters that a pilot chose, each of shape (point,): not factors, but what a point runs with
+    # values of parameters that a pilot chose for each point, each of shape (point,); they are not factors
     chosen: dict[str, Column] = field(default_factory=dict)
     # error_estimate, accuracy_met: estimated relative errors of such a choice by quantity, and whether they meet the
     # accuracy that was asked for (1, 0, or -1 if unknown), each of shape (point,)
@@ -60,11 +60,11 @@ class Points:
 
     @property
     def setting_names(self) -> list[str]:
-        """Names of everything that differs between points: factors, and what was chosen."""
+        """Names of all parameters that differ between points: factors, and chosen parameters."""
         return list(dict.fromkeys([*self.columns, *self.chosen]))
 
     def at(self, rows: Rows) -> dict[str, Column]:
-        """Everything that differs between points, at some of them, each of shape (rows,)."""
+        """All parameters that differ between points, at some points, each of shape (rows,)."""
         return {name: column[rows] for name, column in (*self.columns.items(), *self.chosen.items())}
 
     def settings_of(self, row: int) -> dict[str, Any]:
@@ -93,7 +93,7 @@ class Points:
 
 
 def point_count(study: Study) -> int:
-    """Number of points of a study before constraints; 0 where only making them shows it (a table), or refuses them."""
+    """Number of points of a study before constraints; 0 if counting must make them (a table), or refuses them."""
     return count_part(study, study.file.design, study.factors)
 
 

@@ -44,7 +44,7 @@ def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) 
     """The points of one design, of the study or a part of a product.
 
     Raises:
-        InputError: If a setting is missing, or is one that the design cannot use.
+        InputError: If a setting is missing, or the design cannot use it.
     """
     return FAMILIES[design.kind].make(checked_request(study, design, factors))
 
@@ -67,7 +67,7 @@ def checked_request(study: Study, design: DesignTable, factors: Mapping[str, Fac
 
 
 def count_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> int:
-    """Number of points of one design before constraints; 0 where only making them shows it, or refuses them."""
+    """Number of points of one design before constraints; 0 if they must be made to count them, or are refused."""
     try:
         return FAMILIES[design.kind].count(_part(study, design, factors))
     except InputError:

@@ -1,1 +1,1 @@
-"""Execution of the points of a study: blocks, in this process or on Dask workers; not what becomes of their results."""
+"""Execution of the points of a study: blocks, in this process or on Dask workers. Results are stored elsewhere."""

@@ -1,6 +1,7 @@
 """The queue of points to compute, cut into blocks of about equal duration, each of one kind of points.
 
-A block has one CPU time, which its points share: those of a cheap model would take a part of the price of another.
+A block has one CPU time, shared by its points: in a mixed block, points of a cheap model would get part of others'
+cost.
 """
 
 import math
@@ -9,11 +10,11 @@ import numpy as np
 
 from tripod_doe.array_types import IntArray
 
-_FIRST_BLOCK = 1  # a point may take seconds; the first answer shows its price
+_FIRST_BLOCK = 1  # a point may take seconds; the first result shows its cost
 _LARGEST_GROWTH = 32
 _SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
 _MOST_BYTES = 32_000_000  # of the results of a block
-_FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and no measure of the price of a point
+_FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and does not show the cost of a point
 
 
 class BlockQueue:
@@ -22,8 +23,7 @@ class BlockQueue:
     Args:
         block: Points per block; None sizes blocks by the duration of the finished ones.
         seconds: Smallest duration of a block to aim at.
-        kinds: Number of the kind of each waiting point (its model and method), shape (waiting,); None where all are
-            alike.
+        kinds: Number of the kind of each waiting point (its model and method), shape (waiting,); None if all are equal.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class BlockQueue:
         border = int(np.searchsorted(self._kinds, kind, side="right"))
         self._start = min(begin + size, border)
         if self._start == border < self._waiting.size and not self._fixed:
-            self._size = _FIRST_BLOCK  # the next kind has another price
+            self._size = _FIRST_BLOCK  # the next kind has another cost
         block = self._waiting[begin : self._start]
         self._kind_of[int(block[0])] = int(kind)
         return block
@@ -73,7 +73,7 @@ class BlockQueue:
         """Size the next blocks by the time of a block, and by the bytes of its results."""
         kind, count = self._kind_of.pop(int(block[0]), 0), block.size
         if self._start < self._waiting.size and kind != self._kinds[self._start]:
-            return  # no measure of the next blocks, which are of another kind
+            return  # the next blocks are of another kind
         if seconds >= _FAIR_SAMPLE_SECONDS:
             self._seconds_per_point = seconds / count
         if self._fixed is None and seconds > 0:
@@ -81,7 +81,7 @@ class BlockQueue:
             self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
 
     def expect(self, seconds: float, count: int) -> None:
-        """Use the time of an unfinished block of `count` points as a lower bound of the price."""
+        """Use the time of an unfinished block of `count` points as a lower bound of the cost."""
         self._seconds_per_point = max(self._seconds_per_point or 0.0, seconds / count)
 
     @property

@@ -1,8 +1,8 @@
 """Modules of this package run as programs of their own, which answer a running study over standard output.
 
-Python's multiprocessing starts a process by importing the main module of the one that starts it. Where that is a script
-without a guard, the script would run again in every child; where it is standard input or a notebook, there is nothing
-to import. The main module of a child that is started here is one of this package, whose import does nothing.
+Python's multiprocessing imports the parent's main module in each child. A script without a guard would run again in
+every child; standard input or a notebook cannot be imported. Children that start here have a main module of this
+package, whose import has no effect.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def environment() -> dict[str, str]:
 def answers() -> IO[str]:
     """In a child: the stream to the process that started it; output of functions goes to standard error from now on.
 
-    Ctrl-C goes to all processes of a terminal: the one that started the others decides when they end.
+    Ctrl-C reaches all processes of a terminal: the parent decides when its children end.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     stream = os.fdopen(os.dup(sys.stdout.fileno()), "w")
@@ -47,7 +47,7 @@ def answers() -> IO[str]:
 
 
 def shorten_temporary_folder() -> None:
-    """Use /tmp for temporary files where the name of the usual folder leaves no room for the names of sockets in it.
+    """Use /tmp for temporary files if the usual folder's path is too long for sockets in it.
 
     Schedulers of jobs make such long folders; multiprocessing's fork server then fails with "AF_UNIX path too long".
     """

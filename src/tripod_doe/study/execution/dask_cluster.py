@@ -71,7 +71,7 @@ class DaskWorkers:
         return workers.connect()
 
     def _replaced(self, lost: Client) -> Client:
-        """A client in place of one whose scheduler is lost."""
+        """A new client after its scheduler was lost."""
         if lost.status != "connecting":  # by itself, which would leave a socket open; it is closed at the end
             with suppress(OSError, TimeoutError):
                 lost.close(timeout=1)

@@ -1,7 +1,7 @@
 """Run blocks of points on Dask workers, and repeat them when a worker or the scheduler is lost.
 
-A block runs again when its scheduler is lost; a worker with another version of the package is retired; a point counts
-as fatal for its worker once it has ended three workers while no other block was queued there.
+A block runs again when its scheduler is lost; a worker with another version of the package is retired; a point is given
+up after three workers died while it was the only queued block.
 
 Why not Dask's `retries` and `as_completed`: retries are for exceptions, and a scheduler blames every block in the queue
 of a worker for its death. as_completed cannot wait for one second at a time, as checks for silent schedulers and new
@@ -59,7 +59,7 @@ class OnDask:
     """Runs blocks on the workers of a client.
 
     Args:
-        replaced: Gives a client in place of one whose scheduler is lost.
+        replaced: Gives a new client after the scheduler was lost.
         exclusive: Whether only one block may run at a time.
         code: Code of the user's function, for workers that may not see the study's folder.
     """
@@ -90,7 +90,7 @@ class OnDask:
         return 1 if self._exclusive else _IN_FLIGHT * max(self._count_threads(), 1)
 
     def _count_threads(self) -> int:
-        """Threads of all workers; the last count where the scheduler is silent."""
+        """Threads of all workers; the last count if the scheduler does not answer."""
         if time.monotonic() > self._counted_at + _LOOK and self._dask.status == "running":
             with suppress(OSError, CancelledError):  # a timeout is an OSError
                 self._threads = sum(self._dask.nthreads(callback_timeout=_ANSWER).values())
@@ -121,7 +121,7 @@ class OnDask:
         self._send([_Block(block, task)])
 
     def _send(self, blocks: list[_Block]) -> None:
-        """Send blocks, to the next scheduler where this one is lost."""
+        """Send blocks, to the next scheduler if this one is lost."""
         while True:
             try:
                 for block in blocks:
@@ -150,8 +150,8 @@ class OnDask:
         """Wait for a finished block, and raise the exception of its simulator.
 
         A block whose scheduler is lost, or whose worker cannot run the study, is sent again. A block whose worker died
-        is sent again alone, so that no other block can be the cause. None where nothing finishes for a second, so that
-        free slots are noticed.
+        is sent again alone, so that no other block can be the cause. None if no block finishes within a second, so that
+        the caller can count free slots.
         """
         while True:
             if not self._at_work:
@@ -186,7 +186,7 @@ class OnDask:
         return self._next.popleft()
 
     def _answer(self, future: DaskFuture, block: _Block) -> Answer | Lost | None:
-        """The answer of a block; None where it runs again."""
+        """The answer of a block; None if it runs again."""
         try:
             given = self._fetched.pop(future, None)
             answer = read_answer(future.result(timeout=_SILENCE) if given is None else given)

@@ -148,10 +148,10 @@ class ExistingScheduler:
         return client
 
     def connect_again(self) -> Client:
-        """A client of the scheduler, or of the one that takes its place, as soon as it is there.
+        """A client of the scheduler, or of its replacement, as soon as one answers.
 
         Raises:
-            TripodDoeError: If none has answered for so long.
+            TripodDoeError: If no scheduler answers within the waiting time.
         """
         wait = USUAL_WAIT if self.wait is None else self.wait
         print(f"{self}: the connection is lost; trying for {duration(wait)} to connect again", file=sys.stderr)

@@ -61,7 +61,7 @@ Gives name and address of the worker with a pickled answer, or with the reason w
 
 
 def answer_as_bytes(work: bytes, name: str) -> bytes | str:
-    """On a worker: the answer of a block, pickled, or the reason why this worker cannot run it."""
+    """On a worker: the pickled answer of a block, or the reason why this worker cannot run it."""
     task: Task
     code: UserCode | None
     task, code = pickle.loads(work)

@@ -41,8 +41,8 @@ class Execution:
     """The processes in which the studies of a command run; workers are started when a study first needs them.
 
     Args:
-        workers: Worker processes; 0 runs everything in this process; None takes this process where that is faster, and
-            two worker processes otherwise.
+        workers: Worker processes; 0 runs everything in this process; None uses this process if that is faster, else two
+            worker processes.
         scheduler: An existing Dask scheduler to use instead of own workers.
         oversubscribe: Allow more workers than this machine has processors.
 
@@ -119,8 +119,8 @@ class Execution:
     ) -> Generator[FinishedBlock, None, None]:
         """Run the points of a queue on one executor while `go_on` allows it.
 
-        All submitted blocks are awaited, but for a long one when the others can run elsewhere: it stays at work until
-        the next call.
+        Wait for all submitted blocks, except a long block if others can run elsewhere: it continues until the next
+        call.
         """
         started = time.perf_counter()
         try:

@@ -53,7 +53,7 @@ class Executor(Protocol):
     def next_finished(self) -> tuple[IntArray, Answer | Lost | AtWork] | None:
         """Wait for one of the blocks at work, or until it lasts long; an interrupt ends the waiting.
 
-        None where free slots are to be counted again.
+        None if the caller must count free slots again.
         """
         ...
 

@@ -18,7 +18,7 @@ def simulate_with_retries(
     """Simulate a block, and repeat each failed point with one more change at a time until it finishes.
 
     Returns:
-        result: With `Retries` where the study has any. Steps and evaluations are summed over all attempts. A point that
+        result: With `Retries` if the study has any. Steps and evaluations are summed over all attempts. A point that
             never finishes keeps its first outcome; its detail lists all attempts.
         cpu_seconds, wall_seconds: Of all attempts, without compilation.
     """
@@ -77,7 +77,7 @@ class _History:
         return {name: value for name, value in values.items() if is_set(value)}
 
     def next_attempt(self, change: Change) -> tuple[IntArray, dict[str, NDArray[Any]]]:
-        """Rows for which a change makes a difference, and all their parameters with it."""
+        """Rows that a change affects, and all their parameters after it."""
         rows = []
         for row in np.flatnonzero(self._waiting).tolist():
             self._attempt[row] += 1

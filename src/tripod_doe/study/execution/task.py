@@ -50,7 +50,7 @@ def matching_simulator(scene: str, function: str | None, folder: StudyFolder | N
 
 
 def run_task(task: Task) -> tuple[BlockResult, float, float]:
-    """Simulate one block, with retries where the study has them: results, CPU seconds, wall seconds.
+    """Simulate one block, with retries if the study has them: results, CPU seconds, wall seconds.
 
     Compilation is not counted.
     """

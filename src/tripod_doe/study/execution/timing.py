@@ -56,7 +56,7 @@ def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iter
     allowed = np.delete(allowed, [row for row, *_ in study.simulator.foreseen(full)])  # these cost nothing
     study.simulator.prepare(full)
     prepared()
-    run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
+    run_task(make_task(study, points, allowed[:1]))  # the first call of a process is slower
     random, batch, timed = np.random.default_rng(0), 1, 0
     for _ in range(_SAMPLES):
         if timed >= _TIMES * allowed.size:
@@ -65,7 +65,7 @@ def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iter
         timed += chosen.size
         seconds = run_task(make_task(study, points, chosen))[1] / chosen.size
         wanted = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, min(allowed.size, 10_000)))
-        if 2 * batch >= wanted:  # smaller batches are mostly overhead, and no measure of a block
+        if 2 * batch >= wanted:  # smaller batches are mostly overhead
             yield seconds
         batch = wanted
 

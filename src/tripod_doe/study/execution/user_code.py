@@ -1,7 +1,7 @@
-"""The code of a user's function, sent to the workers of a cluster with its blocks, so that all compute the same.
+"""The code of a user's function, sent to cluster workers with its blocks, so that all workers run the same code.
 
-A worker that sees the study's folder as this machine does imports from there, so that a function finds its data beside
-it. Any other gets a copy of what the function imports from that folder.
+A worker with access to the study's folder imports from it, so that a function finds its data files. Other workers get a
+copy of the modules that the function imports from that folder.
 
 Why not `UploadDirectory`: it sends the whole folder, results included, needs nannies, and puts its copy before the
 folder that a worker sees. `Client.upload_file` sends single modules, the same for all studies of a cluster.
@@ -46,7 +46,7 @@ def read_user_code(function: str, folder: Path) -> UserCode:
 
 
 def _path_below(folder: Path, name: str, file: str | None) -> str:
-    """The path of a module below a folder that it is imported from; empty for one from elsewhere."""
+    """The path of a module relative to its import folder; empty for a module from elsewhere."""
     if not file or name.partition(".")[0] == _OURS:
         return ""
     stem = name.replace(".", "/")

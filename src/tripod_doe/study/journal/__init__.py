@@ -1,6 +1,6 @@
 """Finished blocks of points in ``journal.sqlite``: committed one by one, read while a run goes on, rescued from damage.
 
-The cube that is made of them is no part of it.
+The cube is made elsewhere.
 """
 
 from tripod_doe.study.journal.damage import KERNELS, SHOWN, STUDY, STUDY_HASH, damage, text_digest

@@ -1,4 +1,4 @@
-"""Damage of a journal: noticed by its checksums, repaired by a new journal with all whole blocks."""
+"""Damage of a journal: detected by checksums, repaired by a new journal with all intact blocks."""
 
 import hashlib
 import os
@@ -60,16 +60,15 @@ def text_digest(text: bytes) -> str:
 
 
 def is_damage(error: sqlite3.Error) -> bool:
-    """Whether an error speaks of the file's content, not of locks, rights or the disk."""
+    """Whether an error is about the file's content, not about locks, permissions or the disk."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF not in _WITHOUT_ACCESS
 
 
 def refuse_journal_of_several_files(path: Path) -> None:
     """Refuse an SQLite file whose rollback journal belongs to a transaction over several files.
 
-    Such a journal ends with the name of another file, which SQLite deletes as it takes the transaction back, wherever
-    that file is. Ours never write one: it is a stranger's. See "The Super-Journal" in SQLite's description of its file
-    format.
+    Such a journal ends with the name of another file, which SQLite deletes during rollback, in any folder. Our journals
+    never contain one: the file is a stranger's. See "The Super-Journal" in SQLite's description of its file format.
 
     Raises:
         DamagedRowError: If it does.
@@ -88,7 +87,7 @@ def refuse_journal_of_several_files(path: Path) -> None:
 def connected(path: Path, mode: str) -> sqlite3.Connection:
     """Open an existing journal, to read ("ro") or to write ("rw"); each statement is a transaction of its own.
 
-    Where a kill has left a half-written page, SQLite takes it back before anything is read: that needs a file to write.
+    After a kill during a write, SQLite first restores the page, which needs write access.
 
     Raises:
         DamagedRowError: If it has other tables, or views or triggers, which would run whenever it is read or written,
@@ -121,7 +120,7 @@ def damage(path: Path) -> str:
     """Look for damage in the structure of a journal, in its log, and in each of its rows.
 
     Returns:
-        The first damage, in words; empty where all is as it was written.
+        The first damage, in words; empty for an intact journal.
 
     Raises:
         sqlite3.Error: If the file cannot be read for another reason.
@@ -175,13 +174,13 @@ def _note_damage(connection: sqlite3.Connection) -> str:
 
 
 def _log_damage(connection: sqlite3.Connection, logged: set[int]) -> str:
-    """Look for blocks in the log that do not count: something before them is damaged."""
+    """Look for blocks in the log that SQLite ignores because of damage before them."""
 
     def hidden() -> int:
         return len(logged - {number for (number,) in connection.execute("SELECT id FROM block")})
 
     if hidden():
-        time.sleep(_COMMIT)  # one that is just being committed counts soon
+        time.sleep(_COMMIT)  # a block during its commit becomes valid soon
     return f"its log hides {count_of(hidden(), 'block')} behind damage" if hidden() else ""
 
 
@@ -201,13 +200,13 @@ def counted(key: str, note: str | None) -> int:
 
 
 def rescue(path: Path, reason: str) -> str:
-    """Replace a damaged journal by one with all blocks that are whole; the damaged file stays beside it.
+    """Replace a damaged journal by a new one with all intact blocks; keep the damaged file beside it.
 
     Args:
         path: The journal, whose directory this process holds.
 
     Returns:
-        What was kept and lost, for people.
+        A sentence on kept and lost blocks.
 
     Raises:
         CubeError: If nothing of it can be read.
@@ -235,21 +234,21 @@ def rescue(path: Path, reason: str) -> str:
 
 
 def _blocks(rows: Iterable[tuple[Any, ...]]) -> Iterator[BlockRow]:
-    """The blocks among some rows that are whole."""
+    """The intact blocks among some rows."""
     for row in rows:
         if len(row) == len(BLOCK_COLUMNS) and not _reason((block := BlockRow(*row)).check):
             yield block
 
 
 def _notes(rows: Iterable[tuple[Any, ...]]) -> Iterator[NoteRow]:
-    """The notes among some rows that are whole."""
+    """The intact notes among some rows."""
     for row in rows:
         if len(row) == len(NOTE_COLUMNS) and not _reason((note := NoteRow(*row)).check):
             yield note
 
 
 def _renumbered(blocks: Iterable[BlockRow], numbers: Sequence[int]) -> Iterator[BlockRow]:
-    """Some blocks, each once, with numbers without gaps in the order of theirs."""
+    """Blocks without repetition in the order of their numbers, renumbered without gaps."""
     places = {number: place for place, number in enumerate(numbers, 1)}
     for block in blocks:
         if (place := places.pop(block.id, None)) is not None:

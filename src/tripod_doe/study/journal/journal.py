@@ -1,7 +1,7 @@
-"""The journal of a result directory: its finished blocks in an SQLite file, stored so that no kill loses one of them.
+"""The journal of a result directory: its finished blocks in an SQLite file; a kill never loses one.
 
-While a run writes, it has a write-ahead log, so that others read at any time; when the run ends it is one file again,
-which can be read where nothing can be written.
+During a run it has a write-ahead log, so that others can always read; after the run it is one file, readable without
+write access.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from tripod_doe.study.journal.rows import (
 PILOT = "pilot"
 """Name of the worker of points that the pilot of their study ran."""
 
-_SYNCED = 0.1  # seconds that a block took from which on it outlives a power cut at once, which costs 2 to 4 ms
-_UNSYNCED = 1.0  # seconds after which any other one does, with all before it
+_SYNCED = 0.1  # blocks of at least this time are synced to disk at once, which costs 2 to 4 ms
+_UNSYNCED = 1.0  # other blocks are synced after this time
 _ALL, _ENDS = ", ".join(BLOCK_COLUMNS), ", ".join([*ENDS_COLUMNS, "x''"])
 
 
@@ -52,7 +52,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class FinishedEnds:
-    """How the points of a block ended."""
+    """Outcomes of the points of a block."""
 
     # keys, outcomes: fingerprints and outcomes of its points, shape (point,)
     keys: NDArray[np.void]
@@ -63,7 +63,7 @@ class FinishedEnds:
 class Journal:
     """Finished blocks of one result directory, and notes about them.
 
-    A writer checks the whole journal, and keeps the whole blocks of a damaged one.
+    A writer checks the whole journal, and keeps the intact blocks of a damaged one.
 
     Args:
         directory: The result directory; it must exist. A writer must hold it, see `ResultDirectory`.
@@ -95,7 +95,7 @@ class Journal:
         self._synced_at = -np.inf
 
     def close(self) -> None:
-        """Close the file; of a writer it is a single one from then on, unless others are reading it."""
+        """Close the file; a writer leaves a single file, unless others are reading it."""
         if self._writes:
             with suppress(sqlite3.Error):
                 self._connection.execute("PRAGMA busy_timeout = 1000")
@@ -139,7 +139,7 @@ class Journal:
         self.remember({SHOWN: self.state()})
 
     def state(self) -> str:
-        """Name what the journal holds, by a word that differs after every commit; "0" where it holds nothing."""
+        """Identify the content of the journal by a word that differs after every commit; "0" if it is empty."""
         newest = self._newest()
         with self._reading("its notes"):
             shown = counted(SHOWN, self.recall(SHOWN))
@@ -167,7 +167,7 @@ class Journal:
             yield partial(self._read, number)
 
     def news(self, mark: Mark) -> tuple[bool, list[FinishedEnds], Mark]:
-        """Read how the points of the blocks behind a mark ended, oldest first.
+        """Read the outcomes of the blocks after a mark, oldest first.
 
         Returns:
             again: Whether these are all blocks, as the journal was repaired since the mark was set.
@@ -235,5 +235,5 @@ class Journal:
 
 
 def journal_path(directory: Path) -> Path:
-    """Name the journal of a result directory, by which the directory is known as one."""
+    """Path of the journal of a result directory; it identifies result directories."""
     return directory / "journal.sqlite"

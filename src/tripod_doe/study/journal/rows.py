@@ -1,4 +1,4 @@
-"""Rows of the two tables of a journal, with the checksums by which damage is noticed."""
+"""Rows of the two tables of a journal, with checksums that detect damage."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class DamagedRowError(ValueError):
 
 @dataclass(frozen=True)
 class BlockRow:
-    """A finished block as it is stored."""
+    """A stored finished block."""
 
     id: int
     digest: int
@@ -122,7 +122,7 @@ ENDS_COLUMNS = BLOCK_COLUMNS[:-1]
 
 @dataclass(frozen=True)
 class NoteRow:
-    """A note as it is stored."""
+    """A stored note."""
 
     id: int
     digest: int
@@ -182,7 +182,7 @@ def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, st
                 if notes:
                     put_notes(connection, notes)
                 connection.execute("COMMIT")
-            for log in ("-wal", "-shm", "-journal"):  # of the old file; beside the new one they would damage it
+            for log in ("-wal", "-shm", "-journal"):  # logs of the old file would damage the new one
                 path.with_name(path.name + log).unlink(missing_ok=True)
         except sqlite3.Error as error:
             raise OSError(str(error)) from error

@@ -1,9 +1,9 @@
 """Rows in the pages of an SQLite file and of its log, read without SQLite.
 
 Why not row by row with SQLite: one damaged bit in the root page of a table would cost all rows, a file that was cut
-cannot be opened, and what stands in a log behind a damaged part counts for nothing. The format is fixed
-(https://www.sqlite.org/fileformat2.html); only leaf pages of tables and their overflow pages are needed, and whether a
-row is whole is for its checksum to say.
+cannot be opened, and SQLite ignores the log behind a damaged part. The format is fixed
+(https://www.sqlite.org/fileformat2.html); only leaf pages of tables and their overflow pages are needed, and checksums
+decide whether a row is intact.
 """
 
 import mmap
@@ -40,7 +40,7 @@ def logged_rows(path: Path, page_bytes: int) -> Iterator[Row]:
 
 
 def _pages(path: Path, start: int, before: int, page_bytes: int) -> list[Page]:
-    """Pages of a file from a place on, each with the bytes before it; the last one may have been cut."""
+    """Pages of a file from a position, each with the bytes before it; the last one may be incomplete."""
     if not path.exists() or path.stat().st_size <= start:
         return []
     with path.open("rb") as stream:

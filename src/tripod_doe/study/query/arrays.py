@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     import netCDF4
     import xarray as xr
 
-_STRETCH = 1 << 14  # positions that are read together where those asked for are far apart
+_STRETCH = 1 << 14  # positions that are read together if requested positions are far apart
 _NONE = np.zeros(0, np.int64)
-_READ = ("flag_values", "flag_meanings", "long_name")  # attributes that say what values stand for
+_READ = ("flag_values", "flag_meanings", "long_name")  # attributes with the meaning of values
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Variable:
 
     dims: tuple[str, ...]  # its dimensions
     read: Callable[[tuple[slice, ...]], NDArray[Any]]  # gives its values in a box of cells, of one axis per dimension
-    # meanings of its values where it is a flag, by value; empty for numbers and texts
+    # meanings of its values if it is a flag, by value; empty for numbers and texts
     words: Mapping[int, str] = field(default_factory=dict)
     is_counted: bool = False  # whether its values are the positions along its dimension: numbers of points
 
@@ -73,7 +73,7 @@ def _taken(
 
 @dataclass(frozen=True)
 class CubeArrays:
-    """A cube without its attributes, but for the notes on its models and on what it lacks."""
+    """A cube with only two attributes: notes on its models and on missing variables."""
 
     sizes: Mapping[str, int]  # length of each dimension
     # labels along the dimensions, and other coordinates such as the factors of a list of points
@@ -143,7 +143,7 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
 
 
 def analyses_with(directory: Path, variable: str) -> list[Path]:
-    """The files of analyses in a result directory that hold a variable, or say why they do not."""
+    """The files of analyses in a result directory that hold a variable, or the reason why it is missing."""
     files = []
     for file in analysis_files(directory).values():
         with suppress(CubeError), opened_arrays(file) as cube:
@@ -164,7 +164,7 @@ def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _left_out(attributes: Mapping[str, Any]) -> dict[str, str]:
-    """The attribute left_out: a line ``NAME: reason`` for each variable that is not there."""
+    """The attribute left_out: a line ``NAME: reason`` for each missing variable."""
     lines = [line.partition(": ") for line in str(attributes.get("left_out", "")).splitlines()]
     return {name: reason for name, _, reason in lines}
 

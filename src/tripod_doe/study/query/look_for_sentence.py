@@ -23,7 +23,7 @@ def found_rows(
 
     Args:
         named: Variables and coordinates whose values name the first such cell.
-        noun, of: What a cell is called, and of what it is.
+        noun, of: Name of a cell, and of its owner.
     """
     if condition is None:
         return ""
@@ -37,7 +37,7 @@ def found_rows(
         for name in named:
             if name in arrays.variables:
                 first[name] = records(arrays, name, where=condition)[name][0].item()
-    except InputError as error:  # values of a kind that only the results show: they are kept whatever is looked for
+    except InputError as error:  # only results show the type of values: the results are kept in spite of the error
         return f"Nothing could be looked for: {error}"
     at = ", ".join(f"{name} = {value if isinstance(value, str) else level(value)}" for name, value in first.items())
     meet = "meets" if count == 1 else "meet"

@@ -91,12 +91,12 @@ def cell_count(
     select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
 ) -> int:
-    """Number of cells that a selection leaves; only coordinates are read for it."""
+    """Number of selected cells; reads only coordinates."""
     return math.prod(_choose(cube, variable, select, nearest).shape)
 
 
 def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | str]) -> str:
-    """The reason of an empty answer: the first selection that no label meets, and the labels there are."""
+    """The reason of an empty answer: the first selection without a matching label, and the existing labels."""
     for selection in selections(select):
         labels = cube.coordinates[selection.name]
         dim, count = labels.dims[0], cube.sizes[labels.dims[0]]
@@ -116,7 +116,7 @@ class _Choice:
     # variables, coordinates: the variable and the outcome, and the coordinates along the dimensions of the variable
     variables: Mapping[str, Variable]
     coordinates: Mapping[str, Variable]
-    rows: Mapping[str, IntArray]  # positions that a selection leaves, by dimension; all where a dimension is not named
+    rows: Mapping[str, IntArray]  # selected positions by dimension; all positions of an unnamed dimension
 
     @property
     def target(self) -> Variable:
@@ -129,7 +129,7 @@ class _Choice:
         return tuple(self.rows[dim].size if dim in self.rows else self.cube.sizes[dim] for dim in self.target.dims)
 
     def parts(self) -> Iterator[_Choice]:
-        """The same cells in slabs, in their order, so that one slab at a time is in memory besides the answer."""
+        """The same cells in slabs, in their order, so that only one slab is in memory besides the answer."""
         shape = self.shape
         if math.prod(shape) <= _SLAB_CELLS:
             yield self
@@ -208,14 +208,14 @@ class _Choice:
 
 @dataclass(frozen=True)
 class _Cells:
-    """Values of names at the chosen cells; of names that are indexed or reduced all that the points have."""
+    """Values of names at the chosen cells; all values of the points for indexed or reduced names."""
 
     choice: _Choice
     rows: Collection[str]  # the dimensions of the design
 
     @property
     def most(self) -> int:
-        """As many values for each point as the target has, at least."""
+        """Largest number of values per point, at least that of the target."""
         return max(MOST_VALUES, math.prod(self.choice.shape))
 
     def read(self, name: str, whole: bool) -> NamedArray:

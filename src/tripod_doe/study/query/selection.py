@@ -27,10 +27,10 @@ class Selection:
     """One selection: a coordinate, and the values or the range that it may take."""
 
     name: str
-    values: tuple[float | str, ...] = ()  # numbers where they are, else texts
+    values: tuple[float | str, ...] = ()  # numbers if possible, else texts
     low: float = -math.inf
     high: float = math.inf
-    texts: tuple[str, ...] = ()  # what labels that are texts may be: all of it as it was written, and its parts
+    texts: tuple[str, ...] = ()  # allowed text labels: the selection as written, and its parts
 
 
 def parse_selection(text: str) -> Selection:
@@ -88,11 +88,11 @@ def _word(text: str) -> float | str:
 
 
 def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:
-    """Positions whose labels a selection takes; of many labels a stretch at a time is in memory.
+    """Positions of the labels that meet a selection; of many labels only a stretch is in memory.
 
     Args:
-        left: Positions among which they are looked for; None for all.
-        selection: What is wanted.
+        left: Positions to search; None for all.
+        selection: The selection.
     """
     if left is None and labels.is_counted:
         left = _around(selection, count)
@@ -124,7 +124,7 @@ def _stretches(labels: Variable, left: IntArray | None, count: int) -> Iterator[
 
 
 def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[Any]]]) -> float | str:
-    """The first of the labels nearest to a number; a text itself."""
+    """The first label nearest to a number; a text is returned unchanged."""
     best, least = wanted, math.inf
     for _, values in stretches:
         if isinstance(wanted, str) or values.dtype.kind not in "fiub":
@@ -157,7 +157,7 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
 
 
 def _refuse_impossible(selection: Selection) -> None:
-    """Refuse what no number can meet: NaN, and a range whose ends are the wrong way round."""
+    """Refuse selections that no number can meet: NaN, and a range with reversed ends."""
     numbers = [each for each in (*selection.values, selection.low, selection.high) if isinstance(each, float)]
     place = option("select", selection.name)
     if any(map(math.isnan, numbers)):

@@ -1,1 +1,1 @@
-"""The result directory of a study: who writes there, what it keeps, how it is checked, and its cube opened again."""
+"""The result directory of a study: its lock, its content, its check, and its cube opened again."""

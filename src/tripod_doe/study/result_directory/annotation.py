@@ -1,6 +1,6 @@
 """Annotations of a result: a name, an owner, tags and a note, in the file `about.toml` of its directory.
 
-It is no part of the study: changing it changes no point and no hash. The command `annotate`, the service and its page
+It is not part of the study: its changes affect no point and no hash. The command `annotate`, the service and its page
 read and write the same file; reports print it.
 """
 
@@ -29,7 +29,7 @@ _LARGEST_FILE = 200_000  # bytes
 class Annotation:
     """An annotation of a result; empty where nothing was written."""
 
-    name: str = ""  # in place of the study's own; `customer/joint-7` puts it into the folder `customer`
+    name: str = ""  # instead of the study's name; `customer/joint-7` puts it into the folder `customer`
     owner: str = ""
     tags: tuple[str, ...] = ()
     note: str = ""  # Markdown
@@ -40,7 +40,7 @@ class Annotation:
 
 
 def read_annotation(directory: Path) -> Annotation:
-    """Read what is written about the results of a directory; empty without a file.
+    """Read the annotation of a directory; empty without a file.
 
     Raises:
         InputError: If the file cannot be read, with the key that is wrong.
@@ -56,7 +56,7 @@ def read_annotation(directory: Path) -> Annotation:
 
 
 def _text(path: Path) -> str:
-    """The text of the file; what is opened is what is looked at, and a pipe is not waited for."""
+    """The text of the file; checks apply to the opened file, and a pipe does not block."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     with open(descriptor, encoding="utf-8") as stream:
         state = os.fstat(descriptor)
@@ -112,7 +112,7 @@ def _check_text(where: str, value: object, longest: int, lines: bool) -> None:
 
 
 def write_annotation(directory: Path, annotation: Annotation) -> None:
-    """Write what people say about the results of a directory; without anything to say, the file is removed.
+    """Write the annotation of a directory; an empty annotation removes the file.
 
     Raises:
         InputError: If this is no directory.
@@ -132,4 +132,4 @@ def write_annotation(directory: Path, annotation: Annotation) -> None:
         if value:
             table[key] = tomlkit.string(value, multiline="\n" in value) if isinstance(value, str) else list(value)
     replace_text(path, tomlkit.dumps(table))
-    path.chmod(0o600 | directory.stat().st_mode & 0o044)  # as open as the directory, whatever the umask of a server
+    path.chmod(0o600 | directory.stat().st_mode & 0o044)  # readable like the directory, independent of a server's umask

@@ -24,7 +24,7 @@ class CheckedFile:
     """A file with its damage."""
 
     path: Path
-    damage: str = ""  # a sentence with the remedy; empty where it is intact
+    damage: str = ""  # a sentence with the remedy; empty if intact
     note: str = ""  # parts that were not checked
     is_checked: bool = True  # whether any of it was
 
@@ -78,7 +78,7 @@ def _checked_netcdf(path: Path) -> CheckedFile:
 
 
 def _item_bytes(variable: Any) -> int:
-    """Bytes of a value in memory; of a text, which is as long as it is, those of its place."""
+    """Bytes of a value in memory; for a text the bytes of its reference."""
     return int(getattr(variable.dtype, "itemsize", _TEXT_BYTES))
 
 

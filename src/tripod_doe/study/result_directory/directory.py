@@ -125,7 +125,7 @@ class ResultDirectory:
         self._journal.remember({DERIVED: json.dumps(kept)})
 
     def note_found(self, sentence: str) -> None:
-        """Remember what this run was to look for, and found."""
+        """Store the search condition of this run and its result."""
         self._journal.remember({FOUND: sentence})
 
     @property
@@ -144,7 +144,7 @@ class ResultDirectory:
 
     @contextmanager
     def computing(self) -> Iterator[bool]:
-        """Mark that points are computed; gives whether an earlier process died while it computed here.
+        """Mark that points are computed; returns whether an earlier process died while computing here.
 
         The next run then keeps a point that ends its process away from this one.
         """

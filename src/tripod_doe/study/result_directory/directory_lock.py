@@ -28,7 +28,7 @@ _CLOCK = 2.0  # seconds by which the start of a process is uncertain
 
 
 class DirectoryLock:
-    """Lock of a directory for this process, whose host, number and token are written to its file ``.lock``.
+    """Lock of a directory for this process; its file ``.lock`` holds host, process number and token.
 
     Args:
         take_over: Whether to take the lock of a process of another host. A process of this host keeps it while it is

@@ -1,4 +1,4 @@
-"""What a run was to look for: the sentence that its process keeps with the results, for whoever reads them."""
+"""The search condition of a run: a sentence that its process stores with the results."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +13,7 @@ _LONGEST = 1_000  # characters of a sentence
 
 
 def found_in(directory: Path) -> str:
-    """The sentence of the latest run of a result directory; empty where there is none."""
+    """The sentence of the latest run of a result directory; empty without one."""
     if journal_path(directory).is_file():
         with suppress(TripodDoeError), Journal(directory, read_only=True) as journal:
             return printable(journal.recall(FOUND) or "")[:_LONGEST]

@@ -1,4 +1,4 @@
-"""The results of a study: its cube where it shows every finished point, else a cube made from the journal.
+"""The results of a study: its cube if it contains every finished point, else a cube made from the journal.
 
 While a study runs, and after an interrupt, finished points stand only in the journal.
 """
@@ -128,7 +128,7 @@ def unshown_state(path: Path) -> str:
 
 
 def _are_of(files: list[Path], study: str | None) -> bool:
-    """Whether files are results of a study, by its hash; true where the hash is not known."""
+    """Whether files are results of a study, by its hash; true if the hash is unknown."""
     return study is None or all(study_hash(file) == study for file in files)
 
 

@@ -1,4 +1,4 @@
-"""A run that goes on: which points of a study have no result yet, and whether a changed study may use the results."""
+"""Resumed runs: missing points of a study, and the check whether a changed study may use the results."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,7 +16,7 @@ from tripod_doe.study.study_points import StudyPoints
 
 
 class Resume:
-    """What is left to compute in a result directory.
+    """Missing points of a result directory.
 
     Args:
         path: The directory.
@@ -90,7 +90,7 @@ class Resume:
 
 
 def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
-    """Refuse formulas over outputs that the runs so far did not give."""
+    """Refuse formulas of outputs that earlier runs did not compute."""
     if not before.keep:  # a function, all of whose outputs are there
         return
     for response in study.responses:

@@ -23,7 +23,7 @@ CHOICE = "choice.nc"
 
 
 def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
-    """The choice that a directory holds, None where there is none; InputError if it was made for another accuracy."""
+    """The stored choice of a directory, None without one; InputError if it was made for another accuracy."""
     if not (directory / CHOICE).exists():
         return None
     frozen, auto = read_dataset(directory / CHOICE), auto_model_of(study)
@@ -44,7 +44,7 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
 
 
 def chosen_keys(study: Study, directory: Path) -> NDArray[np.void]:
-    """Fingerprints of the points for which a model is chosen already."""
+    """Fingerprints of the points with a chosen model."""
     frozen = frozen_choice(study, directory)
     keys = [] if frozen is None else frozen["point_key"].values.tolist()
     return np.frombuffer(b"".join(bytes.fromhex(key) for key in keys), dtype="V16")
@@ -68,6 +68,6 @@ def key_texts(study: Study, points: Points) -> NDArray[np.str_]:
 
 
 def auto_model_of(study: Study) -> AutoModel:
-    """The accuracy that a study with model = "auto" asks for."""
+    """The accuracy that a study with model = "auto" requires."""
     assert study.auto_model is not None
     return study.auto_model
