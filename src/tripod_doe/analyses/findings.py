@@ -35,7 +35,7 @@ from tripod_doe.quantities import digits_apart, level, number, text_range, with_
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
 _MOST_DIGITS = 6
-_MOST_NAMED = 3  # factors by which a point can be named
+_MOST_NAMED = 3  # factors that can identify a point
 
 
 def find(cube: xr.Dataset) -> list[str]:
@@ -139,7 +139,7 @@ def _chosen(cube: xr.Dataset) -> str:
 
 
 def _not_asked(cube: xr.Dataset) -> str:
-    """State that other orders and the waveform are not shown; empty where they are not in the cube."""
+    """State that other orders and the waveform are not shown; empty if they are not in the cube."""
     orders = asked_orders(cube)
     if orders is None:
         return ""
@@ -240,7 +240,7 @@ def _range(response: Response, cube: xr.Dataset) -> str:
 
 
 def _place(cube: xr.Dataset, at: int) -> str:
-    """The point with this number in brackets, by its factors that vary; empty where they are too many to read."""
+    """The point with this number in brackets, described by its varying factors; empty if they are too many."""
     columns = point_columns(cube, np.ones(cube["outcome"].shape, bool))
     varying = {name: column for name, column in columns.items() if varies(column)}
     if not 0 < len(varying) <= _MOST_NAMED:
@@ -254,7 +254,7 @@ def _place(cube: xr.Dataset, at: int) -> str:
 
 
 def _one_level(cube: xr.Dataset) -> list[str]:
-    """Factors of which only one level finished, so that nothing is known of their effect."""
+    """Factors with only one finished level, so that their effect is unknown."""
     every = point_columns(cube, np.ones(cube["outcome"].shape, bool))
     done = point_columns(cube, finished(cube).values)
     lost = [name for name in every if varies(every[name]) and done[name].size and not varies(done[name])]

@@ -54,7 +54,7 @@ class OutputTable:
         return np.asarray(high - low > _CONSTANT * largest)
 
     def named(self, key: str) -> NDArray[np.bool_]:
-        """The components that OUTPUT or OUTPUT_ORDER names, none where it names another output; shape (component,)."""
+        """The components that OUTPUT or OUTPUT_ORDER names, none if it names another output; shape (component,)."""
         shape = self.variable.shape[1:]
         if key == self.name:
             return np.ones(shape, bool).ravel()
@@ -103,7 +103,7 @@ class OutputTable:
 
 
 def chosen_outputs(cube: xr.Dataset, asked: Iterable[str]) -> list[str]:
-    """Names of the outputs to analyse: those asked for, else all that are results.
+    """Names of the outputs to analyse: the requested ones, else all results.
 
     Raises:
         InputError: If an output is not in the cube, or no point finished.

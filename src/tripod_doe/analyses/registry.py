@@ -1,4 +1,4 @@
-"""All analyses and figures: one row each, with what computes, its settings, and where its sentences and charts are.
+"""All analyses and figures: one row each, with its function, its settings, and the place of its sentences and charts.
 
 To add an analysis, write its function, decorated with `makes_kind`, and a model of its settings, and add a row here.
 Sentences, table and figures are optional. They are named as ``module:function`` below `tripod_doe.analyses` and
@@ -274,7 +274,7 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
 
 
 def table_of(data: xr.Dataset) -> Table | None:
-    """The table of an analysis, None where it has none."""
+    """The table of an analysis; None if it has none."""
     row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))
     table = search[1] if search else row.table if row else ""
     return _load(table)(data) if table else None

@@ -1,4 +1,4 @@
-"""Intervals by resampling: the bootstrap for blocks that stand alone, random halves where repeated points count."""
+"""Intervals by resampling: the bootstrap for independent blocks, random halves if repeated points matter."""
 
 from collections.abc import Iterator
 from statistics import NormalDist
@@ -42,7 +42,7 @@ def random_halves(count: int, resamples: int, seed: int) -> Iterator[IntArray]:
 
 
 def studentised_half_width(values: FloatArray, weights: FloatArray, confidence: float) -> FloatArray:
-    """Half width of the interval of a mean over few blocks, NaN where the blocks are too few for one.
+    """Half width of the interval of a mean over few blocks; NaN if the blocks are too few.
 
     Quantile of |mean* - mean| / s* over bootstrap resamples, times s (symmetric bootstrap t, Hall 1988): it widens for
     few and for skewed values, and is unbounded where resamples without any spread differ from the mean, as where the

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 SHARES = [at / 200 for at in range(1, 200)]
-"""Probabilities of the quantiles that draw a distribution, besides those asked for."""
+"""Probabilities of the quantiles that draw a distribution, besides the requested quantiles."""
 
 
 def _between_0_and_1(values: list[float]) -> list[float]:

@@ -1,6 +1,6 @@
-"""The command line: one module per command, the parser that they share, and `main`, which runs them.
+"""The command line: one module per command, the shared parser, and `main`, which runs a command.
 
-A module imports what its command needs when it is called, so that each command loads only that.
+A module imports what its command needs only when the command is called, so that each command loads little.
 """
 
 from tripod_doe.cli.main import main

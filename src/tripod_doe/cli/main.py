@@ -59,7 +59,7 @@ COMMANDS = {
     "docs": docs.COMMAND,
     "completion": completion.COMMAND,
 }
-"""All commands by the word that calls them, in the order of the help."""
+"""All commands by name, in the order of the help."""
 
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 _NO_MEMORY = re.compile(
@@ -68,7 +68,7 @@ _NO_MEMORY = re.compile(
 
 
 class _Version(argparse.Action):
-    """Print the version, which is looked up only when it is asked for."""
+    """Print the version, which is looked up only for this flag."""
 
     def __call__(self, *call: Any) -> NoReturn:
         from importlib.metadata import version
@@ -115,11 +115,11 @@ def _run_command(arguments: Sequence[str]) -> int:
             file=sys.stderr,
         )
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has seen enough
+    except BrokenPipeError:  # the reader has closed our output
         sys.stderr.close()
         return DONE
     except Exception as error:
-        if str(error).startswith("NetCDF:"):  # a part of a large cube, read when it was used
+        if str(error).startswith("NetCDF:"):  # a part of a large cube, read on first use
             damaged = f"a netCDF file of these results is damaged ({error}); tripod-doe check DIR names it"
             print(f"tripod-doe: {damaged}", file=sys.stderr)
             return WRONG_INPUT
@@ -127,7 +127,7 @@ def _run_command(arguments: Sequence[str]) -> int:
 
 
 def _ran(options: argparse.Namespace) -> int:
-    """Run the command of a call, and pass on how it ended where that is asked for."""
+    """Run the command of a call, and send the notification of its end if requested."""
     if options.command is serve.COMMAND.run or getattr(options, "notify", None) is None:
         return int(options.command(options))
     from tripod_doe.notification import Notifier
@@ -154,7 +154,7 @@ def _ran(options: argparse.Namespace) -> int:
 
 
 def _flushed(code: int) -> int:
-    """The exit code of a call for help, whose answer argparse writes."""
+    """The exit code of a call for help, which argparse prints."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -163,21 +163,21 @@ def _flushed(code: int) -> int:
 
 
 def _printed(error: Exception) -> int:
-    """Print the reason of an error on standard error; returns the exit code."""
+    """Print the reason of an error on standard error; return the exit code."""
     try:
         if reason := _reason(error):
             print(f"tripod-doe: {reason}", file=sys.stderr)
         else:
             traceback.print_exception(error)
             print("tripod-doe: internal error (please report it with the lines above)", file=sys.stderr)
-    except OSError:  # standard error is full, too
+    except OSError:  # standard error is also full
         pass
     _give_up_output()
     return INTERNAL
 
 
 def _reason(error: Exception) -> str:
-    """The fault of the machine behind an error; empty where the program is at fault."""
+    """The fault of the machine behind an error; empty if the program is at fault."""
     if isinstance(error, MemoryError) or (isinstance(error, ImportError | OSError) and _NO_MEMORY.search(str(error))):
         return "there is not enough memory, or ulimit -v is too low; finished points are kept"
     if isinstance(error, OSError) and error.errno in _DISK:
@@ -187,7 +187,7 @@ def _reason(error: Exception) -> str:
 
 
 def _give_up_output() -> None:
-    """Drop what could not be written to standard output, which Python would try again as it ends."""
+    """Drop unwritten standard output, which Python would try to write again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -204,7 +204,7 @@ def _dashes(word: str) -> str:
 
 
 def build_parser(arguments: Sequence[str]) -> Parser:
-    """The parser of all commands; the words of the call decide which scene's parameters are flags of `simulate`."""
+    """The parser of all commands; `arguments` names the scene whose parameters are flags of `simulate`."""
     root = Parser(prog="tripod-doe", description="Parameter studies for the thrust force of tripod joints.")
     root.add_argument("--version", action=_Version, nargs=0, help="print the version")
     parsers = root.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)

@@ -1,4 +1,4 @@
-"""How the words of a command are read: the parser, what several commands take, and exit codes."""
+"""The parser of commands, arguments that several commands share, and exit codes."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ class Parser(argparse.ArgumentParser):
         self.error(unknown if flag.startswith("-") else f"unexpected argument {word!r}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse a word that is none of an argument's choices, with the nearest one (argparse only lists them)."""
+        """Refuse a word that is not a choice of an argument, and name the nearest choice (argparse only lists them)."""
         if action.choices is not None and value not in action.choices:
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near_match(str(value), action.choices)}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Write help to standard output; argparse would say nothing where it cannot be written."""
+        """Write help to standard output; argparse would ignore an error in writing."""
         (file or sys.stderr).write(message)
 
     def error(self, message: str) -> NoReturn:
-        """Print the message and where to look, and leave with exit code 2."""
+        """Print the message and where to find help, and exit with code 2."""
         print(f"{self.prog}: {message}", file=sys.stderr)
         print(f"try: {self.prog} --help", file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
@@ -48,9 +48,9 @@ class Parser(argparse.ArgumentParser):
 
 @dataclass(frozen=True)
 class Command:
-    """One word of the command line: its line of help, the function that adds its arguments, and the one that runs it.
+    """One command: its line of help, the function that adds its arguments, and the function that runs it.
 
-    The latter takes the parsed options and returns the exit code; it imports what it needs when it is called.
+    The run function takes the parsed options and returns the exit code; it imports what it needs when it is called.
     """
 
     help: str
@@ -59,7 +59,7 @@ class Command:
 
 
 def parameter_value(parameter: Parameter, text: str, flag: str) -> Any:
-    """The value of a parameter by its text, which stands behind a flag."""
+    """The value of a parameter from the text after its flag."""
     if parameter.kind == "choice":
         return text
     try:
@@ -104,7 +104,7 @@ def add_selection(parser: Parser, text: str) -> None:
 
 
 def add_execution(parser: Parser, workers: str) -> None:
-    """Add the flags that say where points run and which run again; `workers` says what the worker processes are."""
+    """Add the flags for where points run and which run again; `workers` describes the worker processes."""
     parser.add_argument(
         "--workers",
         metavar="N",
@@ -119,7 +119,7 @@ def add_execution(parser: Parser, workers: str) -> None:
 
 
 def add_notify(parser: Parser) -> None:
-    """Add the flag that says who gets word of the end of a run."""
+    """Add the flag that names whom to notify at the end of a run."""
     parser.add_argument(
         "--notify",
         metavar="COMMAND|URL|@FILE",

@@ -11,12 +11,12 @@ from tripod_doe.errors import InputError
 
 
 class _Once(argparse.Action):
-    """A flag whose second value would replace the first one in silence."""
+    """A flag that may be given only once; argparse would silently keep the last value."""
 
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, flag: str | None = None
     ) -> None:
-        """Take the value, or end with a message where there is one."""
+        """Take the value, or end with a message if there is already one."""
         if getattr(namespace, self.dest) is not None:
             parser.error(f"{flag} {values}: give one; query each variable by itself")
         setattr(namespace, self.dest, values)
@@ -62,7 +62,7 @@ def _run(options: argparse.Namespace) -> int:
         if options.variable not in cube.variables and (files := analyses_with(options.cube, options.variable)):
             raise InputError(f"--variable {options.variable}: this variable stands in {' and '.join(map(str, files))}")
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
-        for note in cube.model_notes[:1]:  # the verdict; the report has its grounds
+        for note in cube.model_notes[:1]:  # the verdict; the report gives the reasons
             if Trust.DOUBTFUL.label in note:
                 print(note, file=sys.stderr)
         if columns[options.variable].size == 0:

@@ -62,7 +62,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _hand_on(directory: Path, form: str, place: Path) -> int:
-    """Write a part of a report, and print where it is."""
+    """Write a part of a report, and print its path."""
     from tripod_doe.atomic_files import refuse_links, replace_file
     from tripod_doe.reports.one_page import figures_of, one_page
     from tripod_doe.reports.workbook import tables_of

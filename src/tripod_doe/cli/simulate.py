@@ -23,7 +23,7 @@ _LONG = 1.0  # CPU seconds of a point above which its price is printed first
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
-    """The parameters of the scene are flags; they are added only where `simulate` is called, as they take imports."""
+    """Add flags; the scene's parameters become flags only if `simulate` is called, since they need slow imports."""
     scene = parser.add_argument("--scene", default="joint", metavar="S")
     scene.help = "what to simulate (default joint)"
     add_format(parser)
@@ -50,7 +50,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _scene_named_in(arguments: Sequence[str]) -> str:
-    """The scene decides which flags exist, so it is looked for before they are parsed."""
+    """The scene in the call, read before parsing, since it decides which flags exist."""
     finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     finder.add_argument("--scene", default="joint")
     return str(finder.parse_known_args(list(arguments))[0].scene)
@@ -99,10 +99,10 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _file_values(path: Path, simulator: Simulator, given: Collection[str]) -> dict[str, Any]:
-    """The values of one point that a file states: in [base], and of factors with one value.
+    """The values of one point that a file states: [base], and factors with one value.
 
     Raises:
-        InputError: If a value is wrong, or the file varies a parameter that is not among those given.
+        InputError: If a value is wrong, or the file varies a parameter that is not given as a flag.
     """
     from tripod_doe.model_interface import check_parameters
     from tripod_doe.study.definition.toml_text import parse_toml, read_text
@@ -129,7 +129,7 @@ def _file_values(path: Path, simulator: Simulator, given: Collection[str]) -> di
 
 
 def _varied(tables: Mapping[str, Any], known: Collection[str]) -> dict[str, list[Any]]:
-    """The listed values of each parameter that a file varies, none where it states a range, by its name."""
+    """By name, the listed values of each parameter that a file varies; empty for a range."""
     groups = [tables.get(name) for name in _VARYING]
     rows = {name: row for group in groups if isinstance(group, dict) for name, row in group.items() if name in known}
     levels = {name: row.get("values") if isinstance(row, dict) else None for name, row in rows.items()}
@@ -137,7 +137,7 @@ def _varied(tables: Mapping[str, Any], known: Collection[str]) -> dict[str, list
 
 
 def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:
-    """The outputs to print, each of which the scene must have."""
+    """The outputs to print; the scene must have each of them."""
     for name in names or ():
         if name not in simulator.outputs:
             near = closest(name, simulator.outputs) or f": {', '.join(simulator.outputs)}"

@@ -1,1 +1,1 @@
-"""Records of a rig: read as recorders write them, put over the rotation angle, tracked by orders."""
+"""Records of a rig: read recorder files, map samples to the rotation angle, track orders."""

@@ -1,7 +1,7 @@
-"""Headings that recorders give to columns: names in several languages, with their units.
+"""Headings of columns in recorder files: names in several languages, with their units.
 
-A heading is known by our name (``thrust_n``), by a usual name (``Time``, ``Zeit/s``, ``Axial force [kN]``), or by words
-within a longer one (``CH3 Axialkraft Gehäuse (N)``).
+A heading is recognised by our name (``thrust_n``), by a usual name (``Time``, ``Zeit/s``, ``Axial force [kN]``), or by
+words within a longer name (``CH3 Axialkraft Gehäuse (N)``).
 """
 
 import math
@@ -15,7 +15,7 @@ from tripod_doe.errors import InputError, closest, option
 
 @dataclass(frozen=True)
 class Role:
-    """What a column can be."""
+    """A quantity that a column can hold."""
 
     telling: tuple[str, ...]  # names that also count within a longer heading
     plain: tuple[str, ...]  # names that count alone
@@ -75,16 +75,16 @@ ROLES = {
         _SPEED,
     ),
 }  # fmt: skip
-"""Columns of a record by our name of each; the last three say where the joint was, and may stand elsewhere."""
+"""Roles of columns by our names; the last three give the operating point, which may be stated elsewhere."""
 
 OPERATING = ("joint_angle_deg", "torque_n_m", "speed_rpm")
-"""Roles that may be a column, but need not."""
+"""Roles of optional columns."""
 
 _LEVELS = {"v", "mv", "ttl"}
-"""Units of a tachometer's signal, also where it is called speed."""
+"""Units of a tachometer's signal, even if its heading says speed."""
 
 _OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
-_COMPOUND = 7  # letters from which a name is known within a longer word, as in Antriebsdrehmoment
+_COMPOUND = 7  # least letters of a name recognised within a longer word, as in Antriebsdrehmoment
 _BRACKETS = re.compile(r"^(.*?)\s*(?:\[\s*(.*?)\s*\]|<\s*(.*?)\s*>|\(\s*(.*?)\s*\))\s*$")
 _APART = re.compile(r"\s+in\s+|[\s/,;:_]+")
 
@@ -97,7 +97,7 @@ def plain_words(text: str) -> str:
 
 
 def unit_key(unit: str) -> str:
-    """A unit as the tables of units hold it."""
+    """A unit in the form of the keys of the unit tables."""
     return re.sub(r"[\s.·⋅*^]", "", unit.replace("⁻¹", "-1").replace("μ", "µ")).casefold()
 
 
@@ -108,14 +108,14 @@ _OTHER_UNITS = set(
 
 
 def is_unit(text: str) -> bool:
-    """Whether a field below a heading is a unit that some column of a record may have."""
+    """Whether a field below a heading is a possible unit of a record's column."""
     return unit_key(text.strip().strip("[]()<>").strip()) in KNOWN_UNITS | _OTHER_UNITS
 
 
 def name_and_unit(role: str, heading: str) -> tuple[str, str]:
-    """Name and unit of a heading for a role; no unit where it names none.
+    """Name and unit of a heading for a role; no unit if the heading has none.
 
-    What stands in square brackets is a unit; in round ones, or at the end, it is one if the role knows it.
+    Text in square brackets is a unit; text in round brackets, or at the end, is a unit if the role knows it.
     """
     units = ROLES[role].units
     if (match := _BRACKETS.match(heading)) is not None:
@@ -130,10 +130,10 @@ def name_and_unit(role: str, heading: str) -> tuple[str, str]:
 
 
 def unit_factor(role: str, heading: str) -> float:
-    """What values under a heading are multiplied by: 1 where it names no unit.
+    """Factor for the values under a heading: 1 if the heading has no unit.
 
     Raises:
-        InputError: If it names a unit that the role does not know.
+        InputError: If the heading has a unit that the role does not know.
     """
     units = ROLES[role].units
     if not units or heading == role:
@@ -147,7 +147,7 @@ def unit_factor(role: str, heading: str) -> float:
 
 
 def _rank(role: str, heading: str) -> tuple[int, int] | None:
-    """How well a heading names a role, the better the smaller, and by how many letters; None if it does not."""
+    """How well a heading names a role (smaller is better), and the number of matching letters; None if it does not."""
     if heading == role:
         return _OWN, 0
     for name in (plain_words(heading), plain_words(name_and_unit(role, heading)[0])):
@@ -165,14 +165,14 @@ def _holds(name: str, phrase: str) -> bool:
 
 
 def roles_of(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, int]:
-    """Position of every column that is known, by our name of it.
+    """Position of every recognised column, by our name of the column.
 
     Args:
-        headings: Those of the file.
+        headings: Headings of the file.
         given: Headings by our names, as the user wrote them.
 
     Raises:
-        InputError: If a given heading is not there, or two headings name a role alike.
+        InputError: If a given heading is missing, or two headings match a role equally well.
     """
     positions = {role: given_position(role, heading, headings) for role, heading in given.items()}
     free = [place for place in range(len(headings)) if place not in positions.values()]
@@ -191,7 +191,7 @@ def roles_of(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, int
 
 
 def _claims(heading: str) -> dict[str, tuple[int, int]]:
-    """Roles that a heading may name; words within it count for the role of the longest ones."""
+    """Roles that a heading may name; of words within it, the longest match decides."""
     ranks = {role: rank for role in ROLES if (rank := _rank(role, heading)) is not None}
     if "speed_rpm" in ranks and unit_key(name_and_unit("speed_rpm", heading)[1]) in _LEVELS:
         return {"tacho": ranks["speed_rpm"]}
@@ -201,7 +201,7 @@ def _claims(heading: str) -> dict[str, tuple[int, int]]:
 
 
 def given_position(role: str, given: str, headings: Sequence[str]) -> int:
-    """Position of the heading that a user named: as it is written, or without its unit, case and signs."""
+    """Position of the heading that a user named: an exact match, or a match without unit, case and signs."""
     if given in headings:
         return headings.index(given)
     for form in (_without_unit, plain_words):
@@ -228,7 +228,7 @@ def _without_unit(heading: str) -> str:
 
 
 def unit_given(heading: str, given: str | None) -> str:
-    """A heading with the unit that the user wrote behind it, where it names another one or none."""
+    """A heading with the unit that the user wrote after it, if the heading has another unit or none."""
     match = _BRACKETS.match(given or "")
     return (
         heading

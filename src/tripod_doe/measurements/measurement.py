@@ -1,13 +1,13 @@
-"""A measured thrust force over the rotation angle: read from a file, with the angle from a tachometer where needed.
+"""A measured thrust force over the rotation angle: read from a file, with the angle from a tachometer if needed.
 
 Columns, recognised by their names in several languages (`headings`); others are ignored:
 
 - ``thrust_n``: thrust force on the housing in N, positive towards the intermediate shaft; empty or NaN at a dropout;
-- ``rotation_deg``: rotation angle of the housing in degrees, growing; a jump back by a whole turn is taken as one;
-- or ``time_s`` in seconds, growing, and ``tacho`` in any unit: pulses or a square wave, whose rising edges count.
+- ``rotation_deg``: rotation angle of the housing in degrees, increasing; a jump back by a turn means the next turn;
+- or ``time_s`` in seconds, increasing, and ``tacho`` in any unit: pulses or a square wave, whose rising edges count.
 
-With ``rotation_deg`` a column ``time_s`` is optional: it gives the speeds. Joint angle, torque and speed of the record
-are taken from its notes, its columns or its name (`operating_point`).
+With ``rotation_deg``, a column ``time_s`` is optional: it gives the speeds. Joint angle, torque and speed of the record
+come from its notes, its columns or its file name (`operating_point`).
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from tripod_doe.measurements.record_file import Record, read_record
 from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses
 from tripod_doe.quantities import number
 
-_MOST_LOST = 0.2  # of the samples; with more dropouts a record is refused
-_APART = 0.05  # relative: how far two statements of one value may be apart
-_ENDS = 0.15  # part of the range beside its ends, where the samples of a pulse train are
-_PULSED = 0.9  # part of the samples that are there
+_MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
+_APART = 0.05  # largest relative difference of two statements of one value
+_ENDS = 0.15  # part of the range at each end, near which the samples of a pulse train lie
+_PULSED = 0.9  # part of the samples that must lie there
 
 
 @dataclass(frozen=True)
@@ -40,23 +40,23 @@ class Measurement:
 
     rotation_deg: FloatArray  # rotation angle from an arbitrary zero, not falling, unwrapped; degrees, shape (sample,)
     thrust_n: FloatArray  # thrust force in N, NaN at dropouts, shape (sample,)
-    time_s: FloatArray | None  # time of the samples in s, shape (sample,); None where it is not known
-    zero: str  # what the zero of the angle is, in words
+    time_s: FloatArray | None  # time of the samples in s, shape (sample,); None if unknown
+    zero: str  # the zero of the angle, in words
     lost_samples: int = 0  # rows without a value in any needed column
     lost_pulses: int = 0  # missing pulses, inferred from their neighbours and counted
-    extra_pulses: int = 0  # edges that were no pulses: bounces and spikes
+    extra_pulses: int = 0  # edges that are not pulses: bounces and spikes
     # name, digest: the file and its SHA-256 (16 hex digits), for the record
     name: str = ""
     digest: str = ""
-    # in words, which headings of the file were taken for which columns; empty where they are named as ours
+    # in words, the column assigned to each heading; empty if the file uses our names
     columns: str = ""
-    # largest error of the angle that may be the same in all revolutions, deg
+    # largest angle error that may repeat in all revolutions, deg
     angle_error_deg: float = 0.0
-    # rising edges of the tachometer per revolution, given or assumed; None with an angle of its own
+    # rising edges of the tachometer per revolution, given or assumed; None if the record has an angle
     pulses_per_revolution: int | None = None
     # joint angle, torque and speed as the record states them, by parameter
     operating: Mapping[str, float] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()  # sentences on what was assumed
+    remarks: tuple[str, ...] = ()  # sentences on assumptions
 
 
 def read_measurement(
@@ -73,10 +73,10 @@ def read_measurement(
         path: Table with headings, see `read_record`.
         pulses_per_revolution: Rising edges of the tachometer per revolution of the housing; they are inferred if
             omitted, and the remarks say so.
-        columns: Headings of the file by our names of the columns, where they are not known.
+        columns: Headings of the file by our names of the columns, for headings that are not recognised.
         pattern: Name of the file with fields for parameters, see `operating_point.from_name`.
-        speed_rpm: Speed, where it is known from elsewhere; it gives the pulses per revolution.
-        sign: -1 where the force of the record is positive away from the intermediate shaft.
+        speed_rpm: Speed, if known from another source; it gives the pulses per revolution.
+        sign: -1 if the force of the record is positive away from the intermediate shaft.
 
     Returns:
         Measurement
@@ -105,7 +105,7 @@ def read_measurement(
 
 
 def _operating(record: Record, stated: Mapping[str, float]) -> dict[str, float]:
-    """What a record states of its operating point: its name before its notes, notes before columns."""
+    """The operating point that a record states: the file name has priority over notes, notes over columns."""
     notes = from_notes(record.notes)
     for name in stated.keys() & notes.keys():
         if abs(stated[name] - notes[name]) > _APART * abs(notes[name]):
@@ -146,7 +146,7 @@ def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) ->
 
 
 def _with_pulsed_speed(columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-    """Columns of which one called speed is the tachometer, where there is no other and it holds pulses."""
+    """The columns, with a column called speed as the tachometer if there is no other and it holds pulses."""
     if "speed_rpm" not in columns or {"tacho", "rotation_deg"} & columns.keys():
         return columns
     values = columns["speed_rpm"][np.isfinite(columns["speed_rpm"])]
@@ -159,7 +159,7 @@ def _with_pulsed_speed(columns: Mapping[str, FloatArray]) -> Mapping[str, FloatA
 
 
 def _unwrapped(degrees: FloatArray) -> FloatArray:
-    """An angle that starts again after each turn, made to run on; other steps backwards stay to be refused."""
+    """Unwrap an angle that starts again after each turn; keeps other backward steps, which are refused later."""
     turns = np.cumsum(np.diff(degrees, prepend=degrees[:1]) < -180)
     return degrees + 360.0 * turns
 
@@ -195,11 +195,11 @@ def rotation_from_tachometer(
     Args:
         time_s, tacho, thrust_n: Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
         pulses_per_revolution: Rising edges per revolution; inferred if omitted.
-        lost_samples: Rows that were left out before, for the record.
-        speed_rpm: Speed, where it is known.
+        lost_samples: Rows left out before; stored in the result.
+        speed_rpm: Speed, if known.
 
     Raises:
-        InputError: If there are no pulses, too few, or irregular ones that cannot be mended.
+        InputError: If there are no pulses, too few pulses, or irregular pulses that cannot be repaired.
     """
     if pulses_per_revolution is not None and pulses_per_revolution < 1:
         raise InputError(f"{option('pulses_per_revolution', pulses_per_revolution)}: at least 1 is needed")
@@ -224,5 +224,5 @@ def rotation_from_tachometer(
 
 
 def stated_parameters(measured: Measurement) -> dict[str, float]:
-    """Joint angle and torque that a record states; its speed follows from its revolutions."""
+    """Joint angle and torque that a record states; the speed follows from its revolutions."""
     return {name: measured.operating[name] for name in OPERATING if name in measured.operating}

@@ -1,4 +1,4 @@
-"""Where a joint was when a record was made: its notes, columns or the name of its file say so."""
+"""Operating point of the joint in a record, from its notes, its columns or its file name."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.headings import OPERATING, ROLES, plain_words, unit_key
 
 _NUMBER = r"([+-]?\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
-_MOST_STARS = 3  # of a pattern: the time to match it grows by the length of a name for each
+_MOST_STARS = 3  # stars in a pattern: each multiplies the matching time by the length of a name
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _UNIT_BEFORE = r"(?:\s*[\[(]([^\])]*)[\])])?"
 _UNIT_BEHIND = r"(?:\s*[;,\t]?\s*[\[(]?([^\s;,\t\])]+))?"
@@ -20,7 +20,7 @@ _UNIT_BEHIND = r"(?:\s*[;,\t]?\s*[\[(]?([^\s;,\t\])]+))?"
 def from_notes(notes: Sequence[str]) -> dict[str, float]:
     """Operating values that a recorder wrote before its table: ``Joint angle: 8 deg``, ``Drehmoment;50,0;Nm``.
 
-    A name, then its unit in brackets or nothing, a sign between, the number, and its unit where it stands there.
+    A name, an optional unit in brackets, a separator, the number, and an optional unit.
     """
     known: dict[str, float] = {}
     for role in OPERATING:
@@ -35,7 +35,7 @@ def from_notes(notes: Sequence[str]) -> dict[str, float]:
 
 
 def _factor(role: str, *units: str | None) -> float | None:
-    """Factor of the first of some units that the role knows."""
+    """Factor of the first unit that the role knows."""
     keys = [unit_key(unit) for unit in units if unit]
     return next((ROLES[role].units[key] for key in keys if key in ROLES[role].units), None)
 
@@ -50,7 +50,7 @@ def from_columns(columns: Mapping[str, FloatArray]) -> dict[str, float]:
 
 
 def from_name(name: str, pattern: str) -> dict[str, float]:
-    """Values that stand in the name of a file.
+    """Values in the name of a file.
 
     Args:
         name: Name of the file.
@@ -58,7 +58,7 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
             any text, and a decimal point may be written as p or comma.
 
     Raises:
-        InputError: If the pattern has no fields, names no parameter of the joint, or the name is of another form.
+        InputError: If the pattern has no fields, a field is no parameter of the joint, or the name does not match.
     """
     names = [_parameter(field, pattern) for field in _FIELD.findall(pattern)]
     if not names:
@@ -77,7 +77,7 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
 
 
 def _parameter(field: str, pattern: str) -> str:
-    """The parameter that a field of a pattern names, by its name or a usual one."""
+    """The parameter that a field of a pattern names, by our name or a usual name."""
     name = field.strip().replace("-", "_")
     if name in JOINT_PARAMETERS:
         return name

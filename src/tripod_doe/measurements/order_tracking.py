@@ -1,10 +1,10 @@
 """Order tracking: the rotating orders and the waveform of every revolution of a measured signal.
 
-The orders of each revolution are fitted to its samples at their own angles, so nothing is interpolated across
-dropouts. For evenly spaced samples the result equals the Fourier transform.
+The orders of each revolution are fitted to its samples at their angles, without interpolation across dropouts. For
+evenly spaced samples the result equals the Fourier transform.
 
-A drift of s per revolution would add a sawtooth, s / (pi k) to order k, in each revolution alike. So the drift is taken
-from the change of the mean from one revolution to the next, and what it adds is subtracted.
+A drift of s per revolution would add a sawtooth to every revolution, s / (pi k) to order k. So the drift is estimated
+from the change of the mean from one revolution to the next, and its sawtooth is subtracted.
 """
 
 from itertools import pairwise
@@ -30,9 +30,9 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
     """Rotating orders 0 to 12 of every whole revolution: order tracking, for instance of a run-up.
 
     In each revolution f(phi_i) = sum_k Re(C_k exp(i k phi_i)) is solved for C_k by least squares over its samples.
-    With N evenly spread samples and white noise of deviation sigma, the deviation of an amplitude is
-    sigma sqrt(2/N), and that of a phase is this over the amplitude, in rad. A gap raises them: all revolutions with
-    a gap wider than 360/25 = 14.4 deg are left out. A linear drift adds nothing. Cost: 2 N 25^2 operations a turn.
+    With N evenly spaced samples and white noise of standard deviation sigma, an amplitude has the standard deviation
+    sigma sqrt(2/N), and a phase this value divided by the amplitude, in rad. A gap raises both: revolutions with a gap
+    wider than 360/25 = 14.4 deg are left out. A linear drift adds nothing. Cost: 2 N 25^2 operations per revolution.
 
     Args:
         rotation_deg: Rotation angle, not falling, in degrees, shape (sample,).
@@ -44,7 +44,7 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
         (revolution); attributes ``revolutions_used``, ``revolutions_left_out`` and ``drift_n_per_revolution``.
 
     Raises:
-        InputError: If there are less than two revolutions, whole or without wide gaps, or too few samples in them.
+        InputError: If there are fewer than two whole revolutions without wide gaps, or they have too few samples.
     """
     there = np.isfinite(thrust_n)
     bounds = _revolutions(rotation_deg)
@@ -127,10 +127,10 @@ def _fit(angle_deg: FloatArray, force: FloatArray) -> ComplexArray:
 def resample(rotation_deg: FloatArray, thrust_n: FloatArray) -> FloatArray:
     """The thrust force over 0, 1, ... 359 deg of every whole revolution, as means over 1 deg.
 
-    The signal is integrated over the angle and differenced at the cells' ends: faster sampling is averaged, which
-    keeps noise from folding back, slower is joined by straight lines. Order k comes out smaller by the factor
-    sin(x)/x, x = pi k/360: 0.2 % at order 12. Dropouts, and what is beside them by more than two and a half
-    median steps, are NaN.
+    The signal is integrated over the angle and differenced at the ends of the cells: this averages faster sampling,
+    which prevents aliasing of noise, and joins slower sampling with straight lines. Order k is multiplied by
+    sin(x)/x, x = pi k/360: 0.2 % smaller at order 12. Dropouts, and cells in gaps wider than two and a half median
+    steps, are NaN.
 
     Args:
         rotation_deg: Rotation angle, not falling, in degrees, shape (sample,).

@@ -1,7 +1,7 @@
-"""Files of measurements as recorders write them: separators, decimal commas, lines before the table, encodings.
+"""Measurement files of recorders: separators, decimal commas, lines before the table, encodings.
 
-Text files, and TDMS files where npTDMS is installed (the extra ``tdms``). The headings say which column is what
-(`headings`); values are converted to the units of this package.
+Text files, and TDMS files if npTDMS is installed (the extra ``tdms``). The headings identify the columns (`headings`);
+values are converted to the units of this package.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tripod_doe.regular_files import refuse_irregular
 
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))
 """Separator (None: spaces) and decimal sign, in the order in which they are preferred."""
-_LOOKED_AT = 300  # lines from which separator and beginning of the table are known
+_LOOKED_AT = 300  # lines that determine the separator and the start of the table
 _CLOCK = re.compile(r"(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=\D*$)")
 _GAPS = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "null", "none", "inf", "-inf", "ovl", "overflow", "ovr"}
 _MDF = b"MDF     "
@@ -36,16 +36,16 @@ _MDF = b"MDF     "
 class Record:
     """A table of a measurement."""
 
-    # values by our names of the columns, in our units; NaN where a field is empty. Shape (row,) each.
+    # values by our names of the columns, in our units; NaN for an empty field. Shape (row,) each.
     columns: Mapping[str, FloatArray]
     headings: tuple[str, ...]  # all headings of the file, with the units of a line of units
-    taken: str  # in words, which heading was taken for which column; empty where the file has our own names
-    notes: tuple[str, ...] = ()  # lines before the table and comments: what the recorder says of the record
+    taken: str  # in words, the column assigned to each heading; empty if the file uses our names
+    notes: tuple[str, ...] = ()  # lines before the table, and comments: the recorder's notes on the record
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of a file as they are."""
+    """Columns of a file, unchanged."""
 
     headings: Sequence[str]
     columns: Sequence[pd.Series[float]]
@@ -59,8 +59,8 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
     Args:
         path: Text file: numbers in columns, headings before them; a line of units may follow the headings. Lines that
             start with # are notes. Or a TDMS file.
-        given: Headings by our names, where the file's are not known. A unit in brackets behind a heading counts in
-            place of the file's.
+        given: Headings by our names, for headings that are not recognised. A unit in brackets after a heading replaces
+            the unit in the file.
 
     Raises:
         InputError: If the file cannot be read, holds no table, a heading is ambiguous or its unit unknown, or a field
@@ -74,7 +74,7 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
             factor = unit_factor(role, heading)
             values = _numbers(table.columns[position], heading, table.decimal, role)
         except InputError:
-            if role in OPERATING and role not in given:  # may stand elsewhere
+            if role in OPERATING and role not in given:  # may be stated elsewhere
                 continue
             raise
         columns[role] = factor * values
@@ -91,10 +91,10 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     notes, lines = _lines(path)
     separator, decimal = _form(lines[:_LOOKED_AT])
     first = next((i for i, line in enumerate(lines) if _is_numeric(line, separator, decimal)), len(lines))
-    if first == len(lines):  # a column of words stands among the numbers
+    if first == len(lines):  # there is a column of words among the numbers
         first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, separator, decimal) > 1), len(lines))
     before = lines[:first]
-    if not before and notes:  # headings behind a #
+    if not before and notes:  # headings after a #
         before = [note for note in notes if len(_fields(note, separator)) > 1][-1:]
     if not before or (first == len(lines) and len(lines) < 2):
         raise InputError("not a CSV file with one line of column names above rows of numbers")
@@ -106,7 +106,7 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
 
 
 def _lines(path: Path) -> tuple[list[str], list[str]]:
-    """Lines that start with #, without it, and the others."""
+    """Lines that start with # (without the #), and the other lines."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -152,7 +152,7 @@ def _is_number(field: str, decimal: str) -> bool:
 
 
 def _is_numeric(line: str, separator: str | None, decimal: str) -> bool:
-    """Whether a line is a row of at least two fields, all of them numbers, times of day or gaps, one a number."""
+    """Whether a line has at least two fields, all numbers, times of day or gaps, and at least one number."""
     fields = _fields(line, separator)
     return (
         len(fields) > 1
@@ -167,7 +167,7 @@ def _numbers_in(line: str, separator: str | None, decimal: str) -> int:
 
 
 def _form(lines: Sequence[str]) -> tuple[str | None, str]:
-    """Separator and decimal sign with which the most lines are rows of numbers, else have numbers."""
+    """Separator and decimal sign for which most lines are rows of numbers, else for which most lines have numbers."""
     rows = [sum(_is_numeric(line, *form) for line in lines) for form in _SEPARATORS]
     if not any(rows):
         rows = [sum(_numbers_in(line, *form) > 1 for line in lines) for form in _SEPARATORS]
@@ -177,10 +177,10 @@ def _form(lines: Sequence[str]) -> tuple[str | None, str]:
 def _headings(
     before: Sequence[str], given: Mapping[str, str], row: str, form: tuple[str | None, str]
 ) -> tuple[int, list[str]]:
-    """Line of the headings among those before the numbers, and the headings with their units.
+    """Index of the heading line among the lines before the numbers, and the headings with their units.
 
-    Headings are the line without numbers with the most names that are known or given; of several such lines, and where
-    there are none, the last one that is as wide as the table and no line of units.
+    The heading line has no numbers, and the most names that are known or given; of several such lines, or if there is
+    none, it is the last line as wide as the table that is not a line of units.
     """
     wide = len(_fields(row, form[0]))
     parts = [_heading_fields(line, form[0], wide) for line in before]
@@ -201,7 +201,7 @@ def _headings(
 
 
 def _heading_fields(line: str, separator: str | None, wide: int) -> list[str]:
-    """Fields of a line of headings; between columns of spaces, a heading may hold single ones."""
+    """Fields of a line of headings; if spaces separate columns, a heading may contain single spaces."""
     apart = re.split(r"\s{2,}|\t", line.strip())
     if separator is None and len(apart) == wide:
         return [field.strip('"') for field in apart]
@@ -222,7 +222,7 @@ def _known(headings: Sequence[str], given: Mapping[str, str]) -> int:
 
 
 def _columns(rows: Sequence[str], separator: str | None, decimal: str, width: int) -> list[pd.Series[float]]:
-    """Columns of the rows by their position; a separator at the end of the lines makes an empty column more."""
+    """Columns of the rows by their position; a separator at the end of the lines adds an empty column."""
     wide = max((len(_fields(row, separator)) for row in rows[:_LOOKED_AT]), default=width)
     try:
         with warnings.catch_warnings():
@@ -245,7 +245,7 @@ def _columns(rows: Sequence[str], separator: str | None, decimal: str, width: in
 
 
 def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) -> FloatArray:
-    """A column as numbers, NaN where a field is empty or no finite number."""
+    """A column as numbers; NaN for a field that is empty or no finite number."""
     if pd.api.types.is_numeric_dtype(column):
         values = np.array(column, float)
         values[~np.isfinite(values)] = np.nan
@@ -267,7 +267,7 @@ def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) ->
 
 
 def _seconds(texts: Sequence[str]) -> FloatArray:
-    """Seconds since the first of some times of day, with or without a date; midnight is passed."""
+    """Seconds since the first of some times of day, with or without a date; also across midnight."""
     return np.array(list(_clock(texts)), float)
 
 

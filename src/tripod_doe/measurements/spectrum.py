@@ -1,10 +1,10 @@
-"""Amplitude of a force at every number of cycles per revolution, also between whole orders."""
+"""Amplitude of a force at any number of cycles per revolution, also between whole orders."""
 
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
 
-FEWEST_CYCLES = 3  # of an oscillation in the record, below which it may be drift
+FEWEST_CYCLES = 3  # cycles of an oscillation in the record; with fewer it may be drift
 
 _MOST_SAMPLES = 2**18
 
@@ -31,7 +31,7 @@ def cycle_amplitudes(rotation_deg: FloatArray, thrust_n: FloatArray) -> tuple[Fl
 def refined_peak(
     rotation_deg: FloatArray, thrust_n: FloatArray, cycles: FloatArray, amplitude: FloatArray
 ) -> float | None:
-    """Cycles per revolution of the strongest oscillation, between the lines of a spectrum; None where there is none.
+    """Cycles per revolution of the strongest oscillation, interpolated between spectral lines; None if there is none.
 
     Args:
         rotation_deg, thrust_n: The record.

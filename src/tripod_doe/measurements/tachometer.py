@@ -1,4 +1,4 @@
-"""Rotation angle from a tachometer: its edges are found, cleaned of bounces, and those that are missing are counted."""
+"""Rotation angle from a tachometer: detect its edges, remove bounces, and count missing pulses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 
 _LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
-_OUTLIERS = (0.0, 0.001, 0.01, 0.05)  # parts of the samples, above and below, that may be spikes beyond the range
-_MANY = 3  # times as many pulses, with which a narrower range is believed
+_OUTLIERS = (0.0, 0.001, 0.01, 0.05)  # parts of the samples, at each end, that may be spikes beyond the range
+_MANY = 3  # factor of pulses above which a narrower range is trusted
 _NEIGHBOURS = 5  # intervals whose median is the local time between pulses
-_BOUNCE = 0.25  # of the time between pulses, below which a second edge is a bounce
-_EARLY = 0.04  # of the time between pulses, from which an edge with a bounce behind it is doubted
-_WINDOW = 15  # edges around one, for the time between pulses among bounces
-_RARE = 10  # edges among which one may be a spike
-_LOOSE = 1.5  # times the next interval, from which the first or last one may hide a pulse
-_UNEVEN = 0.3  # part of an interval by which it may differ from a whole multiple of its neighbours
-_SHORT = 0.05  # relative, by which the first or last interval may be shorter at an even speed
-_RAGGED = 0.15  # part of an interval by which half of them may differ from whole multiples
-_MOST_CUT = 0.5  # of the time of a record, that may lie beyond pulses that cannot be mended
+_BOUNCE = 0.25  # of the time between pulses; a second edge within it is a bounce
+_EARLY = 0.04  # of the time between pulses; an edge this early with a bounce after it may be a spike
+_WINDOW = 15  # edges around an edge, to estimate the time between pulses among bounces
+_RARE = 10  # one edge in this number may be a spike
+_LOOSE = 1.5  # times the next interval; a longer first or last interval may hide a pulse
+_UNEVEN = 0.3  # largest difference from a whole multiple of the neighbouring intervals
+_SHORT = 0.05  # relative; the first or last interval may be this much shorter at constant speed
+_RAGGED = 0.15  # largest median difference of intervals from whole multiples
+_MOST_CUT = 0.5  # part of a record's time that may be cut off at irregular pulses
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Pulses:
     """Pulses of a tachometer."""
 
     times: FloatArray  # instants of the edges in s, shape (edge,)
-    numbers: IntArray  # of the edges, the first 0; missing pulses are counted, shape (edge,)
+    numbers: IntArray  # pulse numbers of the edges, from 0; missing pulses are counted, shape (edge,)
     extra: int = 0  # edges that were dropped: bounces and spikes
 
     @property
@@ -38,16 +38,16 @@ class Pulses:
 
 
 def find_pulses(time_s: FloatArray, tacho: FloatArray) -> Pulses:
-    """Pulses of a tachometer, mended.
+    """Pulses of a tachometer, repaired.
 
-    Edges that follow another one closely are bounces; an edge between two others that are whole pulses apart without
-    it is a spike. Where an interval stays uneven, the longer part of the record on one side of it is kept.
+    An edge closely after another edge is a bounce; an edge between two others that are a whole number of pulses apart
+    is a spike. If an interval stays uneven, the longer part of the record on one side of it is kept.
 
     Args:
         time_s, tacho: Time in s and tachometer in any unit, shape (sample,).
 
     Raises:
-        InputError: If there are less than two pulses, or most of the record lies beyond irregular ones.
+        InputError: If there are fewer than two pulses, or irregular pulses cut off most of the record.
     """
     best, problem = None, InputError("")
     for part in _OUTLIERS:
@@ -80,7 +80,7 @@ def edge_times(time_s: FloatArray, tacho: FloatArray, outliers: float = 0.0) -> 
 
     Args:
         time_s, tacho: Time in s and tachometer in any unit, shape (sample,).
-        outliers: Part of the samples at both ends that does not count for the range.
+        outliers: Part of the samples at each end that does not count for the range.
 
     Returns:
         ndarray, shape (edge,)
@@ -95,13 +95,13 @@ def edge_times(time_s: FloatArray, tacho: FloatArray, outliers: float = 0.0) -> 
 
 
 def mended(edges: FloatArray) -> Pulses:
-    """Pulses from edges: without bounces, spikes and loose ends, with the missing ones counted.
+    """Pulses from edges: without bounces, spikes and loose ends; missing pulses are counted.
 
     Args:
         edges: Instants in s, at least two, shape (edge,).
 
     Raises:
-        InputError: If most of the record lies beyond pulses that cannot be mended.
+        InputError: If pulses that cannot be repaired cut off most of the record.
     """
     found = edges.size
     edges = _without_spikes(_in_place(_without_bounces(edges), edges))
@@ -126,10 +126,10 @@ def mended(edges: FloatArray) -> Pulses:
 
 
 def _without_bounces(edges: FloatArray) -> FloatArray:
-    """Edges without those that follow another one within a quarter of the time between pulses.
+    """Edges, except edges that follow another edge within a quarter of the time between pulses.
 
-    Bounces may be more than pulses. So the time between pulses is the median of neighbouring intervals weighted by
-    their lengths, which short ones hardly move.
+    Bounces may outnumber pulses. So the time between pulses is the median of neighbouring intervals weighted by their
+    lengths: short intervals hardly change it.
     """
     while edges.size > 3:
         interval = np.diff(edges)
@@ -147,7 +147,7 @@ def _without_bounces(edges: FloatArray) -> FloatArray:
 
 
 def _in_place(kept: FloatArray, edges: FloatArray) -> FloatArray:
-    """Edges where a spike that a pulse follows closely is replaced by that pulse."""
+    """Edges, with a spike closely before a pulse replaced by the pulse."""
     kept = kept.copy()
     for at in range(1, kept.size - 1):
         middle, near = (kept[at - 1] + kept[at + 1]) / 2, _BOUNCE * (kept[at + 1] - kept[at - 1]) / 2
@@ -160,7 +160,7 @@ def _in_place(kept: FloatArray, edges: FloatArray) -> FloatArray:
 
 
 def _without_spikes(edges: FloatArray) -> FloatArray:
-    """Edges without those between two others that are whole pulses apart, where the intervals beside them are not."""
+    """Edges, except an edge in uneven intervals between two others that are a whole number of pulses apart."""
     for _ in range(edges.size // _RARE):
         ratio, whole = _ratios(edges)
         off = np.abs(ratio - whole) + (whole < 1)
@@ -176,7 +176,7 @@ def _without_spikes(edges: FloatArray) -> FloatArray:
 
 
 def _ratios(edges: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Intervals over the median of their neighbours, and the whole numbers of pulses that they are."""
+    """Intervals divided by the median of their neighbours, and the whole numbers of pulses in them."""
     from scipy.ndimage import median_filter
 
     interval = np.diff(edges)
@@ -189,10 +189,10 @@ def _is_uneven(ratio: FloatArray, whole: IntArray) -> IntArray:
 
 
 def _without_loose_ends(edges: FloatArray) -> FloatArray:
-    """Edges without a first or last interval that does not go on as the next ones do.
+    """Edges, without a first or last interval that does not match the next intervals.
 
-    At the ends of a record a missing pulse and a start from rest look alike, so neither is counted; and a bounce whose
-    pulse began before the record stands there alone.
+    At the ends of a record a missing pulse and a start from rest look the same, so neither is counted; and the first
+    edge may be the bounce of a pulse before the record.
     """
     while edges.size > 3 and _is_loose(*np.diff(edges[:4])):
         edges = edges[1:]
@@ -202,19 +202,19 @@ def _without_loose_ends(edges: FloatArray) -> FloatArray:
 
 
 def _is_loose(end: float, near: float, far: float) -> bool:
-    """Whether the interval at an end is much longer than its neighbour, or shorter as no change of speed makes it."""
+    """Whether the interval at an end is much longer than its neighbour, or too short for any change of speed."""
     return end > _LOOSE * near or np.log(near / end) > _SHORT + 3 * abs(np.log(far / near))
 
 
 def angle_between_pulses(pulses: Pulses, time_s: FloatArray, pulses_per_revolution: int) -> FloatArray:
-    """Rotation angle in deg at some times between the first and the last pulse, 0 at the first.
+    """Rotation angle in deg at times between the first and the last pulse, 0 at the first pulse.
 
-    A cubic spline runs through the instants of the edges, at 360/n deg each: constant acceleration is followed
-    exactly, ripple within the time between two pulses is not seen. Computed order tracking after Fyfe and Munck,
+    A cubic spline runs through the instants of the edges, 360/n deg apart: constant acceleration is exact, ripple
+    between two pulses is invisible. Computed order tracking after Fyfe and Munck,
     Mechanical Systems and Signal Processing 11 (1997) 187-205.
 
     Raises:
-        InputError: If the angle runs backwards, as pulses are too few for the changes of speed.
+        InputError: If the angle runs backwards, because there are too few pulses for the changes of speed.
     """
     from scipy.interpolate import CubicSpline
 

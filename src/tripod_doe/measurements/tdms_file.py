@@ -1,4 +1,4 @@
-"""TDMS files of National Instruments, read with npTDMS where it is installed."""
+"""TDMS files of National Instruments, read with npTDMS if installed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MARK = b"TDSm"
 
 
 def is_tdms(path: Path) -> bool:
-    """Whether a file begins as a TDMS file does."""
+    """Whether a file starts like a TDMS file."""
     try:
         with path.open("rb") as stream:
             return stream.read(len(_MARK)) == _MARK
@@ -24,8 +24,8 @@ def is_tdms(path: Path) -> bool:
 def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]:
     """Headings with their units, columns, and properties as lines ``name: value``.
 
-    Channels of the group with the most values are read; those that are shorter end in gaps. Without a channel of time,
-    the increment of the waveform gives it.
+    Reads the channels of the group with the most values; shorter channels end in gaps. Without a time channel, the
+    increment of the waveform gives the time.
 
     Raises:
         InputError: If npTDMS is not installed, or the file cannot be read or has no channels.
@@ -36,7 +36,7 @@ def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]
         raise InputError("a TDMS file: install the reader with pip install 'tripod-doe[tdms]', or export it") from error
     try:
         file = nptdms.TdmsFile.read(path)
-    except Exception as error:  # whatever a damaged file makes of its reader
+    except Exception as error:  # a damaged file may raise anything in its reader
         raise InputError(f"cannot read this TDMS file: {error}") from error
     groups = [group for group in file.groups() if group.channels()]
     if not groups:

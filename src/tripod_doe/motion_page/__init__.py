@@ -1,1 +1,1 @@
-"""A joint in motion: its poses over a revolution, a drawing to scale, and a page that moves it in a browser."""
+"""A joint in motion: its poses over a revolution, a scale drawing, and a page that animates it in a browser."""

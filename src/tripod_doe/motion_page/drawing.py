@@ -40,7 +40,7 @@ def joint_drawing(parameters: Mapping[str, Value]) -> str:
 
 
 def _outline(values: JointValues[float]) -> str:
-    """A roller cut along its axis, which is x; its middle is the origin."""
+    """Section of a roller along its axis, x, with the origin in its middle."""
     half = min(values.roller_width / 2, values.roller_radius)
     face = np.sqrt(max(values.roller_radius**2 - half**2, 0.0))
     radius = values.roller_radius
@@ -51,7 +51,7 @@ def _outline(values: JointValues[float]) -> str:
 
 
 def _in_plane(values: JointValues[float]) -> str:
-    """Groove, roller, trunnion and needles of one arm, along x, cut in the plane of the trunnions."""
+    """Section of one arm in the plane of the trunnions: groove, roller, trunnion and needles, along x."""
     end = values.pitch_radius + (values.needle_length + values.needle_axial_clearance) / 2
     thick, trunnion, inner = (
         values.needle_diameter,
@@ -71,7 +71,7 @@ def _in_plane(values: JointValues[float]) -> str:
 
 
 def _section(values: JointValues[float]) -> str:
-    """A roller across its axis: groove, roller, bore, needles and trunnion."""
+    """Section across a roller's axis: groove, roller, bore, needles and trunnion."""
     angles = 2 * np.pi * np.arange(int(values.needle_count)) / values.needle_count
     needles = "".join(
         f'<circle cx="{values.bearing_radius * np.cos(a):.5g}" cy="{values.bearing_radius * np.sin(a):.5g}" '

@@ -1,4 +1,4 @@
-"""The page that moves a joint: one file with its data, its script and its style; nothing is fetched."""
+"""The page that animates a joint: one file with data, script and style, which loads nothing else."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tripod_doe.motion_page.poses import Poses, poses_of
 from tripod_doe.study.simulate import SimulatedPoint, simulate_point
 
 _MOST_BYTES = 1_000_000
-"""Of the poses of a revolution, as text."""
+"""Largest size of the poses of a revolution, as text."""
 _SIZES = (
     "joint_angle",
     "pitch_radius",
@@ -105,7 +105,7 @@ def motion_page(*points: SimulatedPoint) -> str:
 
 
 def _own(point: SimulatedPoint, points: Sequence[SimulatedPoint]) -> str:
-    """The values in which a point differs from the others; empty for one alone."""
+    """The values in which a point differs from the others; empty for a single point."""
     varied = [
         name
         for name in point.parameters
@@ -126,7 +126,7 @@ _LABELS = {
 
 
 def _block(which: int, point: SimulatedPoint, name: str) -> str:
-    """The pictures of one point, which the script paints, and its drawing."""
+    """The canvases of one point, which the script paints, and its drawing."""
     focus = {"scene": ' tabindex="0"'}
     scene, ring, plot, orders = (
         f'<canvas class="{kind}" id="{kind}-{which}" role="img" aria-label="{text}"{focus.get(kind, "")}></canvas>'

@@ -1,8 +1,8 @@
 """Poses of all parts over one revolution, from the outputs of a simulated point and the ideal kinematics.
 
-Axes stand still in space: z is the input axis towards the intermediate shaft, whose axis is (sin theta, 0, cos theta).
+Axes are fixed in space: z is the input axis towards the intermediate shaft, whose axis is (sin theta, 0, cos theta).
 Groove k is at the angle phi + (k - 1) 120 deg about z. The spider moves as in `kinematics`, and the centres of the
-rollers on the axes of their grooves; needles, and the places along trunnions and grooves, come from the model.
+rollers move on the axes of their grooves; the model gives the needles, and the places along trunnions and grooves.
 """
 
 from collections.abc import Mapping
@@ -99,7 +99,7 @@ def _needles(
     outputs: Mapping[str, Any],
     parameters: Mapping[str, Value],
 ) -> FloatArray:
-    """Every needle: as the model has it, or as it would roll without slip, in the middle and at its initial skew."""
+    """Every needle: from the model, or as if it rolled without slip, in the middle and at its initial skew."""
     names = ("needle_angle_deg", "needle_place_mm", "needle_yaw_deg", "needle_load", "needle_stop_force")
     count = int(values.needle_count)
     if all(name in outputs and np.isfinite(outputs[name]).all() for name in names):
@@ -113,12 +113,12 @@ def _needles(
 
 
 def _rolled(values: JointValues[float], phi: FloatArray) -> FloatArray:
-    """Way of the needles around a trunnion while the roller rolls, from phi = 0: (sample, trunnion)."""
+    """Path of the needles around a trunnion while the roller rolls, from phi = 0: (sample, trunnion)."""
     turned, side = phi[:, None] + _TURNED, -1.0 if values.torque < 0 else 1.0
     cosine, sine = np.cos(turned), np.sin(turned)
     sin_theta, versine = np.sin(values.joint_angle), 1 - np.cos(values.joint_angle)
     t_r, t_t, t_z = 1 - versine * cosine**2, versine * sine * cosine, -sin_theta * cosine
-    w_r, w_t, w_z = sin_theta * cosine, -sin_theta * sine, -versine  # over the speed
+    w_r, w_t, w_z = sin_theta * cosine, -sin_theta * sine, -versine  # divided by the speed
     along = values.pitch_radius * np.tan(values.joint_angle) * sine
     spin = -(side * along / values.roller_radius + w_r) / t_r
     pace = 0.5 * values.bore_radius / values.bearing_radius * spin + w_r * t_r + w_t * t_t + w_z * t_z
@@ -128,7 +128,7 @@ def _rolled(values: JointValues[float], phi: FloatArray) -> FloatArray:
 
 
 def needle_poses(values: JointValues[float], poses: Poses, sample: int) -> tuple[FloatArray, FloatArray]:
-    """Centres and axes of all needles at a sample, shapes (3, needle, 3): how the page places them, too."""
+    """Centres and axes of all needles at a sample, shapes (3, needle, 3), as the page places them."""
     side = -1.0 if values.torque < 0 else 1.0
     turned = poses.phi[sample] + _TURNED
     flank = -side * np.stack([-np.sin(turned), np.cos(turned), 0 * turned], axis=-1)

@@ -1,4 +1,4 @@
-"""Points of a study's results: all values that they were simulated with."""
+"""Points of a study's results, with all their simulated parameter values."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,14 +11,14 @@ from tripod_doe.study.result_directory.stored_study import stored_study
 
 
 def points_in(directory: Path, select: Sequence[str] = (), nearest: bool = False) -> list[dict[str, Any]]:
-    """Values of the one or two points of a result directory that a selection leaves, as `simulate` takes them.
+    """Parameters, as `simulate` takes them, of the one or two points of a result directory that match a selection.
 
     Args:
         select: ``name=value`` for factors.
-        nearest: Take the nearest value where none matches.
+        nearest: Take the nearest value if none matches.
 
     Raises:
-        InputError: If the study is of another scene, or the selection leaves no point or more than two.
+        InputError: If the study has another scene, or the selection matches no point or more than two.
     """
     study = stored_study(directory)
     if study.simulator.name != "joint":

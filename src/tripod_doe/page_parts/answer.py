@@ -1,4 +1,4 @@
-"""The top of a page: the answer in at most three sentences, and the one picture that shows it."""
+"""The top of a page: the answer in at most three sentences, and the picture that shows it."""
 
 import re
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ def answer_first(findings: Sequence[str]) -> tuple[list[str], list[str]]:
     """The first three sentences, and all others.
 
     Args:
-        findings: The most important first; one may be several sentences long.
+        findings: The most important first; a finding may be several sentences long.
 
     Returns:
         answer, more : list of str
@@ -31,11 +31,11 @@ def answer_first(findings: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def beyond(findings: Sequence[str], answer: Sequence[str]) -> list[str]:
-    """Findings beyond the sentences of an answer, so that a page says nothing twice."""
+    """Findings without the sentences of an answer, so that a page repeats nothing."""
     left = ([sentence for sentence in _NEXT_SENTENCE.split(finding) if sentence not in answer] for finding in findings)
     return [" ".join(sentences) for sentences in left if sentences]
 
 
 def picture_first(groups: Sequence[Sequence[Picture]]) -> Picture | None:
-    """The first picture of the first group that has any; None if there is none."""
+    """The first picture of the first group with pictures; None if there is none."""
     return next((group[0] for group in groups if group), None)

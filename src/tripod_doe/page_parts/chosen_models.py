@@ -1,4 +1,4 @@
-"""Choice of the models in a cube: orders that were asked for, the model of each point, its estimated error."""
+"""Choice of the models in a cube: the requested orders, the model of each point, its estimated error."""
 
 import re
 
@@ -18,7 +18,7 @@ def is_chosen(cube: xr.Dataset) -> bool:
 
 
 def asked_orders(cube: xr.Dataset) -> list[int] | None:
-    """Orders of the thrust whose accuracy was asked for; None where all points have one model: then all are alike."""
+    """Orders of the thrust with a requested accuracy; None if all points have one model, so that no order differs."""
     if not is_chosen(cube) or "thrust_amplitude" not in cube:
         return None
     matches = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
@@ -35,7 +35,7 @@ def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:
 
 
 def estimated_errors(cube: xr.Dataset) -> FloatArray:
-    """Largest estimated error over the allowed one of all that was asked for, over the dimensions of the design."""
+    """Largest ratio of estimated to allowed error of all requested outputs, over the dimensions of the design."""
     allowed = parse_toml(str(cube.attrs["study"]), "the study of this cube").get("accuracy", {})
     names = [str(name).removesuffix(_ESTIMATE) for name in cube.data_vars if str(name).endswith(_ESTIMATE)]
     return np.asarray(np.max([cube[name + _ESTIMATE].values / float(allowed[name]) for name in names], axis=0))

@@ -1,4 +1,4 @@
-"""The outputs of an analysis that a reader asks for first, each with its name in words and its unit."""
+"""The main outputs of an analysis, each with its name in words and its unit."""
 
 import json
 from collections.abc import Collection
@@ -42,9 +42,9 @@ def main_outputs(
     """Orders of the thrust, usually the third and second, and the responses of the study; of a function, four outputs.
 
     Args:
-        key: Its answer; parts in which it has no number are left out.
+        key: Name of the answer's variable; parts without a number in it are left out.
         over: Dimensions of the answer that the output does not have.
-        orders: Of the thrust.
+        orders: Orders of the thrust.
     """
     several = [str(name) for name in result["output"].values] if "output" in result.dims else []
     outputs = several or str(result.attrs.get("outputs", _UNNAMED)).split(", ")[:1]
@@ -128,7 +128,7 @@ def _bounds(low: float, high: float, digits: int) -> str:
 
 
 def left_points(result: xr.Dataset) -> list[str]:
-    """Numbers of missing and remaining points, in a sentence; none where all are there."""
+    """A sentence with the numbers of missing and remaining points; empty if no point is missing."""
     dropped = int(result.attrs.get("points_dropped", 0))
     if not dropped:
         return []

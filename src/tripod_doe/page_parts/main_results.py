@@ -17,7 +17,7 @@ from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
 
-_REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
+_REPRESENTATIVE = "representative_points"  # attribute of a part of a cube: describes its points
 
 ORDINALS = (
     "mean thrust force",
@@ -40,7 +40,7 @@ _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: show
 ERRORS = ("thrust_amplitude_error", "thrust_amplitude_step_error", "thrust_amplitude_scatter")
 """Outputs with the numerical error of the orders."""
 
-_VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
+_VISIBLE = 5e-3  # orders below this part of the largest order get no sentence
 _MOST_OWN = 6  # numbers of a function
 _UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
 _CLASSES = 10  # classes of a sampled factor
@@ -53,11 +53,11 @@ _UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|g
 class Response:
     """One number per point."""
 
-    key: str  # its name in tables: the variable, with the order where there is one
+    key: str  # its name in tables: the variable, with the order if it has one
     label: str  # in words, for instance ``third order``
     unit: str  # its unit for people, empty without dimension
     values: xr.DataArray  # over the dimensions of the design; NaN where the point did not finish
-    error: float = 0.0  # difference of two means that their numerical errors can make; 0 where none is known
+    error: float = 0.0  # difference of two means that numerical errors can cause; 0 if no error is known
     zero_at: tuple[str, ...] = ()  # factors without which it is zero
 
     @property
@@ -132,7 +132,7 @@ def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
 
 
 def design_kind(cube: xr.Dataset) -> str:
-    """Kind of the design as the study file names it; empty where the cube holds no study."""
+    """Kind of the design as named in the study file; empty if the cube holds no study."""
     try:
         study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
     except InputError:
@@ -151,16 +151,16 @@ def waiting(cube: xr.Dataset) -> xr.DataArray:
 
 
 def asked(cube: xr.Dataset) -> xr.DataArray:
-    """Whether there is a point to run: all but those that a constraint excludes."""
+    """Whether the point must run: True for all points except those that a constraint excludes."""
     return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
 
 
 def representative_points(cube: xr.Dataset) -> xr.Dataset:
     """The points over which a mean describes the joint; all points of most cubes.
 
-    Of an ablation these are the points with all its switches on, without the switches; of a multifidelity study those
-    of the model that counts as the truth, since a mean over several models belongs to none. What each mechanism
-    contributes, and what all models together say, is stated by the analyses.
+    For an ablation these are the points with all switches on, without the switches; for a multifidelity study the
+    points of the model that counts as the truth, since a mean over several models belongs to none of them. The
+    analyses state the contribution of each mechanism, and the result of all models together.
     """
     if switches := [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]:
         on = np.all([cube[name].values == 1 for name in switches], axis=0)
@@ -178,7 +178,7 @@ def representative_points(cube: xr.Dataset) -> xr.Dataset:
 
 
 def points_in_words(points: xr.Dataset) -> str:
-    """Which points represent the joint, as the end of a sentence; empty where all do."""
+    """The points that represent the joint, as the end of a sentence; empty if all points do."""
     return str(points.attrs.get(_REPRESENTATIVE, ""))
 
 
@@ -217,21 +217,21 @@ def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArra
 
 
 def varies(column: NDArray[np.generic]) -> bool:
-    """Whether the values of a factor (`point_columns`) are not all the same; to sort them takes ten times as long."""
+    """Whether the values of a factor (`point_columns`) differ; sorting them would take ten times as long."""
     return column.size > 1 and bool((column != column[0]).any())
 
 
 def numeric_factors(cube: xr.Dataset) -> list[str]:
-    """Factors that are quantities and take more than one value at all points; a repetition is none."""
+    """Factors that are quantities and take more than one value, except the number of a repetition."""
     numbers = [name for name in factor_names(cube) if cube[name].dtype.kind in "fiu" and name != _REPETITION]
     return [name for name in numbers if np.ptp(cube[name].values) > 0]
 
 
 def responses(cube: xr.Dataset) -> list[Response]:
-    """The responses that sentences and figures show: orders of the thrust with results of their own, or own numbers.
+    """The responses that sentences and figures show: orders of the thrust and own responses, or numbers of a function.
 
-    Orders that are small against the largest one are left out, as are checks of the numerics, and orders for which no
-    accuracy was asked where a pilot chose the models: from point to point they come from different models.
+    Leaves out orders that are small against the largest order, and checks of the numerics; if a pilot chose the models,
+    also orders without a requested accuracy: they come from different models at different points.
     """
     names = [str(name) for name in cube.data_vars]
     if "thrust_amplitude" in cube:
@@ -250,13 +250,13 @@ def responses(cube: xr.Dataset) -> list[Response]:
 
 
 def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
-    """Variables of one number a point as responses; an infinite one is none."""
+    """Variables with one number per point as responses; an infinite number is no response."""
     values = {name: cube[name].where(np.isfinite(cube[name])) for name in names}
     return [Response(name, _own_label(cube, name), _own_unit(cube, name), values[name]) for name in names]
 
 
 def _error_of_order(cube: xr.Dataset, order: int) -> float:
-    """Twice the mean numerical error that the runs report: both of two means may have it."""
+    """Twice the mean numerical error that the runs report: each of two means may have it."""
     known = [cube[name].sel(order=order) for name in ERRORS if name in cube]
     errors = [float(values.mean()) for values in known if bool(values.notnull().any())]
     return 2 * max(errors, default=0.0)
@@ -277,14 +277,14 @@ def _own_unit(cube: xr.Dataset, name: str) -> str:
 
 
 def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: FloatArray) -> float | None:
-    """The response between two levels of a factor of opposite signs, at its zero, which was not computed.
+    """The response at the zero of a factor, which was not computed, between levels of opposite signs.
 
     Args:
         cube: The cube, whose outputs name the factors that make them zero.
 
     Returns:
-        0 where the response is known to vanish; NaN where some output does, so that no line may be drawn across; None
-        where nothing happens at the zero, or it is one of the levels, or not between them.
+        0 if the response is zero there; NaN if another output is zero there, so that no line may cross it; None if no
+        output is zero there, or the zero is one of the levels, or not between them.
     """
     if levels.size < 2 or 0 in levels or not levels[0] < 0 < levels[-1]:
         return None
@@ -297,7 +297,7 @@ def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: Floa
 def along(response: Response, cube: xr.Dataset, factor: str) -> tuple[FloatArray, FloatArray]:
     """Every point's factor value and response, shape (point,) each.
 
-    Only finished points; in a one-at-a-time design only the base point and those that vary this factor.
+    Only finished points; in a one-at-a-time design only the base point and the points that vary this factor.
     """
     values, levels = xr.broadcast(response.values, cube[factor])
     good = np.isfinite(values.values)

@@ -1,4 +1,4 @@
-"""Which entry of `sentence_help.toml` explains a sentence of a page: its meaning, and how it is computed."""
+"""The entry of `sentence_help.toml` that explains a sentence of a page: its meaning, and its computation."""
 
 import re
 import tomllib
@@ -9,7 +9,7 @@ from importlib.resources import files
 
 @dataclass(frozen=True)
 class Reading:
-    """What a kind of sentence means."""
+    """The meaning of a kind of sentence."""
 
     key: str  # anchor on pages and in the guide
     group: str  # kind of page
@@ -37,7 +37,7 @@ def readings() -> tuple[Reading, ...]:
 
 
 def reading_of(sentence: str) -> Reading | None:
-    """The entry that explains a sentence; None for one that a user wrote."""
+    """The entry that explains a sentence; None for a sentence that a user wrote."""
     return next((each for each in readings() if any(pattern.search(sentence) for pattern in each.patterns)), None)
 
 

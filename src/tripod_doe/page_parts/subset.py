@@ -1,4 +1,4 @@
-"""The points that sentences and figures are made of: all, or of a very large cube a subset that the page states."""
+"""The points that sentences and figures use: all, or a subset of a very large cube, which the page states."""
 
 import math
 
@@ -10,19 +10,19 @@ from tripod_doe.page_parts.main_results import design_kind, truth_of
 from tripod_doe.study.cube.slab_reading import read_positions
 
 MOST_POINTS = 1_000_000
-"""Points up to which sentences and figures are made of all of them."""
+"""Up to this number of points, sentences and figures use all points."""
 
-_LONG = 40  # numbers of a point above which a variable is a course, of which only single points are shown
-_PART_OF, _HOW = "part_of", "how_chosen"  # attributes of a part: number of points of the whole, how they are chosen
+_LONG = 40  # numbers per point; a variable with more is a course, shown only at single points
+_PART_OF, _HOW = "part_of", "how_chosen"  # attributes of a part: number of points of the whole, how the part was chosen
 
 
 def shown_subset(cube: xr.Dataset) -> xr.Dataset:
-    """The points that sentences and figures are made of, read from the file once.
+    """The points that sentences and figures use, read from the file once.
 
-    Up to `MOST_POINTS` all; else of a grid evenly spaced levels along its longest dimensions, of a list points that are
-    drawn at random with a fixed seed, in their order. A multifidelity study first gives all points by the model that
-    counts as the truth, of which sentences and figures on the joint are made. Courses over the rotation angle stay in
-    the file until a point of them is asked for.
+    Up to `MOST_POINTS` all; else evenly spaced levels along the longest dimensions of a grid, or points of a list drawn
+    at random with a fixed seed, in their order. A multifidelity study first gives all points of the model that counts
+    as the truth, which sentences and figures on the joint use. Courses over the rotation angle stay in the file until
+    one of their points is needed.
     """
     count = math.prod(cube["outcome"].shape)
     short = [name for name, variable in cube.variables.items() if _numbers_of_a_point(cube, variable) <= _LONG]
@@ -41,7 +41,7 @@ def shown_subset(cube: xr.Dataset) -> xr.Dataset:
 
 
 def subset_sentences(part: xr.Dataset) -> list[str]:
-    """A sentence that says what a part is of the whole; none where it is the whole."""
+    """A sentence on the size of a part of a cube; empty if the part is the whole."""
     if _PART_OF not in part.attrs:
         return []
     of = f"{math.prod(part['outcome'].shape):,} of the {part.attrs[_PART_OF]:,} points"
@@ -55,7 +55,7 @@ def _numbers_of_a_point(cube: xr.Dataset, variable: xr.Variable) -> int:
 
 
 def _rows(cube: xr.Dataset) -> tuple[dict[str, IntArray], str]:
-    """Positions along the dimensions of the design that are shown, and how they are chosen."""
+    """Shown positions along the dimensions of the design, and how they are chosen."""
     sizes = {str(dim): size for dim, size in cube["outcome"].sizes.items()}
     if list(sizes) == ["point"]:
         return _rows_of_list(cube, sizes["point"])
@@ -72,7 +72,7 @@ def _rows(cube: xr.Dataset) -> tuple[dict[str, IntArray], str]:
 
 
 def _rows_of_list(cube: xr.Dataset, count: int) -> tuple[dict[str, IntArray], str]:
-    """Points of a list at random, after all by the truth where there are several models."""
+    """Random points of a list, after all points of the true model if there are several models."""
     how, first = "drawn at random with a fixed seed", np.zeros(0, np.int64)
     if design_kind(cube) == "multifidelity":
         fidelity, truth = truth_of(cube)

@@ -74,7 +74,7 @@ def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
 
 
 def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
-    """The first points that failed; those that are not computed yet are none of them."""
+    """The first points that failed, without points that are not computed yet."""
     failed = np.flatnonzero((asked(cube) & ~finished(cube) & ~waiting(cube)).values.ravel())[:most]
     sizes = cube["outcome"].sizes
     places = dict(zip(sizes, np.unravel_index(failed, tuple(sizes.values())), strict=True))
@@ -121,7 +121,7 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
 
 
 def _worker_rows(worker: NDArray[np.object_], wall: FloatArray) -> list[tuple[str, str, str]]:
-    """Who computed the points, and how fast: those that the pilot ran before are listed separately."""
+    """Who computed the points, and how fast; points of the pilot are listed separately."""
     rows, here = [], worker != PILOT
     if here.any():
         which, names = pd.factorize(worker[here], sort=True)
@@ -159,11 +159,11 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
 
 
 _NEEDLES_TURN = ("kinetostatic", "needles")
-"""Models whose needles turn on from one revolution to the next."""
+"""Models whose needles keep turning from one revolution to the next."""
 
 
 def _revolutions(cube: xr.Dataset) -> str:
-    """Which revolutions the orders are of, where that is the same at all points and they need not be alike."""
+    """The revolutions used for the orders, if they are the same at all points and revolutions may differ."""
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     if (
         fixed.get("model") not in _NEEDLES_TURN
@@ -204,7 +204,7 @@ def factor_rows(cube: xr.Dataset) -> list[ParameterRow]:
 
 def _levels(values: np.ndarray[Any, Any]) -> str:
     distinct = np.unique(values.astype(float) if values.dtype.kind in "fiu" else values.astype(str))
-    distinct = distinct[distinct == distinct]  # an open field of a table is no level
+    distinct = distinct[distinct == distinct]  # an empty field of a table is no level
     if distinct.size <= 6 or distinct.dtype.kind not in "fiu":
         return ", ".join(_text(value) for value in distinct)
     return value_range(float(distinct[0]), float(distinct[-1])) + (
@@ -213,7 +213,7 @@ def _levels(values: np.ndarray[Any, Any]) -> str:
 
 
 def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
-    """The fixed parameters in groups, with unit, meaning and source where known."""
+    """The fixed parameters in groups, with unit, meaning and source if known."""
     values: Mapping[str, Any] = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     known, where = _known_parameters(cube)
     given = _study_table(cube).get("base", {})
@@ -244,7 +244,7 @@ def _known_parameters(cube: xr.Dataset) -> tuple[Mapping[str, Parameter], str]:
 
 
 def _study_table(cube: xr.Dataset) -> dict[str, Any]:
-    """The study file that a cube holds; empty where it holds none."""
+    """The study file in a cube; empty if there is none."""
     try:
         return parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
     except InputError:

@@ -9,10 +9,10 @@ from tripod_doe.mechanics.compilation.sources import cache_root
 
 
 class _CompiledTemplates(FileSystemBytecodeCache):
-    """Compiled templates on disk; where they cannot be kept, they are compiled again."""
+    """Compiled templates on disk; if they cannot be stored, they are compiled again."""
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep a compiled template, where there is room."""
+        """Store a compiled template if there is room."""
         with contextlib.suppress(OSError):
             super().dump_bytecode(bucket)
 

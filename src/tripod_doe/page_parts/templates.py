@@ -1,4 +1,4 @@
-"""Pages from the templates beside this module, and the signs of print in their sentences."""
+"""Pages from the templates beside this module, and typographic signs in their sentences."""
 
 import base64
 import re
@@ -18,7 +18,7 @@ _LARGE = {
     re.compile(r'<a class="data" [^>]*>Data \(CSV\)</a>'): "Its data are",
     re.compile(r"<svg role=.*?</svg>", re.DOTALL): "This figure is",
 }
-"""Parts that a page can do without, and the subject of the sentence that says so."""
+"""Optional parts of a page, and the subject of the sentence that reports a part left out."""
 
 
 @cache
@@ -51,7 +51,7 @@ def render(template: str, **content: object) -> str:
 
 
 def _of_limited_size(page: str) -> str:
-    """A page without its largest tables of data, and then figures, if they make it too large; it says so."""
+    """A page that is not too large: without its largest data tables, then figures if needed; the page says so."""
     for part, subject in _LARGE.items():
         for block in sorted(part.findall(page), key=len, reverse=True):
             if len(page.encode()) <= _MOST_BYTES:
@@ -61,7 +61,7 @@ def _of_limited_size(page: str) -> str:
 
 
 def typeset(text: str) -> str:
-    """Plain-text sentences with the signs of print."""
+    """Plain-text sentences with typographic signs."""
     text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
     text = re.sub(r"\+-(?=\d)", "±", text)
     text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda match: match[0].replace(" ", "\u00a0"), text)
@@ -72,7 +72,7 @@ def typeset(text: str) -> str:
 
 
 def _svg(chart: Chart) -> Markup:
-    """The figure inline; its caption is its text alternative, and its title stands above it on the page."""
+    """The figure inline, with its caption as text alternative; the page writes its title above it."""
     untitled = re.sub(r"(<svg[^>]*>)<title>.*?</title>", r"\1", chart.svg(), count=1)
     return Markup(untitled.replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
 

@@ -1,6 +1,6 @@
-"""Tables as a workbook (.xlsx): a sheet for each, with units and widths, and where the numbers come from.
+"""Tables as a workbook (.xlsx): a sheet per table, with units and widths, and the origin of the numbers.
 
-XlsxWriter writes it: it has no dependencies and takes texts as texts, so that no cell of a stranger is a formula.
+XlsxWriter writes it: it has no dependencies and writes texts as texts, so that no cell of a stranger is a formula.
 """
 
 import io
@@ -13,10 +13,10 @@ from typing import Any
 from tripod_doe.errors import InputError, printable
 
 MOST_ROWS, MOST_COLUMNS = 1_048_576, 16_384
-"""Of a sheet, by the format."""
+"""Limits of a sheet, from the file format."""
 
 _MOST_LETTERS = 32_767  # of a cell
-_WIDEST, _SAMPLE = 60, 200  # letters of a column; rows by which its width is chosen
+_WIDEST, _SAMPLE = 60, 200  # letters of a column; rows that determine its width
 _NO_NAME = str.maketrans(dict.fromkeys("[]:*?/\\'"))
 
 
@@ -27,7 +27,7 @@ class Sheet:
     name: str
     heads: Sequence[str]
     rows: Sequence[Sequence[Any]]  # numbers, texts, or None for an empty cell
-    units: Sequence[str] = ()  # a second line of the head; none without any
+    units: Sequence[str] = ()  # second line of the head; empty for none
 
 
 def workbook(sheets: Sequence[Sheet]) -> bytes:
@@ -50,7 +50,7 @@ def workbook(sheets: Sequence[Sheet]) -> bytes:
 
 
 def _free_name(name: str, taken: set[str]) -> str:
-    """A name that a workbook takes and no other sheet has: 31 letters, no case."""
+    """A name that a workbook allows and no other sheet has: at most 31 letters, case ignored."""
     name = printable(name).translate(_NO_NAME).strip() or "Table"
     known = {other.lower() for other in taken}
     made = name[:31]

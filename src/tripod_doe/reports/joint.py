@@ -1,4 +1,4 @@
-"""The joint of a study to scale, for its report, and the command that moves one of its points."""
+"""A scale drawing of a study's joint, for its report, and the command that animates one of its points."""
 
 import json
 import shlex
@@ -20,7 +20,7 @@ from tripod_doe.study.definition.toml_text import parse_toml
 
 
 def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
-    """The drawing of the first point, what it shows, and the command that moves that point; None without a drawing."""
+    """The drawing of the first point, its caption, and the command that animates the point; None without a drawing."""
     try:
         study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
     except InputError:
@@ -43,7 +43,7 @@ def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
 
 
 def drawing_of(given: Mapping[str, Any]) -> Markup:
-    """The drawing of a point of the joint by the values that are given; empty where no joint can have one of them."""
+    """The drawing of a point with the given values; empty if a value is impossible for a joint."""
     simulator = load_simulator()
     own = {name: value for name, value in given.items() if name in simulator.parameters and is_set(value)}
     try:
@@ -58,7 +58,7 @@ def _plain(value: Any) -> Any:
 
 
 def _farthest(column: NDArray[Any]) -> Any:
-    """The value that is farthest from the first one; of words, another one."""
+    """The value farthest from the first value; for words, any other value."""
     if column.dtype.kind in "fiu":
         return _plain(column[np.abs(column - column[0]).argmax()])
     return _plain(next((value for value in column if value != column[0]), column[0]))

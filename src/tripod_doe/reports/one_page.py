@@ -1,4 +1,4 @@
-"""One page for who decides: the question, three sentences and one picture, as HTML or for print."""
+"""One page for decision makers: the question, three sentences and one picture, as HTML or for print."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ class OnePage:
     question: str
     sentences: Sequence[str]  # at most three
     picture: Chart | None
-    notes: Sequence[str]  # how far to trust it, and what the picture shows
-    source: str  # where it comes from
+    notes: Sequence[str]  # how far to trust the answer, and what the picture shows
+    source: str  # source of the results
 
     def html(self) -> str:
         """The page for a browser, which prints on one sheet."""
@@ -67,7 +67,7 @@ def one_page(directory: Path) -> OnePage:
 
 
 def figures_of(directory: Path) -> dict[str, bytes]:
-    """Every figure of the report of a directory by its file name, as SVG and as PNG."""
+    """Every figure of a directory's report, as SVG and as PNG, by file name."""
     analyses = read_analyses(directory) if is_shown(directory) else {}
     files: dict[str, bytes] = {}
     with opened_cube(directory) as cube:

@@ -25,7 +25,7 @@ from tripod_doe.study.failure_summary import Failure
 
 
 def optimisation_lines(problem: Problem, solved: Solved) -> list[str]:
-    """The sentences of an optimisation, as its page and its front have them."""
+    """The sentences of an optimisation, for its page and its front."""
     return find_in_optimisation(problem, solved)
 
 

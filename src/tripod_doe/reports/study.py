@@ -78,7 +78,7 @@ _SECTIONS = {
     "setting": "Parameters",
     "provenance": "Provenance",
 }
-_ALWAYS = {"setting", "provenance"}  # the others only where there is something to fill them
+_ALWAYS = {"setting", "provenance"}  # other sections are shown only if they have content
 _FILES = ("cube.nc", "cost.nc", "study.toml")
 
 
@@ -86,22 +86,22 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
     """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
     Args:
-        findings: What `find` says of its cube, where that is known already.
-        motion: A page that moves the joint at points of the study, to be shown in the report.
+        findings: Result of `find` for its cube, if already known.
+        motion: A page that animates the joint at points of the study, to show in the report.
 
     Returns:
-        The report, ``directory/report/index.html``; an older one is replaced whole.
+        The report, ``directory/report/index.html``; replaces an older report completely.
 
     Raises:
         CubeError: If the cube or an analysis is missing or damaged.
-        InputError: If this is a file and no directory.
+        InputError: If the path is a file, not a directory.
         StorageError: If the report cannot be written; an older one stays.
     """
     directory = Path(directory)
     if directory.is_file():
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
     refuse_links(directory)
-    complete = is_shown(directory)  # else the analyses there, if any, are of fewer points than the cube
+    complete = is_shown(directory)  # else existing analyses have fewer points than the cube
     analyses = read_analyses(directory) if complete else {}
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
@@ -127,9 +127,9 @@ def make_page(
 
     Args:
         files: Files of the result directory, relative to it, to which the page links.
-        findings: What `find` says of the cube, where that is known already.
-        annotation: What people have written about it.
-        motion: A page that moves the joint.
+        findings: Result of `find` for the cube, if already known.
+        annotation: The annotation of the results.
+        motion: A page that animates the joint.
     """
     shown = representative_points(shown_subset(cube))
     said = answered(cube, analyses, findings)
@@ -182,16 +182,16 @@ def make_page(
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a study, its other findings, and all that its page shows."""
+    """The answer of a study, its other findings, and the content of its page."""
 
     sentences: list[str]  # at most three
     more: list[str]  # all others
-    picture: Chart | None  # the one that shows the answer
-    content: dict[str, Any]  # what fills each section, without that picture
+    picture: Chart | None  # the picture that shows the answer
+    content: dict[str, Any]  # content of each section, without the picture
 
     @property
     def charts(self) -> list[Chart]:
-        """All charts, that picture first."""
+        """All charts, the picture first."""
         return ([self.picture] if self.picture else []) + list(_charts_in(list(self.content.values())))
 
 
@@ -212,7 +212,7 @@ def answered(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], findings: Seq
 
 
 def _sections(filled: Collection[str], questions: Sequence[WhatIfPage]) -> dict[str, str]:
-    """Titles of the sections that there are, by the names of their places."""
+    """Titles of the existing sections, by the names of their places."""
     sections: dict[str, str] = {}
     for name, title in _SECTIONS.items():
         if name == "waveforms":
@@ -225,9 +225,9 @@ def _sections(filled: Collection[str], questions: Sequence[WhatIfPage]) -> dict[
 def _content(
     cube: xr.Dataset, part: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]
 ) -> tuple[Chart | None, dict[str, Any]]:
-    """The picture at the top of the page, and what fills each of its sections: charts without that one, and rows.
+    """The picture at the top of the page, and the content of each section: the other charts, and rows.
 
-    Rows are of the whole cube, charts of the points that are shown, or of those that represent the joint.
+    Rows use the whole cube; charts use the shown points, or the points that represent the joint.
     """
     parts = contributions(analyses)
     shares = [[] if part.missing else contribution_charts(part) for part in parts]
@@ -261,7 +261,7 @@ def _content(
 
 
 def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) -> list[str]:
-    """Findings of the analyses, then of the cube; first of all that most points have no result, if so."""
+    """Findings of the analyses, then of the cube; a finding that most points have no result comes first."""
     most_missing = int(finished(cube).sum()) < int(asked(cube).sum()) / 2
     return [*findings[:1], *said, *findings[1:]] if most_missing else [*said, *findings]
 
@@ -269,7 +269,7 @@ def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) ->
 def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> dict[str, list[Chart]]:
     """The charts of each section that holds nothing else."""
     loci, choice = locus_chart(shown), model_choice_chart(cube)
-    every_order = asked_orders(cube) is None  # else other orders come from models of different error
+    every_order = asked_orders(cube) is None  # else other orders come from models with different errors
     spectrum = spectrum_chart(shown) if every_order else None
     return {
         "models": [choice] if choice else [],
@@ -284,5 +284,5 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
 
 
 def _without(picture: Chart | None, charts: list[Chart]) -> list[Chart]:
-    """The charts but the one at the top of the page."""
+    """The charts without the chart at the top of the page."""
     return [chart for chart in charts if chart is not picture]

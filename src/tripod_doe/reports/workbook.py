@@ -18,7 +18,7 @@ from tripod_doe.study.result_directory.annotation import read_annotation
 from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
 
 _KNOWN = ("title", "question", "source", "study_hash", "kernel_source_hash", "model_notes", "design_notes", "history")
-_MOST_PARTS = 60  # numbers of a variable at a point that are columns; waveforms have more, and stay in the cube
+_MOST_PARTS = 60  # numbers per point of a variable that become columns; waveforms have more, and stay in the cube
 
 
 def tables_of(directory: Path) -> bytes:
@@ -40,9 +40,9 @@ def answer_workbook(path: str | Path, columns: Mapping[str, Any], asked: Mapping
     """The workbook of an answer to a query.
 
     Args:
-        path: The result directory or cube that was asked.
+        path: The queried result directory or cube.
         columns: The answer, as `records` gives it.
-        asked: The question, by the names of its parts.
+        asked: The parts of the query by name.
 
     Raises:
         InputError: If it has more rows than a sheet.
@@ -56,11 +56,11 @@ def answer_workbook(path: str | Path, columns: Mapping[str, Any], asked: Mapping
 
 
 def provenance(attributes: Mapping[Any, Any], further: Mapping[str, str]) -> Sheet:
-    """Where numbers come from, a line each.
+    """The origin of the numbers, one line per fact.
 
     Args:
-        attributes: Of the cube.
-        further: What else there is to say, by name.
+        attributes: Attributes of the cube.
+        further: Further facts by name.
     """
     rows = [(name, text) for name, text in further.items() if text]
     rows += [(name, str(attributes[name])) for name in _KNOWN if attributes.get(name)]
@@ -69,7 +69,7 @@ def provenance(attributes: Mapping[Any, Any], further: Mapping[str, str]) -> She
 
 
 def _points(cube: xr.Dataset) -> Sheet:
-    """A row for each point: its factors, how it ended, all its numbers but waveforms."""
+    """A row for each point: its factors, its outcome, all its numbers except waveforms."""
     dims, count = cube["outcome"].dims, cube["outcome"].size
     columns: list[tuple[str, str, list[Any]]] = []
     for name in factor_names(cube):
@@ -94,7 +94,7 @@ def _points(cube: xr.Dataset) -> Sheet:
 
 
 def _label(cube: xr.Dataset, dims: list[Any], at: int, sizes: list[int]) -> str:
-    """The labels of one part of a variable, as a formula has them: ``[3]`` for order 3."""
+    """The labels of one part of a variable, written as in a formula: ``[3]`` for order 3."""
     if not dims:
         return ""
     places = np.unravel_index(at, sizes)
@@ -115,7 +115,7 @@ def _parameters(cube: xr.Dataset) -> Sheet:
 
 
 def _of_analyses(analyses: Mapping[str, xr.Dataset]) -> Iterator[Sheet]:
-    """The table of each analysis; of one without any, a sheet for numbers along the same dimensions, no waveforms."""
+    """The table of each analysis; without a table, one sheet per set of dimensions, without waveforms."""
     for name, result in analyses.items():
         if table := table_of(result):
             heads, rows = table

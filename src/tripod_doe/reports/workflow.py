@@ -22,12 +22,12 @@ from tripod_doe.page_parts.charts.chart import WIDE, Chart
 from tripod_doe.page_parts.templates import render
 from tripod_doe.reports.workflow_chart import StepView, chain_chart, step_time
 
-_THIRD = 300.0  # points: a figure drawn wider than this is not readable in a third of the page
+_THIRD = 300.0  # points; a wider figure is not readable in a third of the page
 
 
 @dataclass(frozen=True)
 class StoredChart:
-    """A chart that a figure step wrote, as its files hold it."""
+    """A chart from the files of a figure step."""
 
     name: str
     caption: str
@@ -96,7 +96,7 @@ class PagePart:
 
     @property
     def columns(self) -> str:
-        """Number of figures side by side: wide ones need more room, a single one gets it."""
+        """Number of figures side by side: wide figures need more room, and a single figure gets the full width."""
         if len(self.charts) == 1:
             return "one"
         return "two" if len(self.charts) == 2 or max(chart.width for chart in self.charts) > _THIRD else "three"
@@ -112,7 +112,7 @@ def step_page(
 ) -> str:
     """The page of a report step: findings of its studies and analyses, and figures with the claims that they show.
 
-    Contributions of several models stand side by side, where the first of them is asked for.
+    Shows contributions of several models side by side, at the place of the first one.
 
     Args:
         order: Names of the inputs in the order in which they are shown.
@@ -155,7 +155,7 @@ def _page(
     rows: Sequence[tuple[StepView, str]] = (),
     text: str = "",
 ) -> str:
-    """Fill the template; analyses answer before studies do, what a notice says beyond one sentence is folded."""
+    """Fill the template; analyses come before studies, and sentences of a notice after the first one are folded."""
     stated = [part for part in parts if part.findings]
     analyses = [part.findings for part in stated if not part.link]
     studies = [part.findings for part in stated if part.link]
@@ -191,14 +191,14 @@ def _page(
 
 
 def _part(name: str, cube: xr.Dataset, figures: Mapping[str, str], link: str) -> PagePart:
-    """A study with a link to its own report, or an analysis; claims with links to the figures that show them."""
+    """A study with a link to its report, or an analysis; claims link to the figures that show them."""
     title, table = str(cube.attrs.get("title", name)), table_of(cube)
     links = figures_of_claims(cube, figures) if kind_of(cube) == "claims" else []
     return PagePart(name, title, findings_of(name, cube), [], link * is_study(cube), table, links if any(links) else [])
 
 
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
-    """Contributions of several models in one table, then the findings of the finest of them."""
+    """Contributions of several models in one table, then the findings of the most detailed model."""
     finest = list(ladder)[-1]
     findings = find_side_by_side(ladder) + findings_of(finest, ladder[finest])
     return PagePart(name, "Contributions: the models side by side", findings, [], "", side_by_side_table(ladder))

@@ -28,11 +28,11 @@ _WIDTH, _HEIGHT, _ACROSS, _DOWN = 1.7, 0.62, 2.25, 0.9  # inches: of a box, and 
 class StepView:
     """A step as the diagram and the table of a page show it."""
 
-    # name, kind: its name, and what it is
+    # name, kind: its name, and its kind of step
     name: str
     kind: str
     inputs: tuple[str, ...]  # names of the steps that it needs
-    # ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs one that failed) or ``not
+    # ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs a failed step) or ``not
     # selected``
     state: str
     seconds: float | None = None  # wall time in s of the run that finished it; None if it did not finish
@@ -94,7 +94,7 @@ def _places(steps: Sequence[StepView]) -> dict[str, tuple[int, int]]:
 
 def _arrows(steps: Sequence[StepView]) -> list[tuple[str, str]]:
     """Dependencies between steps without the redundant ones: no arrow where a longer path exists."""
-    ways: dict[str, set[str]] = {}  # all that a step needs, near or far
+    ways: dict[str, set[str]] = {}  # all steps that a step needs, directly or not
     for step in steps:
         ways[step.name] = set(step.inputs).union(*(ways[needed] for needed in step.inputs))
     return [

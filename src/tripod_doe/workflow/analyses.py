@@ -1,4 +1,4 @@
-"""Analyses that a study asks for: checked before anything runs, made from its cube."""
+"""Analyses that a study requests: checked before anything runs, then computed from its cube."""
 
 import math
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
         kind: A key of `ANALYSES`.
 
     Raises:
-        InputError: If the kind or a setting is unknown, or the study's design does not serve it.
+        InputError: If the kind or a setting is unknown, or the analysis cannot use the study's design.
     """
     known = [name for name, entry in ANALYSES.items() if entry.designs]
     if kind not in known:
@@ -80,7 +80,7 @@ def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseMo
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        # an unknown key first: where it is a slip of the pen, it explains the missing one
+        # an unknown key first: if it is a typing error, it explains the missing key
         item = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
         key = str(item["loc"][0])
         if item["type"] == "extra_forbidden":
@@ -91,7 +91,7 @@ def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseMo
 
 
 def _is_finite(value: object) -> bool:
-    """Whether a value of a TOML file, or all in a list or table, are finite where they are numbers."""
+    """Whether all numbers in a value of a TOML file, also within lists and tables, are finite."""
     if isinstance(value, Mapping):
         value = list(value.values())
     return (
@@ -109,7 +109,7 @@ def check_analyses(study: Study) -> None:
     """Check the analyses of a study before anything runs.
 
     Raises:
-        InputError: If a kind or a setting is unknown, or the design does not serve it.
+        InputError: If a kind or a setting is unknown, or an analysis cannot use the design.
     """
     for name in study.file.analysis:
         analysis_of(study, name)
@@ -119,10 +119,10 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
     """Run all analyses of a study into ``directory/analysis/NAME.nc``.
 
     Returns:
-        By name, the reason why an analysis failed; empty where it did not.
+        For each analysis by name, the reason why it failed; empty if it did not.
     """
     reasons: dict[str, str] = {}
-    for stale in (directory / "analysis").glob("*.nc"):  # of another version of the study, or of other points
+    for stale in (directory / "analysis").glob("*.nc"):  # from another version of the study, or from other points
         stale.unlink()
     for name in study.file.analysis:
         analysis, settings = analysis_of(study, name)

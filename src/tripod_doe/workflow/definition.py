@@ -45,8 +45,8 @@ class Step:
 
     name: str  # its name in the file, and the name of its directory
     table: StepTable  # its table
-    # of all that decides its result: its text, its study's text and points, the kernels or the code of its
-    # analysis or figure, the files it reads, and the hashes of its inputs (16 hex digits)
+    # hash of all that determines its result: its text, its study's text and points, the kernels or the code of
+    # its analysis or figure, the files it reads, and the hashes of its inputs (16 hex digits)
     hash: str
     study: Study | None = None  # the study of a study step, with its overrides; None for others
     settings: BaseModel | None = None  # checked settings of an analysis; None for others
@@ -68,15 +68,15 @@ class Workflow:
     """A checked workflow."""
 
     file: WorkflowFile  # the parsed file
-    steps: Mapping[str, Step]  # steps by name, each after all that it needs
-    # text, origin, folder: the file as written, its path for messages, and where its files are looked up
+    steps: Mapping[str, Step]  # steps by name, each after the steps that it needs
+    # text, origin, folder: the file as written, its path for messages, and the folder of the files it names
     text: str
     origin: str
     folder: StudyFolder
     quick: bool  # whether the overrides of [quick] are in force
 
     def needed_for(self, name: str) -> list[str]:
-        """A step and all that it needs, in order; InputError if there is no such step."""
+        """A step and all steps that it needs, in order; InputError if there is no such step."""
         if name not in self.steps:
             raise InputError(f"{option('only', name)}: no such step in {self.origin}{near_match(name, self.steps)}")
         needed = {name}
@@ -125,7 +125,7 @@ def _in_order(origin: str, tables: Mapping[str, StepTable]) -> list[str]:
 
 
 def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping[str, Step]) -> Step:
-    """Check the files and steps that a step names, and take the hash of all that decides its result."""
+    """Check the files and steps that a step names, and hash all that determines its result."""
     where = f"{workflow.origin}: [steps.{name}]"
     digest = StepHash(table.model_dump_json(), *(before[needed].hash for needed in table.inputs))
     if isinstance(table, StudyStep):
@@ -176,7 +176,7 @@ def _settings(
 
 
 def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
-    """The study of a step with its overrides; an untouched one keeps its text to the letter."""
+    """The study of a step with its overrides; without overrides its text stays exactly the same."""
     try:
         path = workflow.folder.file(table.study, "study")
     except InputError as error:
@@ -199,7 +199,7 @@ def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
     """A study with the points of a table, for instance of a choice of model; its text lists them all.
 
     Args:
-        study: Its factors must be among the columns; a model that was to be chosen must be one, too.
+        study: A study whose factors are among the columns; if a pilot had to choose the model, the model is, too.
         table: Parameters of the study along ``point``; other variables are ignored.
         name: Name of the table, for messages.
 

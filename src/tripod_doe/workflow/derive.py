@@ -1,4 +1,4 @@
-"""Add responses to results that exist: cube, analyses and report are made again, and no point runs."""
+"""Add responses to existing results: makes cube, analyses and report again, and runs no point."""
 
 from __future__ import annotations
 

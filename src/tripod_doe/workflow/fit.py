@@ -1,4 +1,4 @@
-"""Run a fit: records in, points through the engine of studies, and out come fit.nc, base.toml and a page."""
+"""Run a fit: read the records, compute points with the engine of studies, write fit.nc, base.toml and a page."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class FitSummary:
 
     @property
     def good(self) -> bool:
-        """Whether no point failed but those of joints that cannot be, where the search has been as well."""
+        """Whether only points of impossible joints failed, which the search may also have tried."""
         return all(failure.outcome is Outcome.JAMMED for failure in self.failures)
 
 
@@ -119,7 +119,7 @@ def fit(
 
 
 def _points_study(rig: RigFit, folder: Path) -> Study:
-    """The study of all points of a fit, whose table stands in a folder."""
+    """The study of all points of a fit, whose table is in a folder."""
     content = {
         "study": {"name": f"{rig.file.fit.name}: points"},
         "base": rig.base,

@@ -1,4 +1,4 @@
-"""Price of a fit before anything runs, from the number of its points and the time of some."""
+"""Price of a fit before anything runs, from the number of its points and the time of a few points."""
 
 import json
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from tripod_doe.quantities import count_of, duration, text_range
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.plan import RECORDED, Plan, plan
 
-_DESCENT, _PER_UNKNOWN = 16, 4  # evaluations of all records in a descent, and of them for each unknown
+_DESCENT, _PER_UNKNOWN = 16, 4  # evaluations of all records in a descent: fixed, and per unknown
 _PROFILE = 24  # evaluations of all records for the profile of a scalar
-_CORRECTIONS = 3  # usual evaluations by the model asked for
-_OWN_SECONDS = 3e-3  # of an evaluation, beside its points
+_CORRECTIONS = 3  # usual evaluations with the requested model
+_OWN_SECONDS = 3e-3  # CPU time of an evaluation without its points
 
 
 @dataclass(frozen=True)
@@ -22,11 +22,11 @@ class FitPlan:
     """Counts and prices of a fit."""
 
     records: int  # number of records
-    scalars: tuple[str, ...]  # what is fitted, each with its record or group
+    scalars: tuple[str, ...]  # fitted scalars, each with its record or group
     search_points: int  # usual number of points of the model of the search
-    asked_points: int  # usual number of points of the model asked for, where it is another one
-    models: tuple[str, str]  # the model asked for, and the one of the search
-    plans: tuple[Plan, ...]  # of the points of all records, with the model of the search and the one asked for
+    asked_points: int  # usual number of points with the requested model, if it differs
+    models: tuple[str, str]  # the requested model, and the model of the search
+    plans: tuple[Plan, ...]  # plans of the points of all records, with the model of the search and the requested one
     seconds: tuple[float, float, float] | None  # CPU seconds: lower quartile, mean, upper quartile; None if not known
 
     def describe(self, workers: int = 2) -> str:
@@ -82,7 +82,7 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
 
 
 def _distinct(rig: RigFit, model: str) -> int:
-    """How many records differ in a point of the search: also those whose unknowns alone are their own."""
+    """Number of different records in the search; a record with unknowns of its own counts as different."""
     columns = [column.tolist() for column in rig.columns_at_middle(model).values()]
     return len(set(zip(*columns, *rig.layout.index.tolist(), strict=True)))
 

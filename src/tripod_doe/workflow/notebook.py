@@ -50,7 +50,7 @@ def _bar(done: int, total: int, left: str) -> str:
 
 
 def summary_html(counts: str, sentences: Sequence[str], problems: Iterable[str], directory: Path) -> str:
-    """What a run shows of itself: how many points, what it says, what failed, where its report is."""
+    """The summary of a run: counts of points, findings, failures, and the place of its report."""
     report = directory / "report" / "index.html"
     lines = [f"<li>{html.escape(text)}</li>" for text in sentences]
     wrong = [f"<li><strong>{html.escape(text)}</strong></li>" for text in problems]

@@ -1,4 +1,4 @@
-"""Run an optimisation: generations of candidates through the engine of studies; front and page from them."""
+"""Run an optimisation: the engine of studies computes generations of candidates, from which front and page follow."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from tripod_doe.study.result_directory.directory import ResultDirectory, make_di
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 
-_ROUNDS = 3  # of candidates that a correction brings up, after the first ones
+_ROUNDS = 3  # rounds of candidates that a correction proposes, after the first round
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
 _MOST_LINES = 12  # candidates that the terminal shows
-_MOST_GENERATIONS = 30  # whose course is written for who watches
+_MOST_GENERATIONS = 30  # generations written for programs that watch the run
 _WAVEFORMS = ("thrust", "thrust_amplitude")
 
 
@@ -68,7 +68,7 @@ class OptimisationSummary:
 
 
 class _Run:
-    """A search that is under way."""
+    """A running search."""
 
     def __init__(self, problem: Problem, study: Study, points: PointBatches, progress: bool, stages: Stages) -> None:
         self.problem, self.study, self.points, self._progress = problem, study, points, progress
@@ -76,19 +76,19 @@ class _Run:
         self._course: list[dict[str, Any]] = []  # candidates, feasible ones and best objectives after each generation
         self.table = problem.request.file.search
         self.sample = problem.samples(self.table.samples, self.table.seed)
-        self._rows: dict[bytes, int] = {}  # of all candidates so far, by their place on the unit cube
+        self._rows: dict[bytes, int] = {}  # row of each candidate so far, by its place in the unit cube
         self._units: list[FloatArray] = []
         self._judged: list[Judged] = []
-        self._starts: list[int] = []  # rows at which they begin
+        self._starts: list[int] = []  # first row of each generation
         self._generation: list[int] = []
-        self._best = np.full(len(problem.signs), np.inf)  # feasible objectives, each by itself, to minimise
+        self._best = np.full(len(problem.signs), np.inf)  # best feasible value of each objective, to minimise
         self._feasible = 0
         self._shown = time.monotonic()
-        self.ended: list[float] = []  # the best first objective, to minimise, of each search that came to its end
+        self.ended: list[float] = []  # best first objective, to minimise, of each completed search
 
     @property
     def is_corrected(self) -> bool:
-        """Whether a better model has the last word."""
+        """Whether a better model confirms the candidates."""
         return self.problem.confirm != self.problem.model
 
     @property
@@ -101,7 +101,7 @@ class _Run:
         return Archive(np.array(self._units), Judged.joined(self._judged), np.array(self._generation))
 
     def judge(self, units: FloatArray, sample: Sample, model: str) -> Judged:
-        """Judge candidates; of those whose followers are out of range no point runs."""
+        """Judge candidates; runs no point of a candidate with a follower out of range."""
         reasons = self.problem.variables.misfits(units)
         able = np.array([not reason for reason in reasons], bool)
         if able.all():
@@ -120,7 +120,7 @@ class _Run:
         return self.problem.judge(self.study, batch.points, ends, batch.outputs, batch.labels, sample)
 
     def try_out(self, units: FloatArray, generation: int) -> IntArray:
-        """Judge the candidates that are new, as many as are left; rows of all that are known by then, -1 of others."""
+        """Judge new candidates while any are left to try; return the row of each candidate, -1 if it was not judged."""
         keys = [unit.tobytes() for unit in units]
         first = {key: at for at, key in reversed(list(enumerate(keys))) if key not in self._rows}
         new = sorted(first.values())[: self.left]  # the start of the search comes first
@@ -139,13 +139,13 @@ class _Run:
         return np.array([self._rows.get(key, -1) for key in keys])
 
     def judged_at(self, rows: IntArray) -> Judged:
-        """Candidates by their rows, in this order; only the generations that they are of are looked at."""
+        """Candidates at these rows, in this order; reads only the generations that contain them."""
         places = np.searchsorted(self._starts, rows, side="right") - 1
         parts = [self._judged[at].take(rows[places == at] - self._starts[at]) for at in np.unique(places)]
         return Judged.joined(parts).take(np.argsort(np.argsort(places, kind="stable")))
 
     def _tell(self, generation: int) -> None:
-        """Say how far the search is: after each generation for who watches, every few seconds on standard error."""
+        """Report progress: after each generation for programs that watch, every few seconds on standard error."""
         best = [value if np.isfinite(value) else None for value in (self._best * self.problem.signs).tolist()]
         self._course.append(
             {
@@ -165,7 +165,7 @@ class _Run:
             print(f"optimise: {text}, {self.points.count:,} points", file=sys.stderr)
 
     def search(self) -> float:
-        """Try candidates until none is left, or all are known; returns the last step of a polish."""
+        """Try candidates until none is left, or all are known; return the last step of a polish."""
         self._stages.begin("search")
         kept = int(last_share(len(self.problem.signs), self.is_corrected) * self.table.evaluations)
         generation, known = 0, -1
@@ -175,7 +175,7 @@ class _Run:
         return self._polish(generation) if len(self.problem.signs) == 1 and not self.is_corrected else np.nan
 
     def _search_once(self, generation: int, kept: int) -> int:
-        """Search until the candidates but those kept are tried, or nothing new comes; returns the generation."""
+        """Search until only `kept` candidates are left to try, or no new one comes; return the generation."""
         problem, table, again = self.problem, self.table, len(self.ended)
         population = population_of(table.evaluations, table.population)
         start = problem.start_unit if not again else None
@@ -211,9 +211,9 @@ class _Run:
         return generation, best
 
     def _search_corrected(self, correction: Correction, rounds: int) -> None:
-        """Search on the model as the better one corrects it, with its part of the candidates that are left.
+        """Search with the model as the better model corrects it, with a share of the candidates left to try.
 
-        Limits that it moves are not where the search before has looked for candidates.
+        The correction moves limits, and the earlier search has not looked for candidates near the moved limits.
 
         Args:
             rounds: Number of such searches, this one included.
@@ -233,7 +233,7 @@ class _Run:
         self._evolve(search, int(archive.generation[-1]) + 1, kept, judgement)
 
     def _polish(self, generation: int) -> float:
-        """Step around the best candidate of a single objective; returns the step at which none was better, or NaN."""
+        """Step around the best candidate of a single objective; return the step at which none was better, or NaN."""
         archive = self.archive()
         best = front_rows(archive.judged.objectives * self.problem.signs, archive.judged.feasible)
         if not best.size:
@@ -262,7 +262,7 @@ class _Run:
         return float(judged.objectives[0, 0] * self.problem.signs[0]) if judged.feasible[0] else np.inf
 
     def solved(self, polished: float) -> Solved:
-        """The front, confirmed by the model that was asked for and by another sample."""
+        """The front, confirmed by the requested model and by another sample."""
         problem, archive = self.problem, self.archive()
         aims = archive.judged.objectives * problem.signs
         rows = front_rows(aims, archive.judged.feasible)
@@ -315,7 +315,7 @@ class _Run:
         )
 
     def around(self, front: Archive) -> Neighbours | None:
-        """The neighbours of the ends and the knee of a front, as the search judges them; None of an empty one."""
+        """The neighbours of the ends and the knee of a front, as the search judges them; None for an empty front."""
         if not len(front.units):
             return None
         self._stages.begin("sensitivity", "candidates one step away from the ends of the front")
@@ -329,7 +329,7 @@ class _Run:
         return Neighbours(centres, centre, variable, units, beside, at_centre)
 
     def _first_confirmed(self, archive: Archive) -> IntArray:
-        """Candidates from which the difference of two models is learned: leading ones, far apart from each other."""
+        """Candidates that show the difference of two models: leading candidates, far apart from each other."""
         aims, most = archive.judged.objectives * self.problem.signs, self.table.confirmed
         if aims.shape[1] > 1 and archive.judged.feasible.any():
             return self._leading(archive.judged)
@@ -337,9 +337,9 @@ class _Run:
         return rows[apart(archive.units[rows], most)]
 
     def _leading(self, judged: Judged, is_corrected: bool = False) -> IntArray:
-        """The candidates to confirm: some of the front far apart, or the best ones of a single objective.
+        """The candidates to confirm: some of the front, far apart, or the best candidates of a single objective.
 
-        Where none is feasible after a correction, those that are nearest to it.
+        If no candidate is feasible after a correction, the candidates closest to feasible.
         """
         aims = judged.objectives * self.problem.signs
         if is_corrected and not judged.feasible.any():
@@ -415,7 +415,7 @@ def optimise(
 
 
 def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Execution) -> xr.Dataset | None:
-    """The thrust of the start and of the ends and the knee of the front, at each operating point; None without any."""
+    """The thrust of the start, and of the ends and the knee of the front, at each operating point; None if none."""
     if not set(_WAVEFORMS) <= problem.simulator.outputs.keys() or not len(solved.front.units):
         return None
     aims = solved.front.judged.objectives * problem.signs
@@ -442,7 +442,7 @@ def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Exe
 
 
 def _thinned(course: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Some generations from the first to the last one."""
+    """At most `_MOST_GENERATIONS` generations, including the first and the last."""
     rows = np.unique(np.linspace(0, len(course) - 1, min(len(course), _MOST_GENERATIONS)).round().astype(int))
     return [course[row] for row in rows.tolist()]
 
@@ -457,7 +457,7 @@ def _nominal(problem: Problem) -> Sample:
 
 
 def front_lines(front: xr.Dataset) -> list[str]:
-    """One line for each of some candidates of a front, for the terminal."""
+    """Lines for the terminal, one for each of some candidates of a front."""
     objectives = str(front.attrs["objectives"]).split(", ")
     variables = str(front.attrs["variables"]).split(", ")
     count = front.sizes["candidate"]

@@ -1,4 +1,4 @@
-"""Price of an optimisation before anything runs: its points, and the time of some."""
+"""Price of an optimisation before anything runs: its points, and the time of a few points."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,21 +15,21 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, plan
 from tripod_doe.workflow.point_batches import TABLE, write_table
 
-_TIMED = 64  # candidates among which points are timed
+_TIMED = 64  # candidates from which the timed points are taken
 # CPU seconds beside the points, by `benchmarks/search_cost.py`: imports, cube and page, a generation, a point in it
 _START_SECONDS, _GENERATION_SECONDS, _POINT_SECONDS = 3.3, 0.017, 0.5e-3
-_LOW, _HIGH = 0.7, 1.5  # times it, from machine to machine
+_LOW, _HIGH = 0.7, 1.5  # range of this time, as factors, between machines
 
 
 @dataclass(frozen=True)
 class PlannedPart:
     """Points of an optimisation by one model, or its work beside them."""
 
-    what: str  # the search, what confirms it, or the work beside the points
+    what: str  # the search, its confirmation, or the work beside the points
     candidates: int  # at most; 0 of the work beside the points
-    points: int  # at most: those of all candidates
+    points: int  # at most: points of all candidates
     cpu_hours: tuple[float, float, float] | None = None  # low, likely and high; None where not known
-    timed: int = 0  # points that were timed; recorded prices stand in where there are none
+    timed: int = 0  # timed points; if 0, recorded prices are used
     cube_bytes: int = 0  # of the points in a cube; 0 where not known
 
     def describe(self) -> str:
@@ -102,7 +102,7 @@ def _part(problem: Problem, what: str, candidates: int, joints: int, model: str,
 
 
 def _study(problem: Problem, folder: Path) -> Study:
-    """The study of some points, as the process that times it can read it: only with a function from both folders."""
+    """The study of some points, as the timing process can read it: from `folder` alone, unless it has a function."""
     request = problem.request
     if request.file.optimisation.function:
         return problem.study(request.origin, folder, str(folder / TABLE))

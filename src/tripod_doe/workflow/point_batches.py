@@ -1,7 +1,7 @@
-"""Points that a search asks for in batches, computed by the engine of studies: in blocks, each kept in a journal.
+"""Points that a search requests in batches: the engine of studies computes them in blocks, and a journal keeps them.
 
-A search asks for the same batches in the same order each time. What the journal has is not computed again, so a search
-that was killed goes on where it was, and ends with the same answer. In the end all points stand in a cube of their own.
+A search requests the same batches in the same order each time. Points in the journal are not computed again, so a
+killed search continues where it was, and ends with the same answer. At the end a separate cube holds all points.
 """
 
 import csv
@@ -33,9 +33,9 @@ POINTS = "points"
 """Folder of the steps of a search in which its points are kept."""
 
 TABLE = "points.csv"
-"""File of all points that were asked for, which the study of their cube names as its table."""
+"""File of all requested points, which the study of their cube names as its table."""
 
-_SHOWN_AFTER = 1000  # points of a batch from which on a bar is shown
+_SHOWN_AFTER = 1000  # points of a batch; a larger batch shows a progress bar
 _EVERY = 20.0  # seconds after which the table is written again, so that a search can be queried while it runs
 
 
@@ -61,7 +61,7 @@ class PointBatches:
 
     Args:
         study: A study whose design is the table `TABLE`, which need not be there yet.
-        directory: Where they are kept, held by this process.
+        directory: Directory that keeps them, locked by this process.
         retry_failed: Whether points that failed in an earlier run are computed again.
         progress: Whether bars are shown.
 
@@ -106,8 +106,8 @@ class PointBatches:
         """Answers to some points.
 
         Args:
-            columns: Values of all that differs between points, by name, shape (point,) each; the same names in every
-                call.
+            columns: Values of all parameters that differ between points, by name, shape (point,) each; the same names
+                in every call.
         """
         count = len(next(iter(columns.values())))
         points = Points(dict(columns), (count,), ("point",), np.ones(count, bool))
@@ -158,16 +158,16 @@ class PointBatches:
 
     @property
     def count(self) -> int:
-        """Number of different points that were asked for."""
+        """Number of different requested points."""
         return len(self._asked)
 
     @property
     def failures(self) -> list[Failure]:
-        """Points that were asked for and failed, by outcome and reason, the most frequent first."""
+        """Requested points that failed, by outcome and reason, the most frequent first."""
         return list(common_failures(self._place[key][2:] for key in self._asked))
 
     def write(self, action: str) -> None:
-        """Write all points that were asked for as the cube of a study; none where no candidate can be.
+        """Write all requested points as the cube of a study; writes nothing if no candidate is possible.
 
         Raises:
             StorageError: If it cannot be written.

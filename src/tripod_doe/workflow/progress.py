@@ -1,4 +1,4 @@
-"""Progress of a run: a bar on a terminal, a line now and then in a log; the time left follows from recorded prices."""
+"""Progress of a run: a bar on a terminal, sparse lines in a log; the time left follows from recorded prices."""
 
 import sys
 import time
@@ -17,7 +17,7 @@ from tripod_doe.workflow.notebook import LiveProgress
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left
 _FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
 _LONGEST_GAP = 600.0  # seconds between two lines, to which the gaps grow
-_PRICED = 10_000  # points, each of which stands for those up to the next one
+_PRICED = 10_000  # points with a computed price; each stands for the points up to the next one
 
 
 class Progress:
@@ -72,7 +72,7 @@ class Progress:
             self._next_line = passed + min(passed, _LONGEST_GAP)
 
     def _left(self, now: float) -> str:
-        """The time still to come, by the points since the first ones, which may have waited for compiled kernels."""
+        """The time left, from the pace after the first points, which may have waited for compiled kernels."""
         since = self._work(self._done) - self._work(self._at_first)
         left = self._work(self._total) - self._work(self._done)
         return f", about {duration((now - self._first) * left / since)} left" if since else ""
@@ -81,7 +81,7 @@ class Progress:
 def work_of(asked: StudyPoints, missing: IntArray) -> Callable[[int], float]:
     """Work of the first n of the points to run.
 
-    Prices of models are given by the design, or recorded; without any, or where all points are alike, each counts one.
+    Uses the design's prices of models, or recorded prices; without prices, or if all points are alike, each counts one.
 
     Args:
         asked, missing: The study, and the points of it that run, in this order.

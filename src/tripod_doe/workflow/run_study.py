@@ -1,4 +1,4 @@
-"""Run one study from file to cube, analyses and report; run again, and only what is missing runs."""
+"""Run one study from file to cube, analyses and report; a second run computes only missing points."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ class RunSummary:
     # points whose outcome was neither finished nor expected, by outcome and reason, the most frequent first
     failures: Sequence[Failure]
     retried: bool  # whether the study has retries
-    analyses: dict[str, str]  # by name, why an analysis could not be made; empty where it was
-    found: str  # sentence on the points that the study looks for; empty where it looks for none
-    answers: Sequence[str]  # sentences with numbers: that one, and those of the analyses that the study asks for
+    analyses: dict[str, str]  # for each analysis by name, why it failed; empty if it did not
+    found: str  # sentence on the points that the study looks for; empty if it looks for none
+    answers: Sequence[str]  # sentences with numbers: `found`, and the sentences of the requested analyses
     findings: Sequence[str]  # sentences with numbers, from the cube
-    model_notes: Sequence[str]  # the models with their known errors, and their ranges that points leave
+    model_notes: Sequence[str]  # the models with their known errors, and points outside their ranges
     complete: bool  # whether every point has been run
 
     @property
@@ -183,7 +183,7 @@ def run_on(
         missing = directory.resume.missing(asked, retry_failed)
         left = missing.size
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
-        del missing  # eight bytes a point, which the cube needs
+        del missing  # frees eight bytes per point, which the cube needs
         check_interrupt()
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
         found = found_points(study, written)
@@ -211,7 +211,7 @@ def results_of(name: str) -> Path:
 
 
 def _with_derived(study: Study, directory: ResultDirectory, progress: bool) -> Study:
-    """The study with the responses that were added to the results here; its own ones of the same names replace them."""
+    """The study with the responses added to these results; its own responses of the same names replace them."""
     derived = directory.derived
     own = {name: table for name, table in study.file.responses.items() if name in derived}
     said = {
@@ -234,13 +234,13 @@ def summary_of(
     found: str = "",
     **counts: Any,
 ) -> RunSummary:
-    """Write analyses and report of a result directory, and say what it holds.
+    """Write analyses and report of a result directory, and return their summary.
 
     Args:
         asked, path: The study with its points, and where its results are.
         written: Its cube, which is closed.
         found: Sentence on what the study looks for.
-        run_other: Runs a study that confirms an analysis; None where none is to run.
+        run_other: Runs a study that confirms an analysis; None to run no study.
         **counts: ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
     """
     study = asked.study
@@ -251,7 +251,7 @@ def summary_of(
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [found] if found else []
     answers += [sentence for name, result in read_analyses(path).items() for sentence in findings_of(name, result)]
-    del cube, written  # the report reads its own; a cube need not be in memory twice
+    del cube, written  # the report opens the cube itself; it must not be in memory twice
     write_report(path, findings)
     return RunSummary(
         directory=path,
@@ -269,7 +269,7 @@ def summary_of(
 def _choose_models(
     asked: StudyPoints, directory: ResultDirectory, execution: Execution, progress: bool, take_over: bool
 ) -> StudyPoints:
-    """The points with the model that is chosen for each: the stored choice, or the choice by a pilot."""
+    """The points with the chosen model of each point: the stored choice, or the choice of a pilot."""
     study = asked.study
     directory.resume.refuse_changes(asked, done=[chosen_keys(study, directory.path)])
     directory.adopt(study)

@@ -1,7 +1,7 @@
-"""Run a workflow: its steps one after the other, each after those that it needs; finished steps are not run again.
+"""Run a workflow: one step after the other, each after the steps that it needs; finished steps do not run again.
 
-The points of small studies are computed in this process, the points of larger ones on worker processes that all study
-steps share, see `tripod_doe.study.execution`. At most `workers` processes are busy: this process waits while workers
+This process computes the points of small studies; worker processes, which all study steps share, compute the points of
+larger ones, see `tripod_doe.study.execution`. At most `workers` processes are busy: this process waits while workers
 compute, and workers are idle while it analyses or draws.
 """
 
@@ -48,12 +48,12 @@ class WorkflowSummary:
 
     directory: Path  # result directory
     page: Path  # page of the workflow
-    steps: tuple[StepView, ...]  # state of every step, each after those that it needs
-    reports: tuple[Path, ...] = ()  # pages of its report steps that are there
+    steps: tuple[StepView, ...]  # state of every step, each after the steps that it needs
+    reports: tuple[Path, ...] = ()  # existing pages of its report steps
 
     @property
     def good(self) -> bool:
-        """Whether no step failed, or waits for one that did."""
+        """Whether no step failed, and none waits for a failed step."""
         return not any(step.state in ("failed", "blocked") for step in self.steps)
 
 
@@ -146,10 +146,10 @@ class _Chain:
         self.retry_failed, self.progress = retry_failed, progress
         self._execution = execution
         self._states: dict[str, dict[str, object]] = {}
-        self._found: dict[str, str] = {}  # what the study of a step looks for, in a sentence
+        self._found: dict[str, str] = {}  # sentence on the points that the study of a step looks for
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
-        """Run these steps, each of which comes after those that it needs."""
+        """Run these steps; each must come after the steps that it needs."""
         views: dict[str, StepView] = {}
         for name in wanted:
             views[name] = self._run_step(name, [views[other] for other in self.workflow.steps[name].inputs])
@@ -168,7 +168,7 @@ class _Chain:
         return StepView(step.name, kind, step.inputs, state, seconds, detail, link.as_posix() if made else "")
 
     def recorded(self, step: Step) -> StepView | None:
-        """A step that was finished before from the same inputs, None where it was not."""
+        """A step that an earlier run finished from the same inputs; None if there is none."""
         folder = self.folder(step.name)
         try:
             record = json.loads((folder / STEP).read_text(encoding="utf-8"))
@@ -218,7 +218,7 @@ class _Chain:
         return isinstance(step.table, AnalysisStep) and ANALYSES[step.analysis].partial
 
     def _has_points(self, view: StepView) -> bool:
-        """Whether a study step left a cube of the same study, maybe without all points."""
+        """Whether a study step left a cube of the same study, perhaps without all points."""
         study, folder = self.workflow.steps[view.name].study, self.folder(view.name)
         if study is None or not (folder / "cube.nc").is_file():
             return False
@@ -278,15 +278,15 @@ class _Chain:
         return name
 
     def _exported(self, step: Step) -> list[Path]:
-        """File in which an analysis writes the answer to the workflow's question for other programs."""
+        """Files with the result of an analysis that answers the workflow's question, for other programs."""
         export = ANALYSES[step.analysis].export if isinstance(step.table, AnalysisStep) else None
         folder = self.directory / "quick" if self.workflow.quick else self.directory
         return [folder / export[0]] if export else []
 
     def answers(self, views: tuple[StepView, ...]) -> AbstractContextManager[dict[str, xr.Dataset]]:
-        """Cubes that answer the workflow's question, as far as they are made, open within the block.
+        """The existing cubes that answer the workflow's question, open within the block.
 
-        Those of the analyses that are exported, else of all its analyses and studies.
+        Cubes of the exported analyses; if there are none, cubes of all analyses and studies.
         """
         steps = self.workflow.steps
         made = [view.name for view in views if view.state in ("finished", "reused")]
@@ -342,6 +342,6 @@ class _Chain:
 
 
 def _title(kind: str, inputs: Iterable[str]) -> str:
-    """The title of an analysis without one of its own, in words."""
+    """The title, in words, of an analysis without a given title."""
     words = f"{kind} of {', '.join(inputs)}".replace("_", " ").replace("-", " ")
     return words[:1].upper() + words[1:]

@@ -1,4 +1,4 @@
-"""Hash of all that decides the result of a step of a workflow: a step with an unchanged hash is not run again."""
+"""Hash of all that determines the result of a workflow step: a step with an unchanged hash does not run again."""
 
 import hashlib
 from pathlib import Path

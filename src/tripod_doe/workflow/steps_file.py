@@ -14,11 +14,11 @@ from tripod_doe.study.result_directory.look_for import FOUND, found_in
 STEPS = "steps.json"
 """File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs.
 
-What a step or stage was to look for stands in it under `FOUND`, in a sentence.
+The key `FOUND` holds the sentence on what a step or stage looked for.
 """
 
 _EVERY = 0.5  # seconds between two states of a stage
-_LONGEST = 4_000  # characters of all sentences
+_LONGEST = 4_000  # characters of all sentences together
 
 
 def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
@@ -27,10 +27,10 @@ def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
 
 
 class Stages:
-    """The stages of a search one after the other; a disk that is full does not end it here, but at its results.
+    """The stages of a search, one after the other; a full disk does not end the search here, but at its results.
 
     Args:
-        directory: Of the search.
+        directory: Directory of the search.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -39,20 +39,20 @@ class Stages:
         self._began = self._written = 0.0
 
     def begin(self, name: str, detail: str = "") -> None:
-        """End the stage at work, and begin another one."""
+        """End the current stage, and begin another one."""
         self._close("finished")
         self._stages.append({"name": name, "state": "running", "seconds": None, "detail": detail})
         self._began = time.monotonic()
         self._write()
 
     def update(self, detail: str, **values: Any) -> None:
-        """Say how far the stage at work is, and more of it by name; written twice a second at most."""
+        """Report the progress of the current stage, with more values by name; writes at most twice a second."""
         self._stages[-1] |= {"detail": detail, **values}
         if time.monotonic() > self._written + _EVERY:
             self._write()
 
     def end(self, found: str = "") -> None:
-        """End the stage at work, which is the last one, with the sentence on what the search was to look for."""
+        """End the current, last stage, with the sentence on what the search looked for."""
         self._close("finished")
         self._stages[-1] |= {FOUND: found} if found else {}
         self._write()
@@ -68,9 +68,9 @@ class Stages:
 
 
 def found_sentences(directory: Path) -> str:
-    """What the latest run of a directory was to look for, in a sentence; a sentence for each study of a workflow.
+    """The sentence on what the latest run of a directory looked for; a sentence for each study of a workflow.
 
-    Empty where nothing was to be looked for.
+    Empty if the run looked for nothing.
     """
     if sentence := found_in(directory):
         return sentence

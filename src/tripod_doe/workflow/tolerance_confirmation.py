@@ -1,4 +1,4 @@
-"""Confirmation of a tolerance analysis by other points: its first change of factors is run as a study of its own."""
+"""Confirmation of a tolerance analysis with other points: runs its first change of factors as a separate study."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,22 +22,22 @@ RunStudy = Callable[[Study, Path], None]
 
 
 def confirming_points(study: Study) -> int:
-    """The most points that the tolerance analyses of a study run to confirm what they propose."""
+    """The largest number of points that the tolerance analyses of a study run to confirm their proposals."""
     return sum(each.confirm * len(each.limits) for each in _confirmed(study).values())
 
 
 def _confirmed(study: Study) -> dict[str, ToleranceSettings]:
-    """The settings of the tolerance analyses that are to be confirmed, by name."""
+    """The settings of the tolerance analyses to confirm, by name."""
     own = {name: analysis_of(study, name)[1] for name in study.file.analysis}
     return {name: each for name, each in own.items() if isinstance(each, ToleranceSettings) and each.confirm}
 
 
 def confirm_tolerances(study: Study, directory: Path, run_study: RunStudy | None) -> None:
-    """Run the changes that tolerance analyses propose, with other points, and add what they say to the analyses.
+    """Run the changes that tolerance analyses propose, with other points, and add the results to the analyses.
 
     Args:
-        run_study: Runs a study into a directory; what is there already is not computed again. None runs nothing, and
-            adds what such a run has said before.
+        run_study: Runs a study into a directory, without computing existing points again. None runs nothing, and adds
+            the results of an earlier run.
     """
     for name, settings in _confirmed(study).items():
         path = path_within(directory, "analysis", f"{name}.nc")

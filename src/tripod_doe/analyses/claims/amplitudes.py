@@ -1,4 +1,4 @@
-"""Amplitudes of orders from the evidence: single points, lines over a factor, and what is made of several."""
+"""Amplitudes of orders from the evidence: single points, lines over a factor, and measures of several amplitudes."""
 
 import math
 from typing import Any
@@ -19,7 +19,7 @@ def point_of(evidence: Evidence, cases: Cases, case: int, **more: Any) -> Point:
 
 
 def ratio(above: Measured, below: Measured, scale: float = 1.0, note: str = "") -> Measured:
-    """A quotient with its error, those of both taken as independent."""
+    """A quotient with its error; the errors of both numbers count as independent."""
     if not below.value > 0:
         raise MissingPointError("the value in the denominator is zero")
     error = math.hypot(above.error, above.value / below.value * below.error) / below.value

@@ -14,7 +14,7 @@ from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.model_interface import Outcome
 
 ANY = object()
-"""Asks for points whatever the value of a parameter."""
+"""Matches points with any value of a parameter."""
 
 _IDENTITY = (
     "model",
@@ -29,12 +29,12 @@ _SAME = 1e-9
 
 
 class MissingPointError(Exception):
-    """A claim lacks the points that would decide it."""
+    """The points that decide a claim are missing."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A number from the cubes, the numerical error known of it (NaN where none is), and what a reader should know."""
+    """A number from the cubes, its numerical error (NaN if unknown), and a note for the reader."""
 
     # value, error: in the unit of the claim
     value: float
@@ -58,7 +58,7 @@ class Point:
         return Outcome(int(self.data["outcome"]))
 
     def value(self, name: str) -> Any:
-        """A parameter of it, the default where the study does not set it."""
+        """The value of a parameter, or its default if the study does not set it."""
         known = JOINT_PARAMETERS.get(name)
         return self.parameters.get(name, known.default if known else None)
 
@@ -106,10 +106,10 @@ class Evidence:
     """All points of some cubes.
 
     Args:
-        cubes: Cubes of studies by any name; results of analyses are passed over.
+        cubes: Cubes of studies by any name; results of analyses are skipped.
 
     Attributes:
-        used: Numbers of the points that were given since it was emptied, by the names of their cubes.
+        used: Numbers of the points returned since it was last emptied, by the names of their cubes.
     """
 
     def __init__(self, cubes: Mapping[str, xr.Dataset]) -> None:
@@ -118,19 +118,18 @@ class Evidence:
         self._points = [point for name, cube in self.cubes.items() for point in _points_of(name, cube)]
 
     def joint(self, **wanted: Any) -> list[Point]:
-        """Points of the joint at the reference point but for what is named; `ANY` leaves a parameter open.
+        """Points of the joint at the reference point, except for the parameters in `wanted`; `ANY` matches any value.
 
-        Of points that differ in numerics only the one with the smallest tolerance is given.
+        Of points that differ only in numerics, returns the point with the smallest tolerance.
 
         Raises:
-            MissingPointError: If there is none, or one of them did not finish: a claim is not decided by those that
-                did.
+            MissingPointError: If there is none, or one did not finish: finished points alone do not decide a claim.
         """
         identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
         return self._finished(identity, [point for point in self._points if "model" in point.parameters], wanted)
 
     def scene(self, **wanted: Any) -> list[Point]:
-        """Points of another scene, known by the parameters that only it has; raises as `joint` does."""
+        """Points of another scene, identified by its own parameters; raises as `joint` does."""
         return self._finished(wanted, [point for point in self._points if set(wanted) <= set(point.parameters)], wanted)
 
     def _finished(self, identity: Mapping[str, Any], among: list[Point], excluded: Mapping[str, Any]) -> list[Point]:
@@ -158,7 +157,7 @@ class Evidence:
 
 
 def _worth(point: Point) -> tuple[bool, float]:
-    """Finished points first, then the tighter tolerance."""
+    """Sort key: finished points first, then the tighter tolerance."""
     answers = point.data.get("relative_tolerance_used", math.inf)
     tolerance = float(point.parameters.get("relative_tolerance", answers))
     return point.outcome is not Outcome.FINISHED, math.inf if math.isnan(tolerance) else tolerance

@@ -49,7 +49,7 @@ def straight_over_angle(evidence: Evidence, cases: Cases) -> Measured:
 
 
 def offset_over_angle(evidence: Evidence, cases: Cases) -> Measured:
-    """Offset of that line over its value at 10 deg, in percent."""
+    """Offset of the line of the third order over its value at 10 deg, in percent."""
     angles, amplitudes = line_over(evidence, cases, 2, "joint_angle_deg", 3)
     slope, offset, _ = fit_line(angles, amplitudes)
     at_ten = slope * 10 + offset
@@ -170,7 +170,7 @@ def local_orders(evidence: Evidence, cases: Cases) -> Measured:
 
 
 def needle_sliding(evidence: Evidence, cases: Cases) -> Measured:
-    """Second order of case 2 without needle sliding over that with it, in percent."""
+    """Second order of case 2 without needle sliding over the second order with it, in percent."""
     off = point_of(evidence, cases, 2, needle_sliding=0).amplitude(2)
     whole = point_of(evidence, cases, 2).amplitude(2)
     return ratio(off, whole, 100, f"{number(off.value)} N without needle sliding, {number(whole.value)} N with it.")

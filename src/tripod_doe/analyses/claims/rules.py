@@ -22,7 +22,7 @@ class Rule:
     # quantity, unit: the number that decides it
     quantity: str
     unit: str
-    # the number, from the evidence; raises `MissingPointError` where its points are not there
+    # computes the number from the evidence; raises `MissingPointError` if points are missing
     measure: Callable[[Evidence, Cases], Measured]
     # low, high: limits within which it holds; None for none
     low: float | None = None

@@ -83,7 +83,7 @@ def figures_of_claims(claims: xr.Dataset, figures: Mapping[str, str]) -> list[li
 
 
 def claims_of_figures(claims: xr.Dataset, title: str) -> tuple[list[str], list[list[str]]] | None:
-    """The table of those claims that belong to a figure that a title names; None where there are none."""
+    """The table of the claims that belong to a figure named in a title; None if there are none."""
     named = _figure_numbers(title)
     chosen = [at for at, place in enumerate(claims["place"].values) if _figure_numbers(str(place)) & named]
     return claim_table(claims.isel(claim=chosen)) if chosen else None
@@ -100,7 +100,7 @@ def claim_value(row: xr.Dataset) -> str:
 
 
 def claim_limits(row: xr.Dataset) -> str:
-    """Within which limits a claim holds."""
+    """The limits within which a claim holds."""
     low, high = float(row["low"]), float(row["high"])
     unit = unit_text(str(row["unit"].item()))
     if math.isfinite(low) and math.isfinite(high):
@@ -112,7 +112,7 @@ _WORDS = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED
 
 
 def find_over_skew(claims: xr.Dataset, name: str = "") -> list[str]:
-    """State which claims hold for all chosen skews, which for none, and which only for some."""
+    """State which claims hold for all chosen skews, which for no skew, and which only for some."""
     skews = claims["skew_deg"].values
     groups: dict[bool, list[str]] = {True: [], False: []}
     sentences = []

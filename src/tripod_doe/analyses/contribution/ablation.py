@@ -1,4 +1,4 @@
-"""An ablation: its operating points, and what each combination of mechanisms makes of the whole amplitude there."""
+"""An ablation: its operating points, and the part of the amplitude that each combination of mechanisms gives there."""
 
 import math
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from tripod_doe.study.cube.dataset import SWITCH_ROLE
 from tripod_doe.study.definition.study_file import parse_file
 from tripod_doe.study.designs.ablation import HALF
 
-_ROUNDING = 1e-6  # part of the largest amplitude of an operating point below which an amplitude is only error
+_ROUNDING = 1e-6  # an amplitude below this part of the operating point's largest amplitude is only error
 
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """Operating points of an ablation: which one each point of the cube belongs to, and their dimensions."""
+    """Operating points of an ablation, the operating point of each point of the cube, and their dimensions."""
 
     of_point: IntArray
     dims: tuple[str, ...]
@@ -34,7 +34,7 @@ class OperatingPoints:
 
 
 class Projections:
-    """P(S) in percent, for combinations S written as bits, the first mechanism the lowest; NaN where it is not known.
+    """P(S) in percent, for combinations S written as bits, the first mechanism the lowest; NaN if unknown.
 
     Attributes:
         count: Number of mechanisms.
@@ -70,7 +70,7 @@ class Projections:
         return self._values[self._rows(combination)]
 
     def missing(self, combination: int) -> NDArray[np.bool_]:
-        """Whether a combination has no result at all, of each operating point."""
+        """Whether a combination has no result, for each operating point."""
         lost = np.isnan(self._amplitudes(combination)).reshape(self._points, -1)
         return np.asarray(lost.all(axis=1), bool)
 
@@ -78,7 +78,7 @@ class Projections:
         """P of one combination, shape (operating point, own dimensions)."""
         square = np.where(self.weak, np.nan, self.total) ** 2
         projected: FloatArray = 100 * (self._amplitudes(combination) * self._reference.conj()).real / square + 0.0
-        return projected  # the 0 added makes -0 a 0
+        return projected  # adding 0 turns -0 into 0
 
     def changes(self, combinations: Sequence[int]) -> FloatArray:
         """Change of the amplitude in percent with other combinations, shape (operating point, combination, ...).
@@ -102,13 +102,13 @@ class Projections:
 
 
 def _largest(values: ComplexArray) -> FloatArray:
-    """Largest magnitude of each point over its own dimensions, zero where it has none."""
+    """Largest magnitude of each point over the output's dimensions, zero if no value is known."""
     magnitude: FloatArray = np.nan_to_num(np.abs(values).reshape(len(values), -1))
     return magnitude.max(axis=1, initial=0.0)
 
 
 def has_all_combinations(cube: xr.Dataset) -> bool:
-    """Whether the design of the cube asks for all combinations, so that a missing one is a gap and no choice."""
+    """Whether the design contains all combinations, so that a missing one is a gap, not a choice."""
     file = parse_file(cube.attrs["study"], "the study in the cube")
     designs = [file.design, *(file.designs[name] for name in file.design.of)]
     return any(design.kind == "ablation" and design.combinations == "all" for design in designs)
@@ -124,7 +124,7 @@ def switches_and_points(cube: xr.Dataset) -> tuple[list[str], OperatingPoints]:
 
 
 def _points_of(cube: xr.Dataset, factors: list[str]) -> OperatingPoints:
-    """Operating points: one dimension per factor where they fill a grid, else one dimension for all."""
+    """Operating points: one dimension per factor if they fill a grid, else one dimension for all."""
     columns = [cube[name].values.tolist() for name in factors]
     levels = [list(dict.fromkeys(column)) for column in columns]
     shape = tuple(len(values) for values in levels)

@@ -19,11 +19,11 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axis import Axis
 
 
-_READABLE = 0.06  # part of the axis that a segment needs to hold its number
+_READABLE = 0.06  # least part of the axis for a segment that shows its number
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
 _FENCE = 1.5  # distances of the quartiles, beyond them, within which shares decide the scale (Tukey's box plot)
 _PANEL = 2.1  # inches
-_MOST_CELLS = 7  # along a side of a map, up to which each has its value below it
+_MOST_CELLS = 7  # cells along a side of a map; up to this number each cell has a label
 
 
 def contribution_figures(result: xr.Dataset, name: str) -> list[Chart]:
@@ -39,7 +39,7 @@ def contribution_charts(part: Contribution) -> list[Chart]:
 
 
 def _distribution_chart(part: Contribution) -> Chart:
-    """Median, quartiles and usual range of each mechanism's share; what lies beyond the axis is marked at its edge."""
+    """Median, quartiles and usual range of each mechanism's share; shares beyond the axis are marked at its edge."""
     values, names = part.shares[part.fairest], [spoken(name) for name in part.mechanisms]
     usual = [_usual(column) for column in values.T]
     ends = min(0.0, *(part.min() for part in usual)), max(0.0, *(part.max() for part in usual))
@@ -69,7 +69,7 @@ def _distribution_chart(part: Contribution) -> Chart:
 
 
 def _usual(shares: FloatArray) -> FloatArray:
-    """The shares that are no outliers; zero where none is known."""
+    """The shares without outliers; zero if no share is known."""
     known = shares[np.isfinite(shares)]
     if known.size == 0:
         return np.zeros(1)
@@ -115,7 +115,7 @@ def _beyond(part: Contribution, low: float, high: float) -> str:
 
 
 def _places(axis: Axis, levels: pd.Index[Any]) -> FloatArray:
-    """Where the cells of a map stand: few levels side by side under their values, many as far apart as they are."""
+    """Places of the cells of a map: few levels are evenly spaced and labelled, many levels are placed to scale."""
     if len(levels) > _MOST_CELLS:
         return levels.to_numpy(float)
     axis.set_ticks(range(len(levels)), levels_apart(levels.tolist()))
@@ -123,7 +123,7 @@ def _places(axis: Axis, levels: pd.Index[Any]) -> FloatArray:
 
 
 def _maps(part: Contribution) -> list[Chart]:
-    """One map per mechanism over the two factors of the operating points, where these fill a grid."""
+    """One map per mechanism over the two factors of the operating points, if they fill a grid."""
     varying = [str(name) for name in part.points if part.points[str(name)].nunique() > 1]
     if len(varying) != 2 or not all(part.points[name].dtype.kind in "fiu" for name in varying):
         return []

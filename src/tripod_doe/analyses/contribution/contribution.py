@@ -54,7 +54,7 @@ class ContributionSettings(BaseModel):
 
     @property
     def phase_name(self) -> str:
-        """Variable with the phase; empty where the output is a signed number."""
+        """Variable with the phase; empty if the output is a signed number."""
         stem = self.output.removesuffix("_amplitude").removesuffix("_rms")
         return (f"{stem}_phase_deg" if stem != self.output else "") if self.phase is None else self.phase
 
@@ -65,7 +65,7 @@ class ContributionSettings(BaseModel):
 
     @property
     def part_names(self) -> tuple[str, str]:
-        """Variables with amplitude and phase of the parts that a model itself splits the output into."""
+        """Variables with amplitude and phase of the output's parts, if the model splits the output."""
         stem = self.output.removesuffix("_amplitude").removesuffix("_rms")
         return f"{stem}_part_amplitude", f"{stem}_part_phase_deg"
 
@@ -143,7 +143,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
 
 
 def _left_out(variables: Collection[str], settings: ContributionSettings) -> list[str]:
-    """What the study must have for variables that are not there, a line for each."""
+    """A line for each missing variable: what the study needs to provide it."""
     needs = {
         "share_direct": f"the study must keep {' and '.join(settings.part_names)}, under [keep]",
         "share_shapley": "the design must have all combinations of the mechanisms",
@@ -159,7 +159,7 @@ def _counts(cube: xr.Dataset) -> dict[str, int]:
 
 
 def _model(cube: xr.Dataset) -> str:
-    """The model of all points; empty where they have none, or several."""
+    """The model of all points; empty if there is no model, or several."""
     return str(json.loads(str(cube.attrs.get("fixed_parameters", "{}"))).get("model", ""))
 
 
@@ -225,7 +225,7 @@ def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) 
 def _direct(
     cube: xr.Dataset, settings: ContributionSettings, part: Projections, own: tuple[str, ...], mechanisms: list[str]
 ) -> dict[str, _Variable]:
-    """Shares that the model's own split gives, where the cube holds a part for every mechanism."""
+    """Shares from the split in the model, if the cube holds a part for every mechanism."""
     amplitude, phase = settings.part_names
     if not {amplitude, phase} <= set(cube.data_vars) or not set(mechanisms) <= set(cube["part"].values.tolist()):
         return {}

@@ -25,8 +25,8 @@ _AGREE = 4.0  # percentage points within which two shares count as agreeing
 _ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
 _HALF = 1.0  # percentage points within which a Shapley value counts as half of the share by switching off
 _MOST_LOST = 3  # operating points whose missing combinations are named
-_FEW = 4  # operating points of which each has its row in a table, and none is remarkable
-_REMOTE = 5.0  # percentage points from the median from which a share at one point is worth a sentence
+_FEW = 4  # up to this number, each operating point has a row in the table, and none is singled out
+_REMOTE = 5.0  # percentage points from the median above which a share at one point gets a sentence
 
 
 def find_in_contribution(result: xr.Dataset, name: str) -> list[str]:
@@ -49,7 +49,7 @@ def contribution_findings(part: Contribution) -> list[str]:
 
 
 def contribution_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]] | None:
-    """Amplitude, shares and change of each operating point, where they are few, a row for each; else None."""
+    """A row with amplitude, shares and change for each operating point, if these are few; else None."""
     heads: list[str] = []
     rows = []
     for part in contributions({"": result}):
@@ -74,7 +74,7 @@ def contribution_notes(part: Contribution) -> list[str]:
 
 
 def _lost_combinations(part: Contribution) -> list[str]:
-    """Name the combinations without a result and the bounds that are left of Shapley values, at the first points."""
+    """Name, at the first points, the combinations without a result and the remaining bounds of Shapley values."""
     places = [at for at, text in enumerate(part.lost) if text]
     sentences = []
     for at in places[:_MOST_LOST]:
@@ -169,7 +169,7 @@ def _furthest(part: Contribution) -> list[str]:
     values = part.shares[part.leading]
     if not any(np.isfinite(values[rows]).all(axis=1).sum() > _FEW for rows in part.sides.values()):
         return []
-    usual = np.full_like(values, np.nan)  # of drive and of coast by itself
+    usual = np.full_like(values, np.nan)  # medians, separate for drive and coast
     for rows in part.sides.values():
         own = values[rows]
         usual[rows] = np.nanmedian(np.where(np.isfinite(own).any(axis=0), own, 0.0), axis=0)
@@ -202,7 +202,7 @@ def _nearest_to_paper(part: Contribution) -> list[str]:
 
 
 def _all_passes(part: Contribution) -> list[str]:
-    """A note if nothing is left without one mechanism: the consequence for each definition."""
+    """A note if the whole amplitude depends on one mechanism: the consequence for each definition."""
     whole = np.nan_to_num(np.abs(part.shares["share_off"] - 100), nan=np.inf).max(axis=0) < _ALL_OF_IT
     needed = np.flatnonzero(whole)
     names = [spoken(part.mechanisms[at]) for at in needed]
@@ -221,7 +221,7 @@ def _all_passes(part: Contribution) -> list[str]:
 
 
 def _halves(part: Contribution, needed: int) -> str:
-    """Why the other mechanisms' Shapley values are half of their shares by switching off, where they are."""
+    """Why the other mechanisms' Shapley values are half of their shares by switching off, if they are."""
     if "share_shapley" not in part.shares:
         return ""
     others = np.arange(len(part.mechanisms)) != needed

@@ -1,4 +1,4 @@
-"""Differences of two studies with their results: what was asked, what computed it, and what came out."""
+"""Differences of two studies with their results: in the questions, in the code, and in the results."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from tripod_doe.page_parts.main_results import asked, axis_label, finished, poin
 
 
 def failing_region_chart(cube: xr.Dataset) -> Chart | None:
-    """Failed and finished points over the factors of the region that fails; None where there is no such region."""
+    """Failed and finished points over the factors of the failing region; None if there is no such region."""
     region = failing_region_of(cube)
     if region is None:
         return None

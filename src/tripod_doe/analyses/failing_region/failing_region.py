@@ -78,7 +78,7 @@ def _in_words(conditions: tuple[Condition, ...]) -> str:
 
 
 def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[np.bool_]) -> FailingRegion | None:
-    """The region that fails, None where the failed points do not lie together.
+    """The failing region; None if the failed points do not lie together.
 
     Args:
         columns: Values of the factors, shape (point,) each; words are left out.
@@ -106,7 +106,7 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
 
 
 def failing_region_of(cube: xr.Dataset) -> FailingRegion | None:
-    """The region of a study in which most of its failed points lie, None where they do not lie together."""
+    """The region of a study that contains most of its failed points; None if they do not lie together."""
     rows = asked(cube).values & ~waiting(cube).values
     columns = {name: column for name, column in point_columns(cube, rows).items() if varies(column)}
     return failing_region(columns, ~finished(cube).values[rows])

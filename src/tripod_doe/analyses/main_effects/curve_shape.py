@@ -70,7 +70,7 @@ def extreme_levels(level: FloatArray, curve: FloatArray, shape: Shape, error: fl
 
 
 def mirror_level(level: FloatArray, curve: FloatArray, error: float) -> float | None:
-    """The level about which a curve is symmetric; None where it is not, or where its levels are not.
+    """The level about which a curve is symmetric; None if the curve or its levels are not symmetric.
 
     The two sides may differ by the error or by one percent of the change of the curve.
     """

@@ -58,7 +58,7 @@ class Comparison:
     whole: IntArray  # numbers of these settings
     several: IntArray  # numbers of the settings at which there are at least two levels
     steps: FloatArray  # changes from each level to the next one that there is, over all settings, shape (pair,)
-    largest: float  # largest change at one setting; 0 where no two points can be compared
+    largest: float  # largest change at one setting; 0 if no two points can be compared
     # the largest change over the value there, of settings where the response is not nearly zero
     relative: float
 
@@ -111,7 +111,7 @@ class FactorEffect:
     factor: str  # its name
     numeric: bool  # whether its levels are numbers
     ground: Ground  # on what the rest stands
-    shape: Shape = Shape.NONE  # course of the mean curve; NONE where there is no curve
+    shape: Shape = Shape.NONE  # course of the mean curve; NONE if there is no curve
     # level, mean: the curve: levels in ascending order (words in any order), and the mean response over the settings of
     # the others, or over classes. Empty where there is none.
     level: Column = field(default_factory=lambda: np.empty(0))
@@ -132,7 +132,7 @@ class FactorEffect:
     # although they vary elsewhere in the design
     averaged: tuple[str, ...] = ()
     held: Mapping[str, object] = field(default_factory=dict)
-    fit: Fit | None = None  # the regression, where that is the ground
+    fit: Fit | None = None  # the regression, if the effect is based on it
     # why the design does not separate the factor
     separation: Separation = field(default_factory=lambda: Separation(True))
 

@@ -1,4 +1,4 @@
-"""Effect of a factor by regression on all factors, where no two points differ in it alone.
+"""Effect of a factor from a regression on all factors, if no two points differ in this factor alone.
 
 The response is described by a sum of one function per factor; what that leaves, interactions among them, is scatter.
 Its size decides how far an effect is known.

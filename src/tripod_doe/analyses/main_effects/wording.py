@@ -21,7 +21,7 @@ _INVISIBLE = 1e-6  # part of the largest value of a response below which a value
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
 _EXACT = 0.9999  # R^2 above which no difference from it can be seen
 _THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it may be a proportion
-_PROPORTIONAL = 0.1  # part of a proportion by which no value may differ from it
+_PROPORTIONAL = 0.1  # largest relative difference of a value from a proportion
 _OF_VALUE = 2.0  # change in parts of the value there, over that in parts of the range, that is worth a remark
 _SIDES = 1.2  # ratio of the values at both signs of a level from which it is stated
 _MOST_DIGITS = 6
@@ -144,7 +144,7 @@ class EffectWording:
         return with_unit(text, factor_unit(self.cube, effect.factor))
 
     def where(self, effect: FactorEffect) -> str:
-        """How the other factors are treated, with a comma in front; empty where there are none."""
+        """How the other factors are treated, with a comma in front; empty if there are none."""
         parts = []
         if effect.averaged:
             several = len(effect.averaged) > 1
@@ -323,7 +323,7 @@ class EffectWording:
         return f"{factor_label(self.cube, effect.factor)}{sign} ({steps}{held}{most}{self.value(effect.largest)})"
 
     def _trend(self, effect: FactorEffect) -> str:
-        """A trend, a bend or both by regression, where there are not enough points for a course."""
+        """A trend, a bend or both from the regression, if there are too few points for a course."""
         assert effect.fit is not None
         trend, bend = effect.fit.trend, effect.fit.bend
         label, text = factor_label(self.cube, effect.factor), []
@@ -373,7 +373,7 @@ class EffectWording:
         return f" between any two points that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
 
     def unseen(self, effects: list[FactorEffect]) -> str:
-        """Factors whose effect does not stand out of the scatter."""
+        """Factors whose effect does not exceed the scatter."""
         most = max(max(effect.fit.trend.most, effect.fit.bend.most) for effect in effects if effect.fit)
         labels, points = [factor_label(self.cube, effect.factor) for effect in effects], effects[0].settings
         if most <= _ROUNDING * self.span:

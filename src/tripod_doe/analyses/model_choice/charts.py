@@ -20,7 +20,7 @@ _ERRORS = "estimated error over the allowed one (%)"
 
 
 def model_choice_chart(cube: xr.Dataset) -> Chart | None:
-    """Models and estimated errors over the first two numeric factors; None where no pilot chose, or nothing varies."""
+    """Models and estimated errors over the first two numeric factors; None without a pilot or a varying factor."""
     factors = numeric_factors(cube)[:2]
     if not is_chosen(cube) or not factors:
         return None

@@ -88,7 +88,7 @@ class GrowingPilot:
         return pilot_errors(open_cube(self.directory), list(self.usable), auto_model_of(self.study))
 
     def confirmed(self, record: RecordedChoice, measured: PilotErrors) -> xr.Dataset | None:
-        """The choice by record, where as many points as asked for are expected to be within the accuracy."""
+        """The choice by record, if the requested number of points is expected to be within the accuracy."""
         hits, known = record.hits(measured, self._allowed_places(measured))
         share = record.expected(hits, known)
         if known < CONFIRMING or share < auto_model_of(self.study).confidence:
@@ -158,7 +158,7 @@ class GrowingPilot:
 
 
 def _finer_candidate(measured: PilotErrors, auto: AutoModel) -> Candidate | None:
-    """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
+    """A finer candidate than all that ran; None if these are accurate at enough points, or none is finer."""
     finer = auto.candidates[auto.candidates.index(measured.candidates[-1]) + 1 :]
     return finer[0] if finer and 1 - measured.known.mean() > 1 - auto.confidence else None
 

@@ -24,7 +24,7 @@ from tripod_doe.study.study_points import StudyPoints
 
 
 def finished_in_pilot(directory: Path) -> NDArray[np.void]:
-    """Fingerprints of the points that finished in a pilot, shape (point,); none where there is no pilot."""
+    """Fingerprints of the points that finished in a pilot, shape (point,); empty without a pilot."""
     keys = [block.keys[block.result.outcome == Outcome.FINISHED] for block in _blocks(directory)]
     return np.concatenate([np.array([], "V16"), *keys])
 

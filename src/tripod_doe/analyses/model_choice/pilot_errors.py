@@ -131,7 +131,7 @@ def _usable(pilot: xr.Dataset, table: IntArray) -> NDArray[np.bool_]:
 
 
 def _references(pilot: xr.Dataset, table: IntArray, candidates: tuple[Candidate, ...]) -> IntArray:
-    """Position of the finest full candidate (the last, if none is) that finished at each point, -1 where none did."""
+    """Position of the finest full candidate (the last, if none is full) that finished at each point, -1 if none did."""
     judges = np.array([candidate.full for candidate in candidates])
     judges[-1] = True
     able = _usable(pilot, table) & judges

@@ -33,7 +33,7 @@ from tripod_doe.study.result_directory.stored_choice import (
 def make_choice(
     study: Study, points: Points, directory: Path, run_pilot: Callable[[Study, Path], object]
 ) -> xr.Dataset:
-    """The choice for all points of a study: the frozen one where there is one, else from a pilot that is run now.
+    """The choice for all points of a study: the stored choice, if any, else the choice of a pilot that runs now.
 
     Args:
         directory: Its result directory: the pilot lies in pilot/, the choice in choice.nc.

@@ -12,7 +12,7 @@ from tripod_doe.page_parts.main_results import spoken
 
 
 def multifidelity_charts(result: xr.Dataset, name: str) -> list[Chart]:
-    """Quantiles of each main output, and the squared errors over those of the truth alone."""
+    """Quantiles of each main output, and the squared errors relative to the squared errors of the truth alone."""
     charts, truth = [], str(result.attrs["truth"])
     for position, part in enumerate(multifidelity_parts(result), 1):
         key = f"{name}-{position}"

@@ -126,10 +126,10 @@ def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettin
 
 
 def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
-    """Outputs to analyse: those asked for, else all that every model gives, courses over the rotation angle left out.
+    """Outputs to analyse: the requested ones, else all that every model gives, without courses over the rotation angle.
 
     Raises:
-        InputError: If an output that is asked for is one that a model does not give.
+        InputError: If a model does not give a requested output.
     """
     fidelity = parse_file(cube.attrs["study"], "the study in the cube").design.fidelity
     models, finished = cube[fidelity].values.astype(str), cube["outcome"].values == Outcome.FINISHED

@@ -83,7 +83,7 @@ class Ladder:
 
     @property
     def truth(self) -> Rung:
-        """The model whose answers are asked for."""
+        """The model that counts as the truth."""
         return self.rungs[0]
 
     @property
@@ -93,7 +93,7 @@ class Ladder:
 
     @property
     def price(self) -> float:
-        """CPU seconds of all samples, those of models that stand aside included."""
+        """CPU seconds of all samples, including the samples of models left aside."""
         return sum(rung.count * rung.price for rung in (*self.rungs, *self.aside))
 
     def values(self, table: OutputTable, component: int) -> list[FloatArray]:

@@ -130,7 +130,7 @@ def _of_truth(
 
 
 def _coefficient(truth: NDArray[np.bool_], guess: NDArray[np.bool_]) -> FloatArray:
-    """Control-variate coefficient at each place, 0 where all predictions are alike."""
+    """Control-variate coefficient at each place, 0 if all predictions are equal."""
     both, one, other = (truth & guess).mean(axis=(0, 1)), truth.mean(axis=(0, 1)), guess.mean(axis=(0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         coefficients: FloatArray = np.where(

@@ -22,7 +22,7 @@ def needs_split(study: Study) -> bool:
 
 
 def stored_split(study: Study, directory: Path) -> Study | None:
-    """The same study with the split that a directory holds; None where there is none, or for another study."""
+    """The same study with the split stored in a directory; None if there is none, or it is for another study."""
     stored = _stored(study, directory)
     if stored is None or _asked(stored) != _asked(study):
         return None
@@ -43,7 +43,7 @@ def _asked(study: Study) -> dict[str, str]:
 
 
 def with_samples_so_far(study: Study, directory: Path) -> Study:
-    """A study that needs a split with the samples that a directory holds, or itself where it holds none."""
+    """A study that needs a split, with the samples stored in a directory; unchanged if none are stored."""
     old = _stored(study, directory)
     if old is None:
         return study

@@ -94,7 +94,7 @@ _INDEX_NAMES = {
 
 
 def _index_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, kind: str) -> Chart:
-    """Bars of one index, with the index of a factor without effect where the method knows it."""
+    """Bars of one index, with the index of a factor without effect if the method gives it."""
     index = RANKED[kind]
     data = _frame(part, (index, f"{index}_conf"))
     rows = np.arange(len(data))[::-1]
@@ -119,7 +119,7 @@ def _intervals(halves: pd.Series, level: float) -> str:
 
 
 def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level: float) -> list[Chart]:
-    """The second-order indices as a triangle of cells; none where the analysis holds none."""
+    """The second-order indices as a triangle of cells; no chart if the analysis has none."""
     if "S2" not in part or not bool(part["S2"].notnull().any()):
         return []
     factors = [str(factor) for factor in part["factor"].values]
@@ -195,7 +195,7 @@ _SHOWN = 6  # factors in one picture
 
 
 def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: str) -> Chart | None:
-    """The index of the strongest factors over nested subsamples; None where there is only one size.
+    """The index of the strongest factors over nested subsamples; None if there is only one size.
 
     Args:
         part: Indices of one output, as `sensitivity_parts` gives them, with dimension ``samples``.

@@ -26,7 +26,7 @@ _MOST_POINTS = 4096  # a density from more points is no better known, and each c
 
 
 def _classes(column: FloatArray) -> list[IntArray]:
-    """Points in classes of equal size, as many as Plischke, Borgonovo and Smith (2013) take."""
+    """Points in classes of equal size, with the number of classes of Plischke, Borgonovo and Smith (2013)."""
     exponent = 2.0 / (7.0 + np.tanh((1500.0 - column.size) / 500.0))
     count = min(int(np.ceil(column.size**exponent)), 48)
     edges = np.linspace(0, column.size, count + 1).astype(int)

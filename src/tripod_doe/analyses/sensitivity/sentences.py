@@ -143,7 +143,7 @@ def _without_interval(part: OutputPart, kind: str, result: xr.Dataset) -> list[s
 
 
 def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
-    """Whether the points are enough for the precision that is asked for, or about how many would be."""
+    """Whether there are enough points for the requested precision, or about how many would be enough."""
     if "samples_needed" not in part.answers or not np.isfinite(part.answers["samples_needed"]):
         return []
     used, needed = int(result.attrs["groups_used"]), int(part.answers["samples_needed"])

@@ -50,7 +50,7 @@ def ladder_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
 
 
 def _ladder_chart(runs: xr.Dataset, cases: xr.Dataset, scene: str, quantities: list[str]) -> Chart:
-    """Errors below that of the finest model's reference stand at its edge, as nothing is known of them."""
+    """Errors over price; an unresolved error, below the finest model's reference, is drawn at its edge."""
     price, models = runs["cpu_per_second"].values, list(dict.fromkeys(runs["model"].values.tolist()))
     finest, tables = str(cases["case_model"].values[-1]), []
     floors = [100 * max(float(cases["reference_error"].sel(quantity=each)[-1]), 1e-14) for each in quantities]

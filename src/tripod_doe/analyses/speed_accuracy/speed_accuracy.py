@@ -110,7 +110,7 @@ def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySetti
 
 
 def _distance(answer: FloatArray, truth: FloatArray) -> float:
-    """Norm of the difference over the norm of the truth; NaN where they cannot be compared."""
+    """Norm of the difference over the norm of the truth; NaN if they cannot be compared."""
     size = float(np.linalg.norm(truth))
     if answer.shape != truth.shape or size == 0.0:
         return math.nan

@@ -19,7 +19,7 @@ from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import parse_file
 
 _SETTINGS = ("step_s", "relative_tolerance", "accuracy")
-"""Parameters by which the error of a run is set; the first that a run has is its own."""
+"""Parameters that control the error of a run; the first one that a run has applies to it."""
 
 BY_ACCURACY = "by accuracy"
 """Stands for the method of runs that find their tolerance by themselves."""
@@ -169,7 +169,7 @@ def _named(method: str, kind: str) -> str:
 
 
 def _runs(points: xr.Dataset, simulator: Simulator, quantities: Iterable[Quantity]) -> Iterable[TimedRun]:
-    """Runs of the points; those that differ only in the repetition are one run."""
+    """Runs of the points; points that differ only in the repetition are one run."""
     methods = _column(points, simulator, "method")
     settings = {kind: _numbers(points, kind) for kind in _SETTINGS}
     groups: dict[tuple[str, str, float], list[int]] = {}

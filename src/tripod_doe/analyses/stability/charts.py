@@ -87,7 +87,7 @@ def _bracketed(unit: object) -> str:
 
 
 def _classes(part: xr.Dataset) -> IntArray:
-    """Class of every run, shape (method, case, numerics); -1 where there is none."""
+    """Class of every run, shape (method, case, numerics); -1 if there is no run."""
     kind, error = part["run_kind"].values, part["error"].values
     classes = np.full(kind.shape, -1)
     classes[kind == RunKind.GOOD] = _GOOD

@@ -100,7 +100,7 @@ class _Runs:
 
 
 def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[float, Limit]:
-    """Predicted border, and what limits it; infinite where there is none, NaN where rates are unknown.
+    """Predicted border, and what limits it; infinite if there is no border, NaN if rates are unknown.
 
     Args:
         rates: Rates of friction, of the stiffest contact mode, and of the secant's lag, 1/s.
@@ -342,7 +342,7 @@ def _labelled(
 
 
 def _default_settings(cube: xr.Dataset, runs: _Runs) -> FloatArray:
-    """The step or tolerance that each method takes where none is given, shape (method,); NaN if not known."""
+    """The default step or tolerance of each method, shape (method,); NaN if unknown."""
     try:
         file = parse_file(str(cube.attrs["study"]), "the study in the cube")
         simulator = load_simulator(file.study.scene)
@@ -359,7 +359,7 @@ def _flag_attributes(flags: type[IntEnum], meaning: str) -> dict[str, Any]:
 
 
 def _varied(cases: dict[str, FloatArray]) -> list[str]:
-    """The factor by which each case differs from the first: base for the first, empty where there are several."""
+    """The factor in which each case differs from the first case: base for the first, empty if there are several."""
     count = len(next(iter(cases.values()))) if cases else 1
     names = []
     for c in range(count):

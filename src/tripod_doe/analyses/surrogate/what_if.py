@@ -60,7 +60,7 @@ class WhatIf:
 
     @property
     def vanishes(self) -> NDArray[np.bool_]:
-        """Which components vanish where the envelope does, shape (component,)."""
+        """Whether each component is zero where the envelope is zero, shape (component,)."""
         return np.array([each.vanishes for each in self.components])
 
     @property
@@ -75,7 +75,7 @@ class WhatIf:
 
     @property
     def waves(self) -> list[int]:
-        """The orders whose waves are predicted, empty where there are none."""
+        """The orders whose waves are predicted; empty if there are none."""
         orders = [each.order for each in self.components if each.order is not None]
         return orders[: len(orders) // 2]
 
@@ -146,7 +146,7 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
 
 
 def read_what_if(result: xr.Dataset) -> WhatIf | None:
-    """The surrogate in the result of an analysis; None where it has none."""
+    """The surrogate in the result of an analysis; None if it has none."""
     if ATTRIBUTE not in result.attrs:
         return None
     texts = json.loads(result.attrs[ATTRIBUTE])
@@ -212,7 +212,7 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
 
 
 def _place(table: OutputTable, at: int) -> int:
-    """The place of a component among those of its output: the orders that everybody asks for come first."""
+    """Rank of a component among the components of its output: the most wanted orders come first."""
     order = int(table.variable["order"][at]) if table.variable.dims[1:] == ("order",) else None
     return _FIRST.index(order) - len(_FIRST) if order in _FIRST else at
 

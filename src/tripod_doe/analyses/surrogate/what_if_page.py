@@ -110,7 +110,7 @@ class WhatIfPage:
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:
-        """The table that stands on the page before anything is moved, and on paper."""
+        """The table on the page before a control is moved, and on paper."""
         answers = zip(self.quantities, self.at(**self.start), strict=True)
         return [(each.label, interval(value, half), each.unit) for each, (value, half) in answers]
 
@@ -128,7 +128,7 @@ class WhatIfPage:
         return len(self.surrogate.places)
 
     def payload(self) -> Markup:
-        """All numbers as JSON: arrays as base64 of their bytes, those that are only shown in single precision."""
+        """All numbers as JSON: arrays as base64 of their bytes, in single precision if they are only displayed."""
         surrogate, waves = self.surrogate, self.surrogate.waves
         content: dict[str, Any] = {
             "inputs": [_input(each) for each in surrogate.inputs],
@@ -242,7 +242,7 @@ def _factor(error: FloatArray, local: FloatArray) -> float:
 
 
 def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> IntArray:
-    """The nearest computed points, shape (point, neighbour); without the first where that is the point itself."""
+    """The nearest computed points, shape (point, neighbour), without the point itself if `itself`."""
     from scipy.spatial.distance import cdist  # slow to import: few pages have such a part
 
     gaps = cdist(at, places, "sqeuclidean")

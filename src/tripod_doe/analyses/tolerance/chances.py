@@ -67,7 +67,7 @@ class WeightedChances:
     one: FloatArray  # mean weight of a point
 
     def interval(self, confidence: float, times: int = 1) -> Chance:
-        """The chances with their interval, if there were some times as many points."""
+        """The chances with their interval, for a given multiple of the number of points."""
         from scipy.special import gammaincinv  # imported where it is used: every study would wait for it
 
         outside = (1 - confidence) / 2

@@ -24,7 +24,7 @@ def tolerance_charts(result: xr.Dataset, name: str) -> list[Chart]:
 
 
 def quantile_chart(key: str, name: str, output: OutputPart) -> Chart:
-    """The distribution of one output, quantiles with their intervals, and the limit where one is set."""
+    """The distribution of one output, quantiles with their intervals, and the limit if set."""
     what, unit, part = output.what, output.unit, output.answers
     columns = ("quantile", "quantile_low", "quantile_high")
     asked = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
@@ -57,7 +57,7 @@ def quantile_chart(key: str, name: str, output: OutputPart) -> Chart:
 
 
 def _with_curve(asked: pd.DataFrame, part: xr.Dataset) -> pd.DataFrame:
-    """Further quantiles between those that were asked for, without intervals, by which the curve is drawn."""
+    """Further quantiles between the requested quantiles, without intervals, to draw the curve."""
     curve = pd.DataFrame({"probability": part["share"].values, "quantile": part["distribution"].values})
     data = pd.concat([asked, curve[~curve["probability"].isin(asked["probability"])]])
     return data.sort_values("probability", ignore_index=True)

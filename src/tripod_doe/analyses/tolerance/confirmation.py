@@ -25,7 +25,7 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Change:
-    """A change of factors by which a limit is kept."""
+    """A change of factors that keeps a limit."""
 
     place: Mapping[str, int]  # of the component with the limit, by dimension
     label: str  # of that component, for a folder: ``thrust_amplitude_3``
@@ -33,7 +33,7 @@ class Change:
 
 
 def changes_to_confirm(result: xr.Dataset) -> list[Change]:
-    """The first change that a tolerance analysis proposes for each limit that is not kept, where it has one.
+    """The first change, if any, that a tolerance analysis proposes for each limit that is not kept.
 
     The cheapest scatters where costs are given, else the scatter that shrinks least, else two of them, else the shift
     of the first factor that one is resolved for.

@@ -21,7 +21,7 @@ _FEWEST = 100  # effective points: where fewer count, a share of them says littl
 def shift_to_keep(
     sample: Sample, points: Exceeding, wanted: NDArray[np.bool_], keep: float, confidence: float
 ) -> dict[str, FloatArray]:
-    """The smallest resolved shift of the centre of each factor by which a limit is kept, and the chance there.
+    """The smallest resolved shift of each factor's centre that keeps a limit, and the chance there.
 
     NaN where no shift is resolved to keep it, and for factors of listed values.
 

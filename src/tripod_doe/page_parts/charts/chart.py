@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
 
 INK, MUTED = "#1d2733", "#5c6875"
 ON_LIGHT, ON_DARK = "#1b2430", "#fdfefe"
-"""Ink on cells whose shade shows a number: it stays as it is when a page turns dark."""
+"""Ink on cells whose shade shows a number: it does not change on a dark page."""
 COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
 LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -63,9 +63,9 @@ WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
 
 _OWN_TICKS = 5
-_LABEL_GAP = 4.0  # least distance of two labels of ticks, in pixels
+_LABEL_GAP = 4.0  # least distance of two tick labels, in pixels
 _MOST_DRAWN = 2_000  # markers or cells above which they are an image in the figure, so that it stays small
-_LEGEND_SHARE = 0.86  # of the width of a figure; the rest is for the axis on its left
+_LEGEND_SHARE = 0.86  # part of a figure's width; the rest is for the axis on the left
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -110,9 +110,9 @@ _STYLE: dict[Any, Any] = {
 class Chart:
     """One figure of a report."""
 
-    name: str  # file name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it
-    title: str  # what is shown, in a few words; a page writes it above the figure
-    caption: str  # what is shown and how to read it, in a sentence or two
+    name: str  # file name of its numbers, without ending; unique in a page, since SVG identifiers derive from it
+    title: str  # its content in a few words; a page writes it above the figure
+    caption: str  # its content and how to read it, in a sentence or two
     figure: Figure  # drawn in the common style
     data: pd.DataFrame  # the numbers that were drawn
 
@@ -122,7 +122,7 @@ class Chart:
         return float(self.figure.get_figwidth()) > WIDE
 
     def svg(self) -> str:
-        """The figure as an SVG element with text as text and with its title: the same gives the same characters."""
+        """The figure as an SVG element with its title and selectable text; equal charts give equal characters."""
         buffer, tooltips = io.StringIO(), mark_points(self.figure)
         with styled(self.name):
             laid_out(self.figure).savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -159,7 +159,7 @@ def styled(name: str) -> Iterator[None]:
 
 
 def laid_out(figure: Figure) -> Figure:
-    """The figure with its axes as they will be printed: to find that out, `savefig` would draw it once more."""
+    """The figure with its final layout; `savefig` would draw it once more to compute this."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     from tripod_doe.page_parts.charts.log_axis_labels import write_powers_plainly
@@ -175,7 +175,7 @@ def laid_out(figure: Figure) -> Figure:
 
 
 def _draw_many_as_image(figure: Figure) -> None:
-    """Draw markers and cells that are very many as an image, and the rest of the figure as lines and text."""
+    """Draw large numbers of markers and cells as an image, and the rest of the figure as lines and text."""
     for axes in figure.axes:
         for line in axes.lines:
             if line.get_marker() not in ("None", "", " ", None):
@@ -187,7 +187,7 @@ def _draw_many_as_image(figure: Figure) -> None:
 
 
 def _inline(svg: str) -> str:
-    """Strip what only a file of its own needs; the identifiers that are left are salted with the chart's name."""
+    """Strip parts that only a separate file needs; the other identifiers are salted with the chart's name."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)  # it would style the whole page
@@ -197,7 +197,7 @@ def _inline(svg: str) -> str:
 
 
 def _variable(match: re.Match[str]) -> str:
-    """A colour that follows the page's; a file of its own, without style sheet, keeps the light one."""
+    """A colour variable of the page; a separate file, without style sheet, keeps the light colour."""
     return f"var(--{VARIABLES[match[0]]}, {match[0]})" if match[0] in VARIABLES else match[0]
 
 
@@ -228,7 +228,7 @@ def panels(count: int, columns: int, width: float, height: float) -> Iterator[tu
 
 
 def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
-    """Ticks of a factor along the bottom: its own values, ascending, where they are few, else about five round ones."""
+    """Ticks of a factor along the bottom: its values, ascending, if they are few, else about five round numbers."""
     if levels.size <= _OWN_TICKS:
         axes.set_xticks(levels, [texts.replace("-", "\N{MINUS SIGN}") for texts in levels_apart(levels)])
         axes.set_xticks(levels, _labels_apart(axes, levels))
@@ -239,7 +239,7 @@ def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
 
 
 def _labels_apart(axes: Axes, levels: NDArray[Any]) -> list[str]:
-    """The labels of ticks at these levels; one that would lie on another is put on a line further down."""
+    """The tick labels at these levels; a label that would overlap another moves to a lower line."""
     low, high = axes.get_xlim()
     places = (levels - low) / (high - low) * axes.get_window_extent().width
     texts, ends = [], list[float]()  # where the next label of each line may start
@@ -252,7 +252,7 @@ def _labels_apart(axes: Axes, levels: NDArray[Any]) -> list[str]:
 
 
 def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
-    """Put the legend above the axes, where it hides no data, in fewer columns where these are too wide."""
+    """Put the legend above the axes, where it hides no data, in fewer columns if they are too wide."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     for fewer in range(columns, 0, -1):

@@ -1,4 +1,4 @@
-"""Charts as files of their own, and a page for print that holds one chart and text: drawn by matplotlib, no browser."""
+"""Charts as separate files, and a printable page with one chart and text, drawn by matplotlib without a browser."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Paragraph:
 
 
 def svg_file(chart: Chart) -> bytes:
-    """A chart as an SVG file, with plain colours and text as text."""
+    """A chart as an SVG file, with plain colours and selectable text."""
     buffer = io.BytesIO()
     with styled(chart.name):
         metadata = {"Date": None, "Creator": None, "Title": chart.title}
@@ -50,9 +50,9 @@ def png_file(chart: Chart) -> bytes:
 
 
 def pdf_page(above: Sequence[Paragraph], chart: Chart | None, below: Sequence[Paragraph], title: str) -> bytes:
-    """A page of A4 with text, a chart and text; where it does not fit, all of it is made smaller alike.
+    """An A4 page with text, a chart and text; scales everything down if it does not fit.
 
-    The page is cut around the chart's figure, which thereby stays vectors and text.
+    The page is built around the chart's figure, which thus stays vectors and text.
     """
     if chart is None:
         with drawing(_PAGE[0] - 2 * _MARGIN, 0.01) as (figure, axes):

@@ -1,7 +1,7 @@
-"""Labels of logarithmic axes as plain text, so that no text of a chart is read as formulas of matplotlib.
+"""Labels of logarithmic axes as plain text, so that matplotlib reads no text of a chart as a formula.
 
-Names, units and words of a study stand in charts as they are; in one with two dollar signs matplotlib reads a formula,
-and drawing ends with its syntax error.
+Charts show names, units and words of a study unchanged; matplotlib would read two dollar signs as a formula, and
+drawing would end with a syntax error.
 """
 
 import re

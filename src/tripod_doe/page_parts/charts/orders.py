@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def draw_orders(axes: Axes, data: pd.DataFrame, x: str, y: str, y_error: str, x_error: str | None = None) -> None:
-    """Draw a column over another one, with the columns of their errors."""
+    """Draw a column over another column, with their error columns."""
     for which, (order, own) in enumerate(data.groupby("order")):
         axes.errorbar(
             own[x],

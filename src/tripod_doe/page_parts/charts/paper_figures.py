@@ -32,7 +32,7 @@ def first_points(cube: xr.Dataset) -> list[xr.Dataset]:
 
 
 def point_label(cube: xr.Dataset, point: xr.Dataset) -> str:
-    """The factors of a point that vary, as text; the skews of the three trunnions are one of them."""
+    """The factors of a point that vary, as text; the skews of the three trunnions count as one factor."""
     names = [name for name in factor_names(cube) if np.unique(cube[name].values).size > 1]
     text = []
     if skews := [point[name].item() for name in names if name in SKEWS]:
@@ -223,7 +223,7 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
                     (angle, label, order, value)
                     for angle, value in zip(part["joint_angle_deg"].values, effective, strict=True)
                 ]
-        axes.set_yscale("log")  # the orders differ by a hundred
+        axes.set_yscale("log")  # the orders differ by a factor of a hundred
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_xlabel(with_unit("joint angle", "(deg)"))
         axes.set_ylabel("effective value of the thrust force (N)")

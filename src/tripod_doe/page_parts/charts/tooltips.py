@@ -1,4 +1,4 @@
-"""Numbers of a drawn point or bar that a browser shows where the pointer rests on it: SVG titles."""
+"""Numbers of a drawn point or bar that a browser shows under the pointer: SVG titles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-_MOST = 400  # points and bars of a figure above which its page would only grow
+_MOST = 400  # points and bars of a figure; with more, tooltips would only make the page larger
 _MARK = "tips"
 
 
@@ -73,7 +73,7 @@ def _tooltip(scales: list[_Scale], series: object, place: list[float]) -> str:
 
 
 def add_tooltips(svg: str, texts: dict[str, list[str]]) -> str:
-    """Put the texts into the SVG that was drawn; a line or bar of which some points are not drawn gets none."""
+    """Put the texts into the drawn SVG; a line or bar with points that are not drawn gets no texts."""
     for name, titles in texts.items():
         start = svg.find(f'<g id="{name}"')
         end = svg.find("<g id=", start + 1)

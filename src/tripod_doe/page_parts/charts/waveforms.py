@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
 
 _FLOOR = 1e-4  # bars of a spectrum end at this part of the largest one
 _TINTS = ("#0b5394", "#f6d9c9", "#cfe6d8")
-_FEW = 3  # up to this many finished points are all shown
+_FEW = 3  # up to this number, all finished points are shown
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,7 @@ class Guard:
         return inside
 
     def _welcome(self, scope: Scope, inside: Access | None) -> Response | None:
-        """The way in: an address of a page with a right token begins a session, and goes on without the token."""
+        """Sign in: a page address with a valid token starts a session, and redirects to the page without the token."""
         place = _place(scope)
         if scope["method"] != "GET" or place.startswith(API):
             return None
