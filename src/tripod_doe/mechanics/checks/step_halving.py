@@ -1,7 +1,7 @@
 """The numerical error of a run, from a second run in half the steps or with a tenth of the tolerance.
 
 A run of few steps is repeated completely and compared at its samples: this costs milliseconds, and coarse runs are the
-least reliable. A longer run is repeated in windows only, each from a state of the run: they are a random sample, and
+least reliable. A longer run is repeated in windows only, each from a state of the run: they are a sample, and
 the sum of their differences represents the run.
 """
 
