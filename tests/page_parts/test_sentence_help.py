@@ -74,6 +74,7 @@ def test_every_sentence_of_the_code_has_an_entry(place):
         ("The measured third order is 14 +- 1 N, the model's 13 N: a difference of 1 N.", "compared-order"),
         ("Check the sign of the force: with the sign reversed, the record agrees better.", "doubts"),
         ("Groove sliding friction is 0.07 (0.06 to 0.08), with the intervals of 95 % confidence.", "fitted"),
+        ("No record is needed to know x within 5 %: it is. To know it better, measure at y.", "next-record"),
         ("Measure next at joint angle 4 deg: the interval of x becomes 28 % shorter.", "next-record"),
         ("The smallest third_order of 40 candidates is 16 +- 0.2 N, at pitch radius = 22 mm.", "best"),
         ("Of 40 candidates 15 do not keep all limits.", "search-effort"),

@@ -13,7 +13,7 @@ import tripod_doe as td
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes, contribution_table
-from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows
+from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows, signed
 from tripod_doe.analyses.findings import find
 from tripod_doe.model_interface import Outcome
 from tripod_doe.reports.study import make_page
@@ -392,3 +392,9 @@ def test_halved_frictions_are_those_of_half_the_coefficient_on_drive_and_coast(m
     assert f"groove sliding {drive:.1f} % (drive) and {coast:.1f} % (coast)" in sentence
     assert sentence.index("groove sliding") < sentence.index("needle sliding")
     assert "closure" not in "".join(contribution_findings(third))
+
+
+def test_both_ends_of_a_change_have_their_sign():
+    assert signed(np.array([3.1, 67.3])) == "+3.1 to +67.3 %"
+    assert signed(np.array([-3.1, 0.0, 67.3])) == "-3.1 to +67.3 %"
+    assert signed(np.array([0.0])) == "0.0 %"

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.findings import find
+from tripod_doe.analyses.main_effects.regression import fit_factor
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
@@ -31,3 +32,11 @@ def test_an_optimum_differs_from_its_sides_in_what_is_written(depth, sign):
     best, *sides = re.findall(r"([\d.]+) N", told)
     assert len(sides) == 2
     assert all(sign * (float(side) - float(best)) > 0 for side in sides)
+
+
+def test_a_bend_of_a_thousandth_of_the_range_is_none():
+    """Points without noise resolve any bend; one of 0.05 % of the response is not worth a sentence."""
+    x, other = np.random.default_rng(1).random((2, 400))
+    for size, seen in ((0.0005, False), (0.05, True)):
+        response = 30 * (other + 4 * size * (x - 0.5) ** 2)
+        assert fit_factor({"x": x, "other": other}, "x", response, 0.0).bend.sure is seen

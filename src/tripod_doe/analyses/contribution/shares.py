@@ -1,5 +1,6 @@
 """Contributions of the mechanisms by every definition, as tables and sentences beside the paper's."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -235,8 +236,7 @@ def percent(values: FloatArray) -> str:
 
 def signed(values: FloatArray) -> str:
     """A change in percent as text, with its sign; ``not known`` where there is none."""
-    text = percent(values)
-    return text if text.startswith(("-", "0.0", "not")) else f"+{text}"
+    return re.sub(r"(?<![-\d.])(?!0\.0\b)\d+\.\d", r"+\g<0>", percent(values))
 
 
 def spread(values: FloatArray) -> str:

@@ -162,16 +162,18 @@ def _next_sentences(fit: xr.Dataset) -> list[str]:
     records = float(best["next_records"])
     within = f"{level(100 * float(fit.attrs['next_within']))} %"
     own = fit.attrs["next_unknown"]
+    at = candidate_text(fit, int(order[0]))
+    shorter = f"{number(100 * (1 - float(best['next'])), 2)} % shorter"
     if records == 0:
-        more = f" It is already known within {within}."
-    elif math.isfinite(records):
+        return [
+            f"No record is needed to know {own} within {within}: it is. To know it better, measure at {at}: its "
+            f"interval becomes {shorter}."
+        ]
+    if math.isfinite(records):
         more = f" With {count_of(int(records), 'such record')} it would be known within {within}."
     else:
         more = f" Records there alone do not reach {within}."
-    return [
-        f"Measure next at {candidate_text(fit, int(order[0]))}: the interval of {own} becomes "
-        f"{number(100 * (1 - float(best['next'])), 2)} % shorter.{more}"
-    ]
+    return [f"Measure next at {at}: the interval of {own} becomes {shorter}.{more}"]
 
 
 def candidate_text(fit: xr.Dataset, at: int) -> str:

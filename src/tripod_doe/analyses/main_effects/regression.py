@@ -21,6 +21,7 @@ _FEWEST_CLASSES = 4  # with less there is no course to see
 _MEMBERS = 20  # points a class needs: its mean, its slope, and enough to see their scatter
 _LEVERAGE = 1e-6  # least part of a point's residual that the fit leaves to it
 _SURE = 0.999  # level at which an effect is stated: one false sentence in a thousand
+_SMALL = 1e-3  # of the range of a response, below which an effect is not worth a sentence
 _INTERVAL = 0.95  # level of the intervals that are printed
 
 
@@ -148,6 +149,7 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
     """
     own, others = _basis(columns[factor]), _others(columns, factor)
     coefficient, covariances, free = _least_squares(np.column_stack([own, others]), response)
+    error = max(error, _SMALL * float(np.ptp(response)))
     trend = _estimate(2 * float(coefficient[1]), 2 * float(np.sqrt(covariances[:, 1, 1].max())), free, error)
     beside = np.column_stack([others, _products(columns)])  # of related factors, a product looks like a square
     level, mean, apart = _class_means(columns[factor].astype(float), others, response)

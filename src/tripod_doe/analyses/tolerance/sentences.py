@@ -79,8 +79,8 @@ def _of_model(part: xr.Dataset) -> str:
         return ""
     low, high = (number(100 * end[1], 2) for end in ends)
     return (
-        f" by this model; with the error that nine in ten similar points keep, up to "
-        f"{number(100 * float(part.attrs['model_error_limit']), 2)} %, between {low} and {high} %"
+        f" by this model, and between {low} and {high} % if each point is off by the error that nine in ten points "
+        f"similar to it keep (of the order {number(100 * float(part.attrs['model_error_usual']), 2)} % in the median)"
     )
 
 
@@ -205,7 +205,7 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
             f"{_smaller(names[k], float(scale[k, k]), tables)}: {_then(one, 'scale')}"
             for k, one in zip(alone, own, strict=True)
         ]
-        return f"{'; or '.join(ways)}.", [float(one["exceedance_at_scale"]) for one in own]
+        return f"{'; or '.join(ways)}. {_widest(part)}", [float(one["exceedance_at_scale"]) for one in own]
     pairs = sorted(((m, k) for k in every for m in range(k) if np.isfinite(scale[k, m])), key=lambda p: -scale[p])
     if not pairs:
         return "", []
@@ -213,7 +213,13 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
     size, one = float(scale[first, second]), part.isel(factor=first, factor_2=second)
     start = "no single scatter suffices: " if all(excluded[k, k] for k in every) else ""
     both = f"{_smaller(names[first], size, tables)} and {_smaller(names[second], size, tables)}"
-    return f"{start}{both}: {_then(one, 'scale')}.", [float(one["exceedance_at_scale"])]
+    return f"{start}{both}: {_then(one, 'scale')}. {_widest(part)}", [float(one["exceedance_at_scale"])]
+
+
+def _widest(part: xr.Dataset) -> str:
+    """Why a wider scatter may do as well."""
+    points = f"{int(part.attrs['points_used']):,} points"
+    return f"In steps of 5 %, no wider scatter is proven by these {points}; more points may prove one."
 
 
 def _unresolved(aim: str, part: xr.Dataset) -> str:

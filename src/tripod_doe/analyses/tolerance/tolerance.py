@@ -281,7 +281,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         keep=settings.keep,
         confirm=settings.confirm,
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
-        **({"model_error_limit": float(np.nanmax(limit))} if (limit := _limit_of_model(cube, sample)).size else {}),
+        **({"model_error_usual": float(np.median(limit))} if (limit := _limit_of_model(cube, sample)).size else {}),
         seed_of_points=sample.design.seed,
         samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
