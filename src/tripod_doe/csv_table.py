@@ -4,6 +4,7 @@ import csv
 from collections import Counter
 from pathlib import Path
 
+from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError
 from tripod_doe.regular_files import refuse_irregular
 
@@ -17,11 +18,13 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         most: Rows that may be there; reading ends with the first one beyond. None without a limit.
 
     Raises:
-        InputError: If the file cannot be read, names a column twice, has no rows, or a row of another length.
+        InputError: If the file cannot be read, does not fit its checksum, names a column twice, has no rows, or a row
+            of another length.
         TooLargeError: If it has more rows than allowed.
     """
     rows: dict[int, list[str]] = {}
     refuse_irregular(path)
+    refuse_changed(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.reader(stream, strict=True)

@@ -224,6 +224,20 @@ def test_rows_and_candidates_are_counted_before_they_are_made(body, message):
     assert time.process_time() - started < 5
 
 
+@pytest.mark.parametrize(("name", "address"), [("base.toml", "base"), ("report/index.html", "report/")])
+def test_a_flipped_bit_in_a_text_of_a_fit_is_not_delivered(api, settings, fitted, name, address):
+    path = settings.folder / fitted / name
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"friction", b"frictioo", 1))
+    try:
+        answer = api.get(f"/runs/{fitted}/{address}")
+        assert answer.status_code == 422
+        assert f"{name}: damaged or edited" in answer.text
+    finally:
+        path.write_bytes(whole)
+    assert api.get(f"/runs/{fitted}/{address}").status_code == 200
+
+
 def test_a_front_that_another_program_wrote_is_said(api, settings, optimised, tmp_path):
     """Regression: internal errors where a role, a value of each candidate or the file itself is missing."""
     front = td.open_cube(settings.folder / optimised / "front.nc")

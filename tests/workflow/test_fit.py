@@ -157,6 +157,21 @@ def test_what_it_leaves_in_its_directory(fitted, capsys):
     assert list(tolerance.factors) == list(TRUTH)
 
 
+@pytest.mark.parametrize("name", ["base.toml", "tolerance.toml", "fit.toml", "report/index.html", "steps.json"])
+def test_a_flipped_bit_in_its_files_is_named(fitted, tmp_path, capsys, name):
+    """Regression: texts had no checksum, and base.toml went into the page, the service and the next study as it was."""
+    path = shutil.copytree(fitted[0], tmp_path / "copy") / name
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert main(["check", str(tmp_path / "copy")]) == 3
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("damaged"))
+    assert f"{path}: damaged or edited" in line
+    code = main(["report", str(tmp_path / "copy")])
+    assert code == (2 if name == "base.toml" else 0)  # the page quotes it
+    assert main(["check", str(path)]) == (0 if name.startswith("report") else 3)
+
+
 @pytest.mark.parametrize("text", ["title", "question", "source", "fit", "model", "model_error_source"])
 def test_a_result_that_another_program_wrote_is_said(fitted, tmp_path, capsys, text):
     """Regression: a text that is missing, or is no text, was an internal error."""

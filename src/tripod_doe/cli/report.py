@@ -51,7 +51,7 @@ def _run(options: argparse.Namespace) -> int:
     if form and options.motion:
         raise InputError(f"--motion: only the report itself shows a joint in motion, not --format {form}")
     if form:
-        return _hand_on(options.directory, form, options.output or options.directory / "report" / _FILES[form])
+        return _hand_on(options.directory, form, options.output)
     if (options.directory / FIT_FILE).is_file():
         if options.motion:
             raise InputError(f"{options.directory}: a fit has no points to move; give the directory of a study")
@@ -61,9 +61,10 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _hand_on(directory: Path, form: str, place: Path) -> int:
-    """Write a part of a report, and print its path."""
+def _hand_on(directory: Path, form: str, output: Path | None) -> int:
+    """Write a part of a report, and print where it is."""
     from tripod_doe.atomic_files import refuse_links, replace_file
+    from tripod_doe.checksum_list import write_listed
     from tripod_doe.reports.one_page import figures_of, one_page
     from tripod_doe.reports.workbook import tables_of
     from tripod_doe.study.result_directory.result_cube import FIT_FILE
@@ -81,11 +82,15 @@ def _hand_on(directory: Path, form: str, place: Path) -> int:
     else:
         page = one_page(directory)
         files = {"": page.pdf() if form == "pdf" else page.html().encode()}
+    place = output or directory / "report" / _FILES[form]
     try:
         for name, data in files.items():
             path = place / name if name else place
-            with replace_file(path) as fresh:
-                fresh.write_bytes(data)
+            if output is None:
+                write_listed(path, data)
+            else:
+                with replace_file(path) as fresh:
+                    fresh.write_bytes(data)
     except OSError as error:
         raise InputError(f"--output {place}: cannot write: {error.strerror}") from error
     print(place)

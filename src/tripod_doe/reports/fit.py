@@ -14,7 +14,7 @@ from tripod_doe.analyses.fit.sentences import (
     record_rows,
     unknown_rows,
 )
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import refuse_changed, write_listed
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.templates import render
 
@@ -23,10 +23,12 @@ def write_fit_page(directory: Path, fit: xr.Dataset) -> Path:
     """Write the page of a fit; returns its path, ``directory/report/index.html``.
 
     Raises:
+        CubeError: If base.toml is damaged.
         StorageError: If it cannot be written; an older one stays.
     """
     sentences, more = answer_first(find_in_fit(fit))
     base = directory / "base.toml"
+    refuse_changed(base)
     has_next = "next" in fit
     page = render(
         "fit.html",
@@ -43,4 +45,4 @@ def write_fit_page(directory: Path, fit: xr.Dataset) -> Path:
         candidate_rows=candidate_rows(fit) if has_next else [],
         base=base.read_text(encoding="utf-8") if base.is_file() else "",
     )
-    return replace_text(directory / "report" / "index.html", page)
+    return write_listed(directory / "report" / "index.html", page)

@@ -18,7 +18,7 @@ from tripod_doe.analyses.optimisation.tables import (
     shown_rows,
     start_table,
 )
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.templates import render
 from tripod_doe.study.failure_summary import Failure
@@ -69,4 +69,4 @@ def write_optimisation_page(
         left_out=left_out_table(solved, failures),
         bases=bases,
     )
-    replace_text(directory / "report" / "index.html", page)
+    write_listed(directory / "report" / "index.html", page)

@@ -23,7 +23,8 @@ from tripod_doe.analyses.registry import findings_of, section_charts, table_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
-from tripod_doe.atomic_files import refuse_links, replace_text
+from tripod_doe.atomic_files import refuse_links
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import NOTABLE_ERROR
 from tripod_doe.page_parts.answer import answer_first, picture_first
@@ -107,7 +108,7 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
     files += [f"analysis/{name}.nc" for name in analyses]
     with opened_cube(directory) as cube:
         page = make_page(cube, analyses, files, findings, read_annotation(directory), motion)
-    return replace_text(directory / "report" / "index.html", page)
+    return write_listed(directory / "report" / "index.html", page)
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:

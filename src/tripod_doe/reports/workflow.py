@@ -15,7 +15,7 @@ from tripod_doe.analyses.claims.sentences import claims_of_figures, figures_of_c
 from tripod_doe.analyses.contribution.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
 from tripod_doe.analyses.registry import findings_of, table_of
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import refuse_changed, write_listed
 from tripod_doe.names import path_within
 from tripod_doe.page_parts.answer import answer_first, beyond, picture_first
 from tripod_doe.page_parts.charts.chart import WIDE, Chart
@@ -41,11 +41,11 @@ class StoredChart:
 
     def svg(self) -> str:
         """The figure as an SVG element."""
-        return (path_within(self.folder, f"{self.name}.svg")).read_text(encoding="utf-8")
+        return _text(path_within(self.folder, f"{self.name}.svg"))
 
     def csv(self) -> str:
         """Its numbers."""
-        return (path_within(self.folder, f"{self.name}.csv")).read_text(encoding="utf-8")
+        return _text(path_within(self.folder, f"{self.name}.csv"))
 
     @property
     def width(self) -> float:
@@ -67,15 +67,20 @@ def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
     """
     named = [replace(chart, name=f"{step}-{chart.name}") for chart in charts]  # unique in a page of several steps
     for chart in named:
-        replace_text(path_within(folder, f"{chart.name}.svg"), chart.svg())
-        replace_text(path_within(folder, f"{chart.name}.csv"), chart.csv())
+        write_listed(path_within(folder, f"{chart.name}.svg"), chart.svg())
+        write_listed(path_within(folder, f"{chart.name}.csv"), chart.csv())
     captions = {chart.name: chart.caption for chart in named}
-    replace_text(folder / "figures.json", json.dumps(captions, indent=1))
+    write_listed(folder / "figures.json", json.dumps(captions, indent=1))
+
+
+def _text(path: Path) -> str:
+    refuse_changed(path)
+    return path.read_text(encoding="utf-8")
 
 
 def read_charts(folder: Path) -> list[StoredChart]:
-    """Charts as written by `write_charts`."""
-    captions = json.loads((folder / "figures.json").read_text(encoding="utf-8"))
+    """Charts as written by `write_charts`; CubeError if one is damaged."""
+    captions = json.loads(_text(folder / "figures.json"))
     return [StoredChart(name, caption, folder) for name, caption in captions.items()]
 
 

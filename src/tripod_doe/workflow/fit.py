@@ -19,7 +19,7 @@ from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.result import fit_dataset, found_unknowns
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.array_types import ComplexArray
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Outcome, check_parameters
 from tripod_doe.reports.fit import write_fit_page
@@ -108,10 +108,10 @@ def fit(
     result = fit_dataset(rig, solution, error, following)
     result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
     write_dataset(stamp_history(result, f"tripod-doe fit: {computed} points computed"), directory / FIT_FILE)
-    replace_text(directory / "fit.toml", request.text)
+    write_listed(directory / "fit.toml", request.text)
     known = check_parameters(rig.simulator.parameters, rig.file.base)
-    replace_text(directory / "base.toml", base_text(result, known))
-    replace_text(directory / "tolerance.toml", tolerance_text(result, known))
+    write_listed(directory / "base.toml", base_text(result, known))
+    write_listed(directory / "tolerance.toml", tolerance_text(result, known))
     found = found_unknowns(request, result)
     stages.end(found)
     write_fit_page(directory, result)

@@ -28,7 +28,7 @@ from tripod_doe.analyses.optimisation.result import (
 )
 from tripod_doe.analyses.optimisation.search import Polish, Search, first_generation, last_share, leading, population_of
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.quantities import number
 from tripod_doe.reports.optimisation import optimisation_lines, write_optimisation_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
@@ -387,7 +387,7 @@ def optimise(
     existing = ExistingScheduler(scheduler, None, None, None) if scheduler else None
     with Execution(workers, existing, oversubscribe) as execution:
         with ResultDirectory(place) as kept:
-            replace_text(directory / "optimise.toml", request.text)
+            write_listed(directory / "optimise.toml", request.text)
             points = PointBatches(study, kept, execution, retry_failed, progress)
             run = _Run(problem, study, points, progress, stages)
             solved = run.solved(run.search())
@@ -407,7 +407,7 @@ def optimise(
     write_dataset(stamp_history(candidates, action), directory / "candidates.nc")
     if len(solved.front.units):
         best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
-        replace_text(directory / "base.toml", pasted(base_values(problem, best), request.file.base))
+        write_listed(directory / "base.toml", pasted(base_values(problem, best), request.file.base))
     found = found_candidates(problem, front)
     stages.end(found)
     write_optimisation_page(directory, problem, solved, failures, waves)

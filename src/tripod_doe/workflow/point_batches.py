@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.model_interface import Outcome, Value
 from tripod_doe.study.definition.study import Study, parse_study
@@ -192,7 +192,7 @@ def write_table(path: Path, names: Iterable[str], rows: Iterable[Iterable[Value]
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(names)
     writer.writerows([value if isinstance(value, str) else _written(value) for value in row] for row in rows)
-    replace_text(path, stream.getvalue())
+    write_listed(path, stream.getvalue())
 
 
 def _written(value: Value) -> str:

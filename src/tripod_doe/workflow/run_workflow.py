@@ -18,7 +18,8 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
-from tripod_doe.atomic_files import refuse_links, replace_text
+from tripod_doe.atomic_files import refuse_links
+from tripod_doe.checksum_list import checksums, is_changed, write_listed
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
@@ -114,7 +115,7 @@ def run_workflow(
         )
     pages = (chain.folder(name) / "index.html" for name, step in workflow.steps.items() if step.table.kind == "report")
     reports = tuple(page for page in pages if page.is_file())
-    return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps, reports)
+    return WorkflowSummary(directory, write_listed(directory / "report" / "index.html", text), steps, reports)
 
 
 def _notice(workflow: Workflow) -> str:
@@ -178,6 +179,8 @@ class _Chain:
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
         if of != step.hash or not all(mark.exists() for mark in marks):
             return None
+        if any(is_changed(folder / name) for name in checksums(folder)) or any(map(is_changed, self._exported(step))):
+            return None
         if any(is_damaged(mark) or (mark.suffix == ".nc" and not is_sealed(mark)) for mark in marks if mark.is_file()):
             return None
         if not is_of_its_step(folder / "cube.nc"):
@@ -211,7 +214,7 @@ class _Chain:
             (self.folder(step.name) / STEP).unlink(missing_ok=True)
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
         else:
-            replace_text(self.folder(step.name) / STEP, json.dumps(record))
+            write_listed(self.folder(step.name) / STEP, json.dumps(record))
         return self._report_state(self.view(step, "finished", seconds, detail))
 
     def _reads_failed(self, step: Step) -> bool:
@@ -274,7 +277,7 @@ class _Chain:
         for path in self._exported(step):
             export = ANALYSES[name].export
             assert export is not None
-            replace_text(path, export[1](result))
+            write_listed(path, export[1](result))
         return name
 
     def _exported(self, step: Step) -> list[Path]:
@@ -337,7 +340,7 @@ class _Chain:
         question = self.workflow.file.workflow.question
         with self._cubes(self._inputs(step)) as cubes:
             page = step_page(title, question, shown, cubes, figures, _notice(self.workflow))
-        replace_text(self.folder(step.name) / "index.html", page)
+        write_listed(self.folder(step.name) / "index.html", page)
         return title
 
 

@@ -7,8 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import StorageError, printable
+from tripod_doe.checksum_list import is_changed, write_listed
+from tripod_doe.errors import CubeError, StorageError, printable
 from tripod_doe.study.result_directory.look_for import FOUND, found_in
 
 STEPS = "steps.json"
@@ -23,7 +23,17 @@ _LONGEST = 4_000  # characters of all sentences together
 
 def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
     """Replace the states of the steps; StorageError if they cannot be written."""
-    replace_text(directory / STEPS, json.dumps(list(steps)))
+    write_listed(directory / STEPS, json.dumps(list(steps)))
+
+
+def read_steps(directory: Path) -> list[dict[str, Any]]:
+    """Read the states of the steps; empty where they are missing or damaged."""
+    path = directory / STEPS
+    try:
+        steps = [] if is_changed(path) else json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError, CubeError):
+        return []
+    return steps if isinstance(steps, list) else []
 
 
 class Stages:
@@ -75,7 +85,7 @@ def found_sentences(directory: Path) -> str:
     if sentence := found_in(directory):
         return sentence
     try:
-        steps = json.loads((directory / STEPS).read_text(encoding="utf-8"))
+        steps = read_steps(directory)
         return printable(" ".join(step[FOUND] for step in steps if step.get(FOUND)))[:_LONGEST]
-    except (OSError, ValueError, TypeError, AttributeError):  # missing, or not as we write it
+    except (TypeError, AttributeError):  # not as we write it
         return ""

@@ -99,7 +99,7 @@ def test_check_names_a_damaged_file_and_the_next_run_mends_it(folder, capsys, fi
     out = folder / "out"
     before = td.open_cube(out)
     assert main(["check", str(out)]) == 0
-    assert capsys.readouterr().out.count("whole") == 5
+    assert capsys.readouterr().out.count("whole") == 7
     path = out / file
     flip(path, 8 * path.read_bytes().index(b"outputs" if file == "journal.sqlite" else b"units"))
     assert main(["check", str(out), "--format", "json"]) == 3
@@ -183,7 +183,7 @@ def test_a_file_that_changed_is_read_again(cube):
 def test_where_nothing_can_be_checked_that_is_said(tmp_path, capsys, place):
     assert main(["check", str(tmp_path / place)]) == 2
     errors = capsys.readouterr().err
-    assert "there is no such file" in errors or "no netCDF file and no journal here" in errors
+    assert "there is no such file" in errors or "nothing with a checksum here" in errors
 
 
 @pytest.mark.parametrize("file", ["cube.nc", "cost.nc", "analysis/sobol.nc"])
@@ -258,7 +258,9 @@ def test_what_is_no_file_is_refused_and_not_opened(folder, capsys, file, kind):
         codes = [main(command) for command in commands]
     assert set(codes) <= {0, 1, 2, 3}
     assert "internal error" not in capsys.readouterr().err
-    assert (codes[1] == 3) == ("sqlite" in file or (kind == "pipe" and file in (*FILES, "study.toml")))
+    assert (codes[1] == 3) == (
+        "sqlite" in file or (kind == "pipe" and file in (*FILES, "study.toml", "report/index.html"))
+    )
 
 
 @contextmanager

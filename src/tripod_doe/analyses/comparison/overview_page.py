@@ -17,7 +17,7 @@ from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_M
 from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
 from tripod_doe.analyses.comparison.sentences import asymmetry_text
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.charts.chart import Chart
@@ -158,7 +158,7 @@ def write_record(record: ComparedRecord, output: Path) -> Path:
         raise InputError(record.problem)
     page = write_comparison(record.comparison, output)
     if not is_page(output):
-        replace_text(output / "overview.csv", overview_csv(overview_rows([record])))
+        write_listed(output / "overview.csv", overview_csv(overview_rows([record])))
     return page
 
 
@@ -177,7 +177,7 @@ def write_overview(records: Sequence[ComparedRecord], study: str, output: Path) 
         StorageError: If it cannot be written.
     """
     rows = overview_rows(records)
-    replace_text(output / "overview.csv", overview_csv(rows))
+    write_listed(output / "overview.csv", overview_csv(rows))
     links = []
     for at, record in enumerate(records, start=1):
         folder = f"{at:03}-{re.sub(r'[^A-Za-z0-9_-]+', '-', record.row.path.stem)[:60]}"
@@ -197,7 +197,7 @@ def write_overview(records: Sequence[ComparedRecord], study: str, output: Path) 
         problems=[record for record in records if record.problem],
         charts=_charts(records, rows),
     )
-    return replace_text(output / "index.html", page)
+    return write_listed(output / "index.html", page)
 
 
 def _heads() -> list[str]:

@@ -8,6 +8,7 @@ import xarray as xr
 from tripod_doe.analyses.comparison.charts import comparison_charts
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, find_in_comparison, order_rows
 from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.main_results import spoken, unit_text
 from tripod_doe.page_parts.templates import render
@@ -49,6 +50,6 @@ def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
     """
     if is_page(output):
         return replace_text(output, comparison_page(comparison))
-    page = replace_text(output / "index.html", comparison_page(comparison))
+    page = write_listed(output / "index.html", comparison_page(comparison))
     write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
     return page

@@ -5,6 +5,7 @@ from typing import Literal
 from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
+from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.security.delivered_files import file_within
@@ -31,6 +32,7 @@ def report(run_id: str, service: AnyService) -> Response:
     page = service.directory(run_id) / "report" / _PAGE
     if not page.is_file():
         raise RefusedError(404, "this run has no report yet")
+    refuse_changed(page)
     key = report_key(service.settings, run_id)
     start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
     text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{start}", 1)
@@ -55,4 +57,8 @@ def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     path = file_within(directory, place)
     if path is None or path.suffix not in _KINDS or path.relative_to(directory).parts[0] not in ("report", "steps"):
         raise RefusedError(404, "no such page of this run")
+    if path.suffix == ".nc":
+        service.ask("workers.questions:check_file", path=str(path))
+    else:
+        refuse_changed(path)
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)

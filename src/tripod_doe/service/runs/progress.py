@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections import Counter
@@ -15,7 +14,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
 from tripod_doe.service.runs.run_table import PointCounts, Run
 from tripod_doe.study.journal import Journal, Mark, journal_path
-from tripod_doe.workflow.steps_file import STEPS
+from tripod_doe.workflow.steps_file import read_steps
 
 _PACE = 0.5  # seconds between two counts: each count is sent to all watchers
 
@@ -24,7 +23,7 @@ class RunProgress:
     """Counts of a run's finished points, and their pace."""
 
     def __init__(self, run: Run, directory: Path) -> None:
-        self._steps = directory / STEPS
+        self._directory = directory
         self._kind, self._plan = run.kind, run.plan
         self._journals = _journals(run, directory)
         self._first: tuple[float, int] | None = None
@@ -52,10 +51,7 @@ class RunProgress:
 
     def _read_steps(self) -> tuple[Mapping[str, Any], ...]:
         """Records of steps and stages, in order; steps without a record are waiting."""
-        try:
-            said = json.loads(self._steps.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            said = []
+        said = read_steps(self._directory)
         if self._kind != "workflow":
             return tuple(said)
         stored = {step["name"]: step for step in said}

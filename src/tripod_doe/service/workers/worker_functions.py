@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
@@ -153,10 +154,15 @@ def plan_directory(path: str, limits: Limits) -> Any:
 
 
 def texts_of_directory(path: str) -> Any:
-    """The study of a directory that the command line filled, and its tables by name."""
+    """The study of a directory that the command line filled, and its tables by name; CubeError if it was changed."""
+    from tripod_doe.study.journal import Journal
+    from tripod_doe.study.result_directory.result_cube import refuse_changed_study
     from tripod_doe.study.result_directory.stored_study import texts_of_study
 
-    return texts_of_study(Path(path))
+    directory = Path(path)
+    with Journal(directory, read_only=True) as journal:
+        refuse_changed_study(directory, journal)
+    return texts_of_study(directory)
 
 
 def changes(body: bytes, limits: Limits) -> Any:
@@ -310,7 +316,9 @@ def base(path: str, kind: str, candidate: int | None) -> str:
     from tripod_doe.study.cube.lazy_dataset import read_dataset
 
     if kind == "fit":
-        return Path(path).with_name("base.toml").read_text(encoding="utf-8")
+        pasted = Path(path).with_name("base.toml")
+        refuse_changed(pasted)
+        return pasted.read_text(encoding="utf-8")
     front = read_dataset(Path(path))
     try:
         return base_of(front, knee_of(front) if candidate is None else candidate)

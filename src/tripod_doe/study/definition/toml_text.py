@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, closest
 
 _MOST_PARTS = 16
@@ -18,7 +19,8 @@ _LONG_NAME = re.compile(
 
 
 def read_text(path: Path, what: str) -> str:
-    """The text of a TOML file; InputError if it cannot be read or is not UTF-8."""
+    """The text of a TOML file; InputError if it cannot be read, is not UTF-8 or does not fit its checksum."""
+    refuse_changed(path)
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors mark UTF-8 by three bytes in front
     except (OSError, UnicodeDecodeError) as error:

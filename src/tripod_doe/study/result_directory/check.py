@@ -2,10 +2,12 @@
 
 import sqlite3
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.checksum_list import LIST, checksums, damaged_lines, refuse_changed
 from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.cube.file_checks import refuse_unfit
@@ -35,7 +37,7 @@ class CheckedFile:
 
 
 def check_files(path: Path) -> list[CheckedFile]:
-    """Check all netCDF files, journals and studies of a result directory and the folders in it, or one file.
+    """Check the files of a result directory and the folders in it that have checksums, or one file.
 
     Raises:
         InputError: If there is no such file, or none that has checksums.
@@ -44,7 +46,7 @@ def check_files(path: Path) -> list[CheckedFile]:
         raise InputError(f"{path}: there is no such file or directory")
     checked = list(_checked(path.resolve() if path.is_symlink() else path))
     if not checked:
-        raise InputError(f"{path}: no netCDF file and no journal here; name a result directory or a cube")
+        raise InputError(f"{path}: nothing with a checksum here; name a result directory or a cube")
     return checked
 
 
@@ -55,12 +57,44 @@ def _checked(path: Path) -> Iterator[CheckedFile]:
         for inner in sorted(path.iterdir()):
             if not inner.name.startswith("."):
                 yield from _checked(inner)
+    elif path.name == LIST:
+        yield from _checked_list(path)
     elif path.suffix == ".nc":
         yield _checked_netcdf(path)
     elif path == journal_path(path.parent):
         yield _checked_journal(path)
     elif path.name == "study.toml" and journal_path(path.parent).exists():
         yield _checked_study(path)
+    elif _is_listed(path):
+        yield _checked_listed(path)
+
+
+def _checked_list(path: Path) -> Iterator[CheckedFile]:
+    """A list of checksums, and the files that are in it but no longer there."""
+    try:
+        sums, damaged = checksums(path.parent), damaged_lines(path.parent)
+    except CubeError as error:
+        yield CheckedFile(path, str(error).removeprefix(f"{path}: "))
+        return
+    again = f"make the files of this folder again with the same {option('out')}; finished points are kept"
+    yield CheckedFile(path, f"{damaged} of its lines are damaged; {again}" if damaged else "")
+    for name in sums:
+        if not path.with_name(name).exists():
+            yield CheckedFile(path.with_name(name), note=f"it is in {LIST}, and not there", is_checked=False)
+
+
+def _is_listed(path: Path) -> bool:
+    with suppress(CubeError):  # of the list, which is checked itself
+        return path.name in checksums(path.parent)
+    return False
+
+
+def _checked_listed(path: Path) -> CheckedFile:
+    try:
+        refuse_changed(path)
+    except CubeError as error:
+        return CheckedFile(path, str(error).removeprefix(f"{path}: "))
+    return CheckedFile(path)
 
 
 def _checked_netcdf(path: Path) -> CheckedFile:

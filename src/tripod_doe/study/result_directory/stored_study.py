@@ -13,7 +13,7 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import CubeError, InputError, near_match, option
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
@@ -193,7 +193,7 @@ def keep_sources(study: Study, directory: Path) -> dict[str, str]:
             text = read_text(study.folder.file(design.table, "table"), "table")
             copy = table_copy(directory, design.table)
             if not copy.is_file() or copy.read_text(encoding="utf-8") != text:
-                replace_text(copy, text)
+                write_listed(copy, text)
     if isinstance(study.simulator, FunctionSimulator):
         return {FUNCTION: json.dumps(study.simulator.record, default=str)}
     return {}
