@@ -8,6 +8,7 @@ import re
 import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 
 import pytest
 from server_process import Server
@@ -171,3 +172,30 @@ def test_messages_are_bounded_in_number_and_length_and_hold_no_escape():
     told = Plain().format(record("%s", "\x1b[2J\x07red\x9b31m" + "x" * 1_000_000))
     assert told.startswith("\\x1b[2J\\x07red\\x9b31m")
     assert len(told) < 11_000
+
+
+def test_connections_that_idle_after_an_answer_make_room(small):
+    """Regression: strangers who kept their connections after an answer kept everybody out."""
+    ask = b"GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    connections = []
+    try:
+        for _ in range(300):
+            connections.append(connected(small))
+            connections[-1].sendall(ask)
+            assert connections[-1].recv(15) == b"HTTP/1.1 200 OK"
+        assert small.ask("/runs", seconds=5)[0] == 200
+    finally:
+        for connection in connections:
+            connection.close()
+
+
+def test_strangers_who_do_not_read_hold_up_no_others(small):
+    with ExitStack() as opened:
+        for _ in range(8):
+            opened.enter_context(connected(small)).sendall(
+                b"GET /assets/plotly.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 50
+            )
+        with connected(small) as connection:
+            connection.settimeout(5)
+            connection.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+            assert answer_of(connection).startswith("HTTP/1.1 401 ")

@@ -289,6 +289,43 @@ def test_readers_take_no_thread_that_the_owner_needs(tmp_path):
     assert 0 < len(inside) < 10
 
 
+def test_strangers_wait_for_each_other_and_the_owner_for_none(tmp_path):
+    """Regression: 900 connections that asked for the sign of life held each answer to the owner for 19 s."""
+    settings = Settings(tmp_path, token=TOKEN)
+    answered, served = [], []
+
+    async def answer(scope, receive, send):
+        if scope["access"] is not None:
+            served.append(scope["path"])
+            return
+        answered.append(scope["path"])  # without a pause before it
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await asyncio.Event().wait()  # the client does not read
+
+    async def asked():
+        guard = Guard(answer, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: answer)
+
+        async def send(message):
+            pass
+
+        def ask(path, token=""):
+            headers = [(b"host", b"127.0.0.1:8811"), (b"authorization", f"Bearer {token}".encode())]
+            scope = {"type": "http", "method": "GET", "path": path, "query_string": b"", "headers": headers}
+            return asyncio.create_task(guard(scope, None, send))
+
+        waiting = [ask(path) for path in (f"{API}/health", "/", "/assets/page.css") for _ in range(100)]
+        await ask(f"{API}/health", TOKEN)
+        assert len(answered) == 4
+        for _ in range(300):
+            await asyncio.sleep(0)
+        for each in waiting:
+            each.cancel()
+
+    in_own_loop(asked())
+    assert served == [f"{API}/health"]
+    assert len(answered) == 300
+
+
 def test_a_reader_fills_neither_connections_nor_streams(tmp_path):
     """Regression: streams and waiting requests of one link took all connections, and the owner was refused."""
     settings = Settings(tmp_path, token=TOKEN, read_token=READ_TOKEN)

@@ -11,11 +11,13 @@ from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, AnyService
 
 router = APIRouter(responses=REFUSALS)
 
+_VERSION = version("tripod-doe")  # read from a file
+
 
 @router.get("/health")
 async def health() -> Health:
     """Whether the server answers; needs no token."""
-    return Health(status="ok", version=version("tripod-doe"))
+    return Health(status="ok", version=_VERSION)
 
 
 @router.get("/limits")

@@ -11,7 +11,10 @@ from __future__ import annotations
 import asyncio
 import resource
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from http import HTTPStatus
+from itertools import chain
 from typing import Any
 
 from starlette.types import Scope
@@ -23,7 +26,7 @@ HEADER_SECONDS = 10.0
 BODY_SECONDS, BODY_RATE = 10.0, 16_384
 """A body arrives within these seconds and one more for as many bytes as the rate says."""
 
-_LEFT = "left"  # name in the state of a request
+_CONNECTION = "connection"  # name in the state of a request
 _READ_SECONDS = 60.0  # without anything read of an answer
 _HEADER_BYTES = 65_536
 _LEAST_FILES = 64  # kept for everything but connections
@@ -31,8 +34,27 @@ _LEAST_FILES = 64  # kept for everything but connections
 
 def left_of(scope: Scope) -> threading.Event | None:
     """What is set when the client of a request leaves; None without a connection of this server."""
+    connection = _connection_of(scope)
+    return connection and connection.left
+
+
+@contextmanager
+def giving_way(scope: Scope) -> Iterator[None]:
+    """Within this block, the connection of a request makes room for a new one where there are too many."""
+    connection = _connection_of(scope)
+    if connection is None:
+        yield
+        return
+    connection.missed_by_nobody[connection] = None
+    try:
+        yield
+    finally:
+        connection.missed_by_nobody.pop(connection, None)
+
+
+def _connection_of(scope: Scope) -> LimitedProtocol | None:
     state: dict[str, Any] = scope.get("state", {})
-    return state.get(_LEFT)
+    return state.get(_CONNECTION)
 
 
 class LimitedProtocol(HttpToolsProtocol):
@@ -47,12 +69,15 @@ class LimitedProtocol(HttpToolsProtocol):
     unread: dict[LimitedProtocol, None]
     """Those whose clients do not read their answers, the oldest first: these make room before all others."""
 
+    missed_by_nobody: dict[LimitedProtocol, None]
+    """Those that idle after an answer, or wait for one without access, the oldest first: these make room next."""
+
     def __init__(self, *words: Any, **options: Any) -> None:
         super().__init__(*words, **options)
         self._headers_due: asyncio.TimerHandle | None = None
         self._answer_due: asyncio.TimerHandle | None = None
         self._header_bytes = 0
-        self._left = threading.Event()
+        self.left = threading.Event()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection, or refuse it where there are too many."""
@@ -60,8 +85,8 @@ class LimitedProtocol(HttpToolsProtocol):
         full = len(self.connections) > self.most
         oldest = next(iter(self.waiting), self) if full else None
         self._await_headers()
-        if full and self.unread:
-            next(iter(self.unread)).transport.abort()
+        if full and (given_up := next(chain(self.unread, self.missed_by_nobody), None)):
+            given_up.transport.abort()
         elif oldest is not None:
             oldest._refuse(
                 HTTPStatus.SERVICE_UNAVAILABLE, f"{self.most:,} connections are open, which is the limit here"
@@ -69,16 +94,19 @@ class LimitedProtocol(HttpToolsProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget a connection."""
-        self._left.set()
+        self.left.set()
         self._stop_clocks()
+        self.missed_by_nobody.pop(self, None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         """Read some bytes."""
         if self.transport.is_closing():
             return
-        if self._headers_due is None and self._is_between_requests():
-            self._await_headers()
+        if self._is_between_requests():
+            self.missed_by_nobody.pop(self, None)
+            if self._headers_due is None:
+                self._await_headers()
         if self._headers_due is not None:
             self._header_bytes += len(data)
         super().data_received(data)
@@ -91,7 +119,7 @@ class LimitedProtocol(HttpToolsProtocol):
         if len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers) > _HEADER_BYTES:
             self._refuse_headers()
             raise ValueError("the headers are too large")  # ends the parser
-        self.scope["state"][_LEFT] = self._left
+        self.scope["state"][_CONNECTION] = self
         super().on_headers_complete()
 
     def on_response_complete(self) -> None:
@@ -99,6 +127,8 @@ class LimitedProtocol(HttpToolsProtocol):
         if self.cycle is not None and self.cycle.more_body and not self.pipeline:
             self.transport.close()
         super().on_response_complete()
+        if self._is_between_requests() and not self.transport.is_closing():
+            self.missed_by_nobody[self] = None
 
     def send_400_response(self, msg: str) -> None:
         """Refuse an invalid request, once."""
@@ -170,4 +200,4 @@ def limited_protocol(wanted: int) -> type[LimitedProtocol]:
         files = need if most == resource.RLIM_INFINITY else min(need, most)
         resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
         wanted = min(wanted, max(1, files - max(_LEAST_FILES, files // 4)))
-    return type("Protocol", (LimitedProtocol,), {"most": wanted, "waiting": {}, "unread": {}})
+    return type("Protocol", (LimitedProtocol,), {"most": wanted, "waiting": {}, "unread": {}, "missed_by_nobody": {}})

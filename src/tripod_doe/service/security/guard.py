@@ -11,7 +11,7 @@ import re
 import socket
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from urllib.parse import parse_qsl, urlencode
 
 from anyio import BrokenResourceError
@@ -23,7 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
 from tripod_doe.service.security.access import OWNER, Access, Accesses
-from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, left_of
+from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, giving_way, left_of
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
 from tripod_doe.service.settings import Settings
 
@@ -38,6 +38,8 @@ _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
 _AT_ONCE, _READERS_AT_ONCE = 8, 24  # answers to one link or reader, and to all of them: of 40 threads, some stay free
 _MOST_WAITING = 32  # requests of one link or reader that wait or are answered, and its streams of events
+_STRANGERS_AT_ONCE = 4  # answers to those without access: each takes a moment of the loop in which the owner waits
+_STRANGER = ("", False)
 _PIECE = (
     65_536  # bytes of an answer that are written together: only as much of it is kept for a client that does not read
 )
@@ -56,9 +58,15 @@ _HEADERS = (
 
 
 def _share_of(scope: Scope) -> tuple[str, bool] | None:
-    """The reader that sends a request, and whether it wants an event stream; None for the owner or without access."""
+    """The reader that asks, and whether for a stream of events; `_STRANGER` without access, None for the owner."""
     access: Access | None = scope["access"]
-    return None if access is None or access.name == OWNER else (access.name, scope["path"].endswith("/events"))
+    if access is None:
+        return _STRANGER
+    return None if access.name == OWNER else (access.name, scope["path"].endswith("/events"))
+
+
+def _nothing() -> None:
+    """Do nothing when an answer begins."""
 
 
 async def _send_in_pieces(send: Send, message: Message) -> None:
@@ -102,6 +110,7 @@ class Guard:
         self._any_address = settings.host in _ANYWHERE
         self._turns: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(_AT_ONCE))
         self._readers = asyncio.Semaphore(_READERS_AT_ONCE)
+        self._strangers = asyncio.Semaphore(_STRANGERS_AT_ONCE)
         self._open: Counter[tuple[str, bool]] = Counter()  # open requests per reader; event streams counted separately
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -111,13 +120,14 @@ class Guard:
             return
         send = _with_headers(send)
         headers = Headers(scope=scope)
+        scope["access"] = None
         try:
             self._check_host(headers)
             if not scope["path"].isprintable():  # no valid name contains such a character
                 raise RefusedError(404, "the address holds a control character")
             inside = self._enter(scope)
             if response := self._welcome(scope, inside):
-                await response(scope, receive, send)
+                await self._answer(response, scope, receive, send)
                 return
             scope["access"] = self._access(scope, headers, inside)
             if scope["access"] is None and not self._is_open(scope):
@@ -127,28 +137,32 @@ class Guard:
                 receive = _again(await self._body(scope, headers, receive))
             self._refuse_crowd(scope)
         except RefusedError as refusal:
-            if refusal.status == 401:  # a person may read the answer
-                answer = self._refusal_answer(HTTPConnection(scope), refusal, self._settings, "")
+            answer = self._refused(refusal)
+            if scope["access"] is None:
+                await self._answer(answer, scope, receive, send)
             else:
-                answer = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
-            await answer(scope, receive, send)
+                await answer(scope, receive, send)
             return
-        await self._answer(scope, receive, send)
+        await self._answer(self._app, scope, receive, send)
 
-    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let the application answer; if the server ends first, say so: uvicorn would send a bare 500."""
+    async def _answer(self, app: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let an application answer when its turn comes; say so where the server ends before it began.
+
+        Uvicorn would send a bare 500 then.
+        """
         begun = False
-
-        async def noted(message: Message) -> None:
-            nonlocal begun
-            begun = True
-            await _send_in_pieces(send, message)
-
         try:
-            async with self._turn(scope):
+            async with self._turn(scope) as begin:
+
+                async def noted(message: Message) -> None:
+                    nonlocal begun
+                    begun = True
+                    begin()
+                    await _send_in_pieces(send, message)
+
                 left = left_of(scope)
                 if left is None or not left.is_set():  # a client that has left gets no answer on its turn
-                    await self._app(scope, receive, noted)
+                    await app(scope, receive, noted)
         except BaseExceptionGroup as group:
             if not begun or group.split(BrokenResourceError)[1] is not None:
                 raise  # else the client has left while an event was sent to it
@@ -158,27 +172,48 @@ class Guard:
             refusal = RefusedError(503, SERVER_ENDS)
             await JSONResponse(refusal.answer(), refusal.status)(scope, receive, send)
 
+    def _refused(self, refusal: RefusedError) -> ASGIApp:
+        """The answer to a request that is refused."""
+
+        async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+            response: ASGIApp = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+            if refusal.status == 401:  # a person may read it
+                response = self._refusal_answer(HTTPConnection(scope), refusal, self._settings, "")
+            await response(scope, receive, send)
+
+        return answer
+
     @asynccontextmanager
-    async def _turn(self, scope: Scope) -> AsyncIterator[None]:
-        """Queue readers behind each other, so that the owner always has free threads and connections."""
+    async def _turn(self, scope: Scope) -> AsyncIterator[Callable[[], None]]:
+        """Let readers, and strangers, wait for each other: they take no thread or moment that the owner needs.
+
+        Gives what is to be called when the answer begins: a stranger who does not read it holds up no other.
+        """
         if (mine := _share_of(scope)) is None:
-            yield
+            yield _nothing
+            return
+        if mine == _STRANGER:
+            with giving_way(scope):
+                await self._strangers.acquire()
+            with ExitStack() as held:  # until the loop has looked at all others: most answers begin without a pause
+                held.callback(asyncio.get_running_loop().call_soon, self._strangers.release)
+                yield held.close
             return
         name, streams = mine
         self._open[mine] += 1
         try:
-            if streams:  # streams hold no thread
-                yield
+            if streams:  # they hold no thread
+                yield _nothing
                 return
             async with self._turns[name], self._readers:
-                yield
+                yield _nothing
         finally:
             self._open[mine] -= 1
 
     def _refuse_crowd(self, scope: Scope) -> None:
         """Refuse a reader's request while it has too many open requests."""
         mine = _share_of(scope)
-        if mine is not None and self._open[mine] >= _MOST_WAITING:
+        if mine is not None and mine != _STRANGER and self._open[mine] >= _MOST_WAITING:
             what = "event streams are open" if mine[1] else "requests are not answered yet"
             text = f"{_MOST_WAITING} {what}, the limit for a link or a reader; try again later"
             raise RefusedError(503, text, headers={"retry-after": "5"})
