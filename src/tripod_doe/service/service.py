@@ -66,7 +66,8 @@ class Service:
         self._planning = WorkerPool(1, settings.limits, waiting=settings.limits.queued)
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
-        self._pools = (self._pool, self._planning, self._computing, self._large)
+        self._of_readers = WorkerPool(1, settings.limits, waiting=40), WorkerPool(1, settings.limits)
+        self._pools = (self._pool, self._planning, self._computing, self._large, *self._of_readers)
         self.threads = _SPARE_THREADS + sum(pool.threads for pool in self._pools)
         self.shares = Shares(settings.folder)
         self.computes = True
@@ -84,12 +85,15 @@ class Service:
     def seen_by(self, settings: Settings, is_open: Callable[[], bool]) -> Service:
         """The service for a reader: it changes nothing, and shows only one run if the settings name one.
 
+        Workers that answer readers answer nobody else, so that the owner waits for no question of theirs.
+
         Args:
             settings: Settings for this reader.
             is_open: Whether the reader's access is still open.
         """
         seen = copy(self)
         seen.settings, seen.is_open, seen.computes = settings, is_open, False
+        seen._pool, seen._large = self._of_readers
         if settings.only_run:
             seen.runs = cast("Supervisor", OneRun(self.runs, settings.only_run))
         return seen

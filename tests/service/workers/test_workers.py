@@ -17,6 +17,8 @@ import pytest
 
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.service import Service
+from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.forking import start_process, start_program
 from tripod_doe.service.workers.worker_pool import (
     AllBusyError,
@@ -241,6 +243,33 @@ def test_a_worker_ends_when_nobody_can_ask_any_more(pool):
     worker = psutil.Process(pool._workers[0]._process.pid)
     pool._workers[0]._connection.close()
     worker.wait(20)
+
+
+def test_questions_of_readers_hold_up_no_question_of_the_owner(tmp_path, monkeypatch):
+    """Regression: three workbooks that a holder of a link asked for held the owner's large answers for 19 s."""
+    (tmp_path / "sleeping.py").write_text(MODULES["sleeping"])
+    monkeypatch.syspath_prepend(str(tmp_path))
+    service = Service(Settings(tmp_path, token="t" * 32))
+    left, questions = threading.Event(), {"question": "workers.worker:import_module", "name": "sleeping"}
+    seen = service.seen_by(service.settings, lambda: True).asked_by(left)
+    asking = [threading.Thread(target=_refused, args=(ask, questions)) for ask in [seen.ask, seen.ask_large] * 3]
+    try:
+        for thread in asking:
+            thread.start()
+        for ask in (service.ask, service.ask_large):
+            body = b'{"study": "", "timing": false}'
+            assert ask("workers.worker_functions:wants_timing", body=body, limits=Limits()) is False
+        assert all(thread.is_alive() for thread in asking)  # they wait for the owner's answers
+    finally:
+        left.set()
+        service.end_questions()
+        for thread in asking:
+            thread.join(30)
+
+
+def _refused(ask, arguments):
+    with suppress(RefusedError, AllBusyError, ServerEndsError):
+        ask(**arguments)
 
 
 def test_only_so_many_questions_wait(tmp_path, monkeypatch):
