@@ -12,7 +12,7 @@ from tripod_doe.analyses import registry
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
 from tripod_doe.analyses.registry import ANALYSES, FIGURES, STUDY_FIGURES, draw, findings_of, table_of
-from tripod_doe.errors import InputError
+from tripod_doe.errors import CubeError, InputError
 
 KINDS = {
     "sobol",
@@ -102,3 +102,11 @@ def test_points_that_are_missing_are_counted(ablation):
     broken["outcome"][1] = 1
     shares = contribution_shares(broken, ContributionSettings(output="y"))
     assert (shares.attrs["points_used"], shares.attrs["points_dropped"]) == (3, 1)
+
+
+@pytest.mark.parametrize("kind", [kind for kind, row in ANALYSES.items() if row.sentences])
+def test_a_result_that_lacks_its_variables_is_said(kind):
+    """Regression: a file of a known kind without its variables was an internal error of the service."""
+    empty = xr.Dataset(attrs={"analysis_kind": kind})
+    with pytest.raises(CubeError, match=f"not a whole result of an analysis of the kind '{kind}': "):
+        findings_of("a", empty)

@@ -38,7 +38,7 @@ from tripod_doe.analyses.stability.stability import StabilitySettings, stability
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS
-from tripod_doe.errors import InputError
+from tripod_doe.errors import CubeError, InputError
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 if TYPE_CHECKING:
@@ -260,6 +260,20 @@ def _load(place: str) -> Callable[..., Any]:
     return getattr(import_module(home), name)
 
 
+def _of_result(place: str, result: xr.Dataset, *words: str) -> Any:
+    """What the function at a place makes of the result of an analysis.
+
+    Raises:
+        CubeError: If the result lacks something that each of its kind has: another program wrote it.
+    """
+    try:
+        return _load(place)(result, *words)
+    except KeyError as error:
+        lacks = str(error.args[0]).partition(". ")[0] if error.args else "a name is missing"
+        what = f"not a whole result of an analysis of the kind {kind_of(result)!r}"
+        raise CubeError(f"{what}: {lacks}; make it again") from error
+
+
 def findings_of(name: str, data: xr.Dataset) -> list[str]:
     """Findings of a study or an analysis, as sentences.
 
@@ -270,14 +284,14 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
         return _load("findings:find")(data)
     row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))
     sentences = search[0] if search else row.sentences if row else ""
-    return _load(sentences)(data, name) if sentences else []
+    return _of_result(sentences, data, name) if sentences else []
 
 
 def table_of(data: xr.Dataset) -> Table | None:
     """The table of an analysis; None if it has none."""
     row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))
     table = search[1] if search else row.table if row else ""
-    return _load(table)(data) if table else None
+    return _of_result(table, data) if table else None
 
 
 def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
@@ -290,7 +304,7 @@ def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
         chart
         for name, result in results.items()
         if (row := ANALYSES.get(kind_of(result))) and figure in row.figures
-        for chart in _load(row.figures[figure])(result, name)
+        for chart in _of_result(row.figures[figure], result, name)
     ]
 
 

@@ -27,6 +27,7 @@ from tripod_doe.regular_files import refuse_irregular
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))
 """Separator (None: spaces) and decimal sign, in the order in which they are preferred."""
 _LOOKED_AT = 300  # lines that determine the separator and the start of the table
+_MOST_COLUMNS = 500
 _CLOCK = re.compile(r"(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=\D*$)")
 _GAPS = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "null", "none", "inf", "-inf", "ovl", "overflow", "ovr"}
 _MDF = b"MDF     "
@@ -89,6 +90,8 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     if is_tdms(path):
         return Table(*read_tdms(path))
     notes, lines = _lines(path)
+    for line in lines[:_LOOKED_AT]:  # before any is taken apart; a comma may be a decimal sign
+        _refuse_wide(max(len(line.split()), *map(line.count, ";\t"), line.count(",") // 2))
     separator, decimal = _form(lines[:_LOOKED_AT])
     first = next((i for i, line in enumerate(lines) if _is_numeric(line, separator, decimal)), len(lines))
     if first == len(lines):  # there is a column of words among the numbers
@@ -101,8 +104,14 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     first = 1 if first == len(lines) else first
     before = before[:first] or before
     at, headings = _headings(before, given, lines[first], (separator, decimal))
+    _refuse_wide(len(headings))
     table = _columns(lines[first:], separator, decimal, len(headings))
     return Table(headings, table, [*notes, *before[:at]], decimal)
+
+
+def _refuse_wide(columns: int) -> None:
+    if columns > _MOST_COLUMNS:
+        raise InputError(f"more than {_MOST_COLUMNS} columns, the limit for a record: export fewer channels")
 
 
 def _lines(path: Path) -> tuple[list[str], list[str]]:
