@@ -20,7 +20,7 @@ LIST = "checksums.sha256"
 
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\n/]+)")
 _LARGEST = 1_000_000  # bytes of a list that are read
-_LOOKS, _PAUSE = 4, 0.05  # before a file is called damaged, with pauses in seconds
+_SETTLED, _PAUSE = 1.0, 0.05  # seconds without a change before a file is called damaged, and between two looks
 
 
 def write_listed(path: Path, content: str | bytes) -> Path:
@@ -62,9 +62,8 @@ def _lines(folder: Path) -> list[str]:
 
 def is_changed(path: Path) -> bool:
     """Whether a file does not fit its checksum; one that is missing, or has no checksum, is not changed."""
-    for look in range(_LOOKS):
-        if look:
-            time.sleep(_PAUSE)
+    version, since = _version(path), time.monotonic()
+    while time.monotonic() < since + _SETTLED:
         expected = checksums(path.parent).get(path.name)
         if expected is None:
             return False
@@ -74,7 +73,16 @@ def is_changed(path: Path) -> bool:
                 return False
         except OSError:  # what reads it states the reason
             return False
+        time.sleep(_PAUSE)
+        if _version(path) != version:
+            version, since = _version(path), time.monotonic()
     return True
+
+
+def _version(path: Path) -> list[tuple[int, int]]:
+    """What changes when a file or the list beside it is replaced."""
+    states = [place.stat() for place in (path, path.with_name(LIST)) if place.exists()]
+    return [(state.st_ino, state.st_mtime_ns) for state in states]
 
 
 def refuse_changed(path: Path) -> None:

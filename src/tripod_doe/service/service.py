@@ -36,7 +36,7 @@ from tripod_doe.study.cube.file_checks import analysis_files
 log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
-_QUESTIONS = "workers.questions"
+_QUESTIONS = "workers.worker_functions"
 _ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches; the first is the result
 _SMALL_SECONDS = 5.0  # CPU time of a short answer
 _SPARE_THREADS = 40  # for requests that need no worker
@@ -163,7 +163,7 @@ class Service:
             raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 
     def compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
-        """Ask a question of `workers.questions` that may take the time of a simulated point."""
+        """Ask a question of `workers.worker_functions` that may take the time of a simulated point."""
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
         return self._computing.ask(place, limits.simulate_seconds, as_json, self.left, body=body, limits=limits)
@@ -197,7 +197,7 @@ class Service:
         return self._large.ask(question, self.settings.limits.query_seconds, False, self.left, **arguments)
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
-        """Ask a question of `workers.questions` about the body of a request."""
+        """Ask a question of `workers.worker_functions` about the body of a request."""
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _ask_plan(self, question: str, body: bytes, **arguments: Any) -> Any:

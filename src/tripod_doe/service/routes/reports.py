@@ -58,7 +58,7 @@ def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     if path is None or path.suffix not in _KINDS or path.relative_to(directory).parts[0] not in ("report", "steps"):
         raise RefusedError(404, "no such page of this run")
     if path.suffix == ".nc":
-        service.ask("workers.questions:check_file", path=str(path))
+        service.ask("workers.worker_functions:check_file", path=str(path))
     else:
         refuse_changed(path)
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)
