@@ -215,7 +215,8 @@ def _nothing(problem: Problem, solved: Solved) -> list[str]:
             return [none]
         unit, reason = solved.nearest
         return [
-            f"{none} The nearest one is {joint_text(problem, unit)}, where {reason}. Relax a limit, or widen a range."
+            none,
+            f"The nearest one is {joint_text(problem, unit)}, where {reason}. Relax a limit, or widen a range.",
         ]
     sentences = [f"None of {count_of(len(judged.reasons), 'candidate')} is feasible."]
     nearest = judged.nearest()
