@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
 from tripod_doe.study.cube.netcdf import opened_file, write_dataset
 from tripod_doe.study.query.arrays import opened_arrays
@@ -149,6 +150,30 @@ def test_a_file_of_its_own_is_read_also_while_it_is_open(tmp_path):
             refuse_outside(path)
         assert stored["y"][:].tolist() == list(range(40))
     assert set(td.open_cube(path)["word"].values) == {"text"}
+
+
+@pytest.mark.parametrize("read", [td.open_cube, by_query, by_file])
+@pytest.mark.parametrize("inside", ["", "inner"])
+def test_a_file_that_announces_more_than_it_can_hold_is_refused(tmp_path, read, inside):
+    """A chunk that was never written costs no byte: 20 kB announced a terabyte, and a query read it all."""
+    path = tmp_path / "cube.nc"
+    with netCDF4.Dataset(path, "w") as stored:
+        group = stored.createGroup(inside) if inside else stored
+        for name in ("x", "z"):
+            group.createDimension(name, 1_000_000)
+        group.createVariable("y", "f8", ("x", "z"), zlib=True, chunksizes=(1000, 1000))[0, 0] = 1.0
+    with pytest.raises(CubeError, match=r"announces 8 TB of values, more than a file of .* can hold"):
+        read(path)
+
+
+def test_values_that_pack_well_are_read(tmp_path):
+    path = tmp_path / "cube.nc"
+    with netCDF4.Dataset(path, "w") as stored:
+        stored.createDimension("x", 20_000_000)
+        stored.createVariable("y", "f8", ("x",), zlib=True, complevel=9, chunksizes=(1_000_000,))[:] = 0.0
+    with opened_file(path) as read:
+        assert path.stat().st_size < 1_000_000
+        assert read["y"].shape == (20_000_000,)
 
 
 def test_files_without_hdf5_are_read(tmp_path):

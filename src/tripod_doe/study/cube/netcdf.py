@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -14,6 +15,7 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
+from tripod_doe.quantities import size
 from tripod_doe.study.cube.file_digest import seal
 from tripod_doe.study.cube.file_links import refuse_outside
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
@@ -35,6 +37,9 @@ _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
 
 CHUNK_BYTES = 2_000_000
 """Bytes of a chunk of a variable."""
+
+_DENSEST, _SMALL_FILE = 1100, 64_000_000
+"""Most bytes of values in a byte of a file (deflate packs 1,032 of them), and what a small file may hold beside that."""
 
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
@@ -123,12 +128,31 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     """Open a netCDF file for any reader; the caller holds the lock.
 
     Raises:
-        CubeError: If HDF5 would read other files for it.
+        CubeError: If HDF5 would read other files for it, or it announces more values than a file of its size can hold.
     """
     import netCDF4
 
     refuse_outside(path)
-    return netCDF4.Dataset(path, mode)
+    stored = netCDF4.Dataset(path, mode)
+    announced, most = announced_bytes(stored), _SMALL_FILE + _DENSEST * os.path.getsize(path)
+    if announced > most:
+        stored.close()
+        raise CubeError(
+            f"{path}: announces {size(announced)} of values, more than a file of {size(os.path.getsize(path))} can "
+            "hold: it was not written by tripod-doe, or its end is lost"
+        )
+    return stored
+
+
+def announced_bytes(stored: netCDF4.Dataset | netCDF4.Group) -> int:
+    """Bytes of all variables of a file and its groups by their shapes, written or not."""
+    own = sum(math.prod(variable.shape) * _width(variable) for variable in stored.variables.values())
+    return own + sum(map(announced_bytes, stored.groups.values()))
+
+
+def _width(variable: netCDF4.Variable[Any]) -> int:
+    """Bytes of a value; of a text, its address in memory."""
+    return getattr(variable.dtype, "itemsize", 8)
 
 
 def shared_file(path: Path) -> CachingFileManager[Any]:
