@@ -39,7 +39,7 @@ CHUNK_BYTES = 2_000_000
 """Bytes of a chunk of a variable."""
 
 _DENSEST, _SMALL_FILE = 1100, 64_000_000
-"""Most bytes of values in a byte of a file (deflate packs 1,032 of them), and what a small file may hold beside that."""
+"""Most bytes of values in a byte of a file (deflate packs 1,032), and what a small file may hold beside that."""
 
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
