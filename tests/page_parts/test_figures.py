@@ -14,6 +14,7 @@ from tripod_doe.analyses.tolerance.charts import quantile_chart
 from tripod_doe.page_parts import templates
 from tripod_doe.page_parts.charts.chart import Chart, drawing, factor_ticks, legend_above
 from tripod_doe.page_parts.charts.waveforms import chosen_points, spectrum_chart, waveform_charts
+from tripod_doe.page_parts.main_outputs import OutputPart
 from tripod_doe.reports.workflow import step_page, write_charts
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
@@ -164,7 +165,7 @@ def test_a_distribution_is_drawn_through_more_quantiles_than_were_asked_for(data
         },
         {"probability": [0.2, 0.8], "share": shares},
     )
-    chart = quantile_chart("some", "scatter", "y", result.assign_attrs(confidence_level=0.95), "N")
+    chart = quantile_chart("some", "scatter", OutputPart("y", "y", "N", result.assign_attrs(confidence_level=0.95)))
     data = data_of(chart)
     assert data["quantile"].to_numpy() == pytest.approx(10 * data["probability"].to_numpy() ** 2)
     assert data["probability"].is_monotonic_increasing

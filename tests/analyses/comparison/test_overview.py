@@ -106,6 +106,7 @@ def test_one_record_has_one_page_under_either_flag(rig, tmp_path, capsys):
     for flag, name in (("--out", "one"), ("--output", "two")):
         assert main([*words, flag, str(tmp_path / name)]) == 0
         assert sorted(path.name for path in (tmp_path / name).iterdir()) == [
+            "checksums.sha256",
             "comparison.nc",
             "index.html",
             "overview.csv",

@@ -79,7 +79,7 @@ def test_needles_that_never_reach_their_stops_turn_on():
     """Physics: at a small angle a needle's play is more than its way, and only a slow creep turns it."""
     done = simulate_point("joint", settled_needles=1, joint_angle_deg=3, torque_n_m=100, initial_skew_1_deg=0.3)
     assert done.outcome == Outcome.INACCURATE
-    assert "without coming to repeat" in done.detail
+    assert "did not become periodic" in done.detail
 
 
 def test_bodies_are_not_extrapolated():

@@ -60,7 +60,7 @@ def test_the_interval_of_one_record_is_as_wide_as_it_must_be(balances):
     columns = {name: simulator.parameters[name].column(column) for name, column in given.items()}
     block = simulator.columns({}, columns, len(HELD_OUT))
     predicted = np.abs(balances[0][:, 1:]) * HELD_OUT[["amplitude_3"]].to_numpy()
-    stated = model_error(simulator, block, [3], predicted.astype(complex), np.zeros(predicted.shape), "recorded").whole
+    stated = model_error(simulator, block, [3], predicted.astype(complex), "recorded").whole
     off = np.abs(predicted - HELD_OUT[["amplitude_3"]].to_numpy())
     assert (off <= 1.96 * stated).sum() >= 22
     assert (off > 1.96 * 0.003 * predicted).sum() >= 4  # the floor of a deviation by itself would be too short

@@ -95,7 +95,13 @@ def binding(unit: FloatArray, violation: FloatArray, variables: Variables, const
             texts.append(f"{variable.name} at its lower bound")
         elif value >= 1 - edge - _NEAR * (not variable.levels):
             texts.append(f"{variable.name} at its upper bound")
-    for name, far in zip(constraints, violation.tolist(), strict=True):
-        if far > -_NEAR:
-            texts.append(f"{name} {'at' if far > -_TOUCHED else f'within {100 * _NEAR:g} % of'} its limit")
-    return texts
+    return texts + touched_limits(violation, constraints)
+
+
+def touched_limits(violation: FloatArray, constraints: list[str]) -> list[str]:
+    """Names of the limits that a candidate touches, in words."""
+    return [
+        f"{name} {'at' if far > -_TOUCHED else f'within {100 * _NEAR:g} % of'} its limit"
+        for name, far in zip(constraints, violation.tolist(), strict=True)
+        if far > -_NEAR
+    ]

@@ -13,7 +13,7 @@ from tripod_doe.analyses.optimisation.candidate_text import (
     spoken_name,
     step_text,
 )
-from tripod_doe.analyses.optimisation.pareto_front import binding, knee
+from tripod_doe.analyses.optimisation.pareto_front import binding, knee, touched_limits
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.page_parts.main_results import listed
@@ -51,14 +51,7 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     touched = binding(solved.front.units[0], judged.violations[0], problem.variables, list(problem.constraints))
     if touched:
         sentences.append(f"Binding: {listed(touched)}.")
-    if np.isfinite(solved.polished):
-        has = [bool(variable.levels) for variable in problem.variables.chosen]
-        ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(has)) + ["to its next value"] * any(
-            has
-        )
-        sentences.append(
-            f"No change of a single variable {', or '.join(ways)} improves the candidate on which the search ended."
-        )
+    sentences += _at_rest(problem, solved, of)
     if len(solved.ended) > 1:
         best = min(solved.ended)
         reach, words, _ = _nearness(problem, best)
@@ -70,13 +63,31 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     final = course[-1]
     reach, words, last = _nearness(problem, final)
     near = np.flatnonzero(np.abs(course - final) <= reach)
-    if near.size and problem.confirm == problem.model:  # else the answer is not the last value of the search
+    if near.size and np.isfinite(solved.polished):  # else its last value is no sign that it has come to rest
         first, all_ = int(near[0]) + 1, len(course)
         sentences.append(
             f"The search came within {words} of its last value after {first:,} of {all_:,} candidates; "
             f"the last {last} cost {all_ - first:,}."
         )
     return sentences
+
+
+def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
+    """Whether steps around the best candidate of a single objective improve it, or whether none were tried."""
+    levels = [bool(variable.levels) for variable in problem.variables.chosen]
+    if problem.confirm != problem.model:
+        return ["No steps around the best candidate were tried: a joint nearby may be better."]
+    if not np.isfinite(solved.polished):
+        return [
+            f"The search ended with its {of} before it had tried all steps around the best one: a joint nearby may be "
+            "better; raise evaluations."
+        ]
+    ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(levels))
+    ways += ["to its next value"] * any(levels)
+    rest = f"No change of a single variable {', or '.join(ways)} improves the candidate on which the search ended"
+    touched = touched_limits(solved.front.judged.violations[0], list(problem.constraints))
+    along = "; along a limit, two variables changed together may still improve it"
+    return [f"{rest}{along * (levels.count(False) > 1 and bool(touched))}."]
 
 
 def _nearness(problem: Problem, value: float) -> tuple[float, str, str]:
