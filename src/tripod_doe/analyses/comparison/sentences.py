@@ -128,8 +128,8 @@ def _origin_sentence(comparison: xr.Dataset) -> str:
     for order in (3, 2):
         model, unsure = (float(comparison[f"model_amplitude{part}"].sel(order=order)) for part in ("", "_uncertainty"))
         if model > _NOTHING * float(comparison["model_amplitude"].max()):
-            counted.append(f"{number(100 * unsure / model, 2)} % of the {ORDINALS[order]}")
-    counts = f"; {' and '.join(counted)} count for it" if counted else ""
+            counted.append(f"+- {number(100 * unsure / model, 2)} % of the {ORDINALS[order]}")
+    counts = f"; it counts as {' and '.join(counted)}" if counted else ""
     return f"Uncertainties are of {confidence}. Error of the model {comparison.attrs['model']}: {origin}{counts}."
 
 

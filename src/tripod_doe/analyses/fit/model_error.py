@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Accuracy, Quantity, Simulator
-from tripod_doe.quantities import numbers_in_words
+from tripod_doe.quantities import number, numbers_in_words
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
@@ -148,12 +148,19 @@ def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], secon
         known, assumed = {3, 2 if second else 3}, _OTHER
         words = "recorded for similar points"
         if not third.all():
-            words += f"; at {int((~third).sum())} of {third.size} records none is, and {100 * _ASSUMED:g} % is assumed"
+            words += (
+                f"; at {int((~third).sum())} of {third.size} records none is, and {_deviation(_ASSUMED)} is assumed"
+            )
         words += f"; {second}" if second else ""
     if others := sorted(set(orders) - known):
         which = f"order{'s' * (len(others) > 1)} {numbers_in_words(others)}"
-        words += f"; of {which} none is, and {100 * assumed:g} % is assumed"
+        words += f"; of {which} none is, and {_deviation(assumed)} is assumed"
     return words
+
+
+def _deviation(own: float) -> str:
+    """The standard deviation of one record in words: its own part, and a shared part of twice its square."""
+    return f"a standard deviation of {number(100 * np.sqrt(3) * own, 2)} %"
 
 
 def _alike(angles: FloatArray, length: float) -> FloatArray:
