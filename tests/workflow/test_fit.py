@@ -13,6 +13,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.sentences import find_in_fit
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.netcdf import write_dataset
@@ -180,6 +181,17 @@ def test_a_result_that_another_program_wrote_is_said(fitted, tmp_path, capsys, t
     write_dataset(strange, tmp_path / "fit.nc")
     assert main(["report", str(tmp_path)]) == 2
     assert f"the attribute {text} holds no text" in capsys.readouterr().err
+
+
+def test_records_beyond_the_range_of_the_model_are_counted(fitted):
+    """Regression: `simulate` called such points doubtful, and a fit said nothing of them."""
+    fit = fitted[1].result
+    friction = float(fit["value"].sel(unknown="needle_sliding_friction"))
+    outside = friction / np.radians(fit["joint_angle_deg"].values) > 0.2
+    (line,) = (line for line in fit.attrs["remarks"].splitlines() if "needle_ratio" in line)
+    count, first = int(outside.sum()), fit["record"].values[outside.argmax()]
+    assert f"equilibrium is outside its range at {count} of {outside.size} records, the first {first}: " in line
+    assert line in find_in_fit(fit)
 
 
 def test_one_page_of_a_fit_is_refused(fitted, capsys):

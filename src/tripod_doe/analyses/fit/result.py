@@ -20,7 +20,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import amplitude_and_phase
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.quantities import count_of
+from tripod_doe.quantities import count_of, value_range
 from tripod_doe.study.query.look_for_sentence import found_rows
 
 _RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
@@ -50,7 +50,8 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
     for name in dict.fromkeys(name for record in records for name in record.parameters):
         values = [record.parameters.get(name, np.nan) for record in records]
         coordinates[name] = ("record", values, _of_parameter(name))
-    attrs = _attributes(rig, solution, error) | {"remarks": _remarks(records)}
+    remarks = "\n".join([*_remarks(records), *_out_of_range(rig, solution)])
+    attrs = _attributes(rig, solution, error) | {"remarks": remarks}
     if following is not None:
         more, places = _candidates(following, width)
         variables |= more
@@ -64,7 +65,7 @@ def found_unknowns(request: FitRequest, fit: xr.Dataset) -> str:
     return found_rows(request.file.fit.look_for, fit, "value", ["unknown"], "unknown")
 
 
-def _remarks(records: Sequence[RigRecord]) -> str:
+def _remarks(records: Sequence[RigRecord]) -> list[str]:
     """Assumptions about the records as they were read, a line each; common ones once."""
     by_text: dict[str, list[str]] = {}
     for record in records:
@@ -74,7 +75,23 @@ def _remarks(records: Sequence[RigRecord]) -> str:
     for text, names in by_text.items():
         of = f"{names[0]}: " if len(names) == 1 else f"{count_of(len(names), 'record')}: "
         lines.append(of + text)
-    return "\n".join(lines)
+    return lines
+
+
+def _out_of_range(rig: RigFit, solution: Solution) -> list[str]:
+    """Ranges of the model that records leave with the fitted unknowns, a line each."""
+    values = solution.problem.layout.values(solution.best.place[None])[0]
+    columns = rig.columns([record.parameters for record in rig.records], values, rig.model)
+    errors = rig.simulator.model_errors(rig.all_columns(columns))
+    lines = []
+    for each in errors.departures if errors is not None else ():
+        if own := int(each.outside.sum()):
+            first = rig.record_names[int(each.outside.argmax())]
+            ends = value_range(float(each.values.min()), float(each.values.max()))
+            where = f"{own} of {count_of(len(rig.records), 'record')}, the first {first}"
+            text = f"{each.left.text}, there {ends}; {each.left.reason}"
+            lines.append(f"Model {each.model} is outside its range at {where}: {text}.")
+    return lines
 
 
 def _meaning(unit: str, meaning: str) -> dict[str, str]:
