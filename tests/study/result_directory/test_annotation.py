@@ -7,7 +7,7 @@ import os
 import tomllib
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripod_doe.cli import main
@@ -18,6 +18,7 @@ LINE = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_
 NOTE = st.lists(LINE).map("\n".join).map(str.strip)
 
 
+@settings(deadline=None)  # a busy machine is no fault
 @given(LINE, LINE, st.lists(LINE.filter(lambda tag: tag and "," not in tag), unique=True, max_size=5), NOTE)
 def test_what_is_written_is_read(tmp_path_factory, name, owner, tags, note):
     folder = tmp_path_factory.mktemp("about")

@@ -38,8 +38,8 @@ _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
 CHUNK_BYTES = 2_000_000
 """Bytes of a chunk of a variable."""
 
-_DENSEST, _SMALL_FILE = 1100, 64_000_000
-"""Most bytes of values in a byte of a file (deflate packs 1,032), and what a small file may hold beside that."""
+_DENSEST, _MISSING = 1100, 16_000_000_000
+"""Most bytes of values in a byte of a file (deflate packs 1,032), and most bytes of missing values, which take none."""
 
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
@@ -128,18 +128,18 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     """Open a netCDF file for any reader; the caller holds the lock.
 
     Raises:
-        CubeError: If HDF5 would read other files for it, or it announces more values than a file of its size can hold.
+        CubeError: If HDF5 would read other files for it, or it announces far more values than it holds.
     """
     import netCDF4
 
     refuse_outside(path)
     stored = netCDF4.Dataset(path, mode)
-    announced, most = announced_bytes(stored), _SMALL_FILE + _DENSEST * os.path.getsize(path)
-    if announced > most:
+    announced, own = announced_bytes(stored), os.path.getsize(path)
+    if announced > _MISSING + _DENSEST * own:
         stored.close()
         raise CubeError(
-            f"{path}: announces {size(announced)} of values, more than a file of {size(os.path.getsize(path))} can "
-            "hold: it was not written by tripod-doe, or its end is lost"
+            f"{path}: announces {size(announced)} of values in a file of {size(own)}: its end is lost, or it was made to "
+            "fill the memory of its reader"
         )
     return stored
 
