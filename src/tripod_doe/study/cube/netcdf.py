@@ -138,8 +138,8 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     if announced > _MISSING + _DENSEST * own:
         stored.close()
         raise CubeError(
-            f"{path}: announces {size(announced)} of values in a file of {size(own)}: its end is lost, or it was made to "
-            "fill the memory of its reader"
+            f"{path}: announces {size(announced)} of values in a file of {size(own)}: its end is lost, or it was made "
+            "to fill the memory of its reader"
         )
     return stored
 
