@@ -215,6 +215,11 @@ def test_a_directory_of_the_command_line_is_extended(coast, settings, tmp_path):
     """Invariance: only what is new runs, into the directory of the command line, which is never removed."""
     by_hand = tmp_path / "by_hand"
     shutil.copytree(settings.folder / coast, by_hand, ignore=shutil.ignore_patterns("upload", ".alive"))
+    for path in (
+        by_hand,
+        *by_hand.rglob("*"),
+    ):  # as with a umask of 022: the service wrote its own files there as private
+        path.chmod(0o755 if path.is_dir() else 0o644)
     larger = textwrap.dedent(COAST).replace("[2.5, 17]", "[2.5, 17, 9]")
     with TestClient(create_app(replace(settings, folder=tmp_path)), ADDRESS) as client:
         client.headers["authorization"] = f"Bearer {settings.token}"
@@ -234,6 +239,7 @@ def test_a_directory_of_the_command_line_is_extended(coast, settings, tmp_path):
         assert own.wait(run_id, "finished", "failed")["points"]["total"] == 12
         assert "4 points computed" in own.get(f"/runs/{run_id}/log").text
         assert "9" in own.get(f"/runs/{run_id}/upload").json()["study"]
+        assert own.get(f"/runs/{run_id}/query", params={"variable": "thrust_rms"}).status_code == 200
         assert own.post(f"/runs/{run_id}/derive", {"responses": tables}).status_code == 200
         assert own.wait(run_id, "finished", "failed")["state"] == "finished"
         assert own.delete(f"/runs/{run_id}").status_code == 409

@@ -347,7 +347,8 @@ class Service:
             RefusedError: 404 if there is no such run, 403 if its directory holds a file that must not be delivered.
         """
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
-        check_delivered(directory, bool(run.place))
+        extended = (directory / UPLOAD).is_dir()  # by this service, whose files are private in any directory
+        check_delivered(directory, bool(run.place) and not extended)
         return directory
 
     def results(self, run_id: str, step: str | None = None) -> Path:

@@ -20,7 +20,7 @@ def check_delivered(directory: Path, found: bool) -> None:
     they cannot read is private on purpose.
 
     Args:
-        found: Whether the command line filled it.
+        found: Whether the command line alone filled it: what this service writes is private anywhere.
 
     Raises:
         RefusedError: 403 with the name of the file and what to do.
