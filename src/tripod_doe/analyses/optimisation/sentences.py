@@ -73,13 +73,13 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
 
 
 def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
-    """Whether steps around the best candidate of a single objective improve it, or whether none were tried."""
+    """Whether steps around the best candidate of a single objective improve it, or whether they came to no end."""
     levels = [bool(variable.levels) for variable in problem.variables.chosen]
     if problem.confirm != problem.model:
-        return ["No steps around the best candidate were tried: a joint nearby may be better."]
+        return ["The best candidate was not refined by small steps: a joint nearby may be better."]
     if not np.isfinite(solved.polished):
         return [
-            f"The search ended with its {of} before it had tried all steps around the best one: a joint nearby may be "
+            f"The search ended with its {of} before small steps around the best one came to rest: a joint nearby may be "
             "better; raise evaluations."
         ]
     ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(levels))
