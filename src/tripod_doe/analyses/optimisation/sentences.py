@@ -79,8 +79,8 @@ def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
         return ["The best candidate was not refined by small steps: a joint nearby may be better."]
     if not np.isfinite(solved.polished):
         return [
-            f"The search ended with its {of} before small steps around the best one came to rest: a joint nearby may be "
-            "better; raise evaluations."
+            f"The search ended with its {of} before small steps around the best one came to rest: a joint nearby may "
+            "be better; raise evaluations."
         ]
     ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(levels))
     ways += ["to its next value"] * any(levels)
