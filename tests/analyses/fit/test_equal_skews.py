@@ -1,7 +1,7 @@
 """Skews of which only differences count: a fit says so, and which differences it knows."""
 
 import numpy as np
-from fit.reference_problems import model_of
+from fit_problems import model_of
 
 from tripod_doe.analyses.fit.fit import solve
 from tripod_doe.analyses.fit.misfit import Rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fit.reference_problems import MISRA1A, THURBER, model_of, one_record, real_rows
+from fit_problems import MISRA1A, THURBER, model_of, one_record, real_rows
 
 from tripod_doe.analyses.fit.fit import solve
 
