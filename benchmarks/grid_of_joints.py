@@ -11,6 +11,7 @@ Run as: python benchmarks/grid_of_joints.py [--steps 100] [--every 5] [--candida
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import sys
 import time
@@ -47,10 +48,7 @@ FILE = """
 [optimisation]
 name = "grid"
 [base]
-model = "equilibrium"
-joint_angle_deg = 9.0
-torque_n_m = 140.0
-samples_per_revolution = 72
+{base}
 [variables.pitch_radius_mm]
 values = {pitches}
 [variables.roller_radius_mm]
@@ -139,6 +137,7 @@ def brute(pitches: Sequence[float], rollers: Sequence[float], every: int) -> flo
 def searched(pitches: Sequence[float], rollers: Sequence[float], candidates: int, seed: int) -> tuple[float, float]:
     """The least third order of a search, and its CPU time."""
     text = FILE.format(
+        base="\n".join(f"{name} = {json.dumps(value)}" for name, value in BASE.items()),
         pitches=list(pitches),
         rollers=list(rollers),
         needles=NEEDLES,
