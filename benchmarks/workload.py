@@ -109,8 +109,8 @@ def solve_accurately(model: str, number: int, **other: float) -> dict[str, objec
     """Price, counted work and orders of one point, refined to an accuracy of its orders, with other parameters."""
     from tripod_doe.joint.multibody.run_result import Wanted
     from tripod_doe.joint.multibody_run import run_joint
-    from tripod_doe.joint.order_accuracy import OrderAccuracy
     from tripod_doe.joint.orders import complex_amplitudes
+    from tripod_doe.joint.required_accuracy import OrderAccuracy
     from tripod_doe.joint.unit_conversion import point_values
 
     values, worked = point_values(POINTS[number] | other).point(0), time.process_time()

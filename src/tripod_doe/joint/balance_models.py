@@ -17,7 +17,6 @@ from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
 from tripod_doe.joint.model_record import RATES, SKEWS, Model
 from tripod_doe.joint.multibody_models import prepare_multibody
-from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -30,6 +29,7 @@ from tripod_doe.joint.outputs import (
     skew_outputs,
     thrust_outputs,
 )
+from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation

@@ -13,7 +13,6 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.model_record import RATES, SKEWS, Model
-from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -23,6 +22,7 @@ from tripod_doe.joint.outputs import (
     part_outputs,
     thrust_outputs,
 )
+from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import BlockResult, Methods, not_counted

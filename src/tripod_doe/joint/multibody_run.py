@@ -35,8 +35,8 @@ from tripod_doe.joint.multibody.revolutions import unrest
 from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationReadings, Wanted
 from tripod_doe.joint.multibody.thrust_and_power import groove_readings, groove_thrust, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
-from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
+from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import Vibration, growing_vibration
 from tripod_doe.joint.vibration.vibration_effect import VibratingJoint

@@ -19,9 +19,9 @@ from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_erro
 from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
 from tripod_doe.joint.model_record import Model
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.order_accuracy import OrderAccuracy
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.unit_conversion import internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes

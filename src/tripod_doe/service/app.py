@@ -17,9 +17,9 @@ from tripod_doe.service.page import asset_files, help, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, shares, studies, views
-from tripod_doe.service.security.access import Accesses
 from tripod_doe.service.security.guard import API, Guard
 from tripod_doe.service.security.sessions import Sessions
+from tripod_doe.service.security.tokens import Accesses
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError

@@ -11,7 +11,7 @@ from published import ANGLE, CASES, ISHIGAMI, cube_of, ishigami, linear_interact
 from SALib.analyze import delta, dgsm, fast, morris, pawn, rbd_fast, sobol
 from scipy.stats import norm
 
-from tripod_doe.analyses import output_table, resampling
+from tripod_doe.analyses import bootstrap, output_table
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
@@ -248,8 +248,8 @@ def test_a_bootstrap_that_is_drawn_in_parts_has_the_same_draws(monkeypatch):
     """Exact: SALib's draws."""
     drawn = np.random.default_rng(3).integers(50, size=(50, 12))
     whole = np.stack([np.bincount(column, minlength=50) for column in drawn.T]) / 50
-    monkeypatch.setattr(resampling, "_DRAWN", 7)
-    assert np.array_equal(resampling.bootstrap_weights(50, 12, 3), whole)
+    monkeypatch.setattr(bootstrap, "_DRAWN", 7)
+    assert np.array_equal(bootstrap.bootstrap_weights(50, 12, 3), whole)
 
 
 def test_convergence_says_how_many_more():

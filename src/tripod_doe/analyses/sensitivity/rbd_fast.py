@@ -6,9 +6,9 @@ Indices are equal to SALib's to rounding, for all outputs at once.
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.bootstrap import half_width, random_halves
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.resampling import half_width, random_halves
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample

@@ -13,9 +13,9 @@ from math import comb
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample

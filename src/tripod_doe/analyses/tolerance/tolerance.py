@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field
 
+from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import (
     OutputTable,
@@ -24,7 +25,6 @@ from tripod_doe.analyses.output_table import (
     stacked,
     usual_outputs,
 )
-from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
 from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
 from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep

@@ -12,8 +12,8 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.run_table import State, stamp
-from tripod_doe.service.security.access import OWNER
 from tripod_doe.service.security.connections import left_of
+from tripod_doe.service.security.tokens import OWNER
 from tripod_doe.service.service import Service
 
 

@@ -22,9 +22,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
-from tripod_doe.service.security.access import OWNER, Access, Accesses
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, giving_way, left_of
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
+from tripod_doe.service.security.tokens import OWNER, Access, Accesses
 from tripod_doe.service.settings import Settings
 
 API = "/api/v1"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tripod_doe.analyses.resampling import random_halves
+from tripod_doe.analyses.bootstrap import random_halves
 from tripod_doe.analyses.settings import SensitivitySettings
 
 
