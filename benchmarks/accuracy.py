@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.passes import FollowedJoint
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody.run_result import StoppedError
 from tripod_doe.joint.multibody_run import run_limits
-from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration

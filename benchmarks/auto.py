@@ -20,7 +20,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.model_interface import Outcome, Quantity
 from tripod_doe.study.designs import make_points
-from tripod_doe.workflow.definition import fed_study
+from tripod_doe.workflow.workflow import fed_study
 
 STUDIES = Path(__file__).parent.parent / "studies"
 NAMES = ("auto_mixed", "auto_map", "auto_skew")

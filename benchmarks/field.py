@@ -32,13 +32,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import beta
 
+from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import misfits, most_needles
 from tripod_doe.joint.known_errors.error_estimate import known_errors
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody_run import follow
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.joint.required_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration

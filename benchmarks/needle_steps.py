@@ -17,7 +17,7 @@ import numpy as np
 from field import all_columns, field_points
 from ordinary_joints import drawn_joints
 
-from tripod_doe.joint.needle_dynamics import needle_loads
+from tripod_doe.joint.massless_needles import load_sharing
 from tripod_doe.joint.outputs import STEP_ERROR
 from tripod_doe.joint.simulator import simulator
 
@@ -61,7 +61,7 @@ def main() -> None:
     columns = {name: column[usual] for name, column in columns.items()}
     plain, price = answered(columns)
     stated, more = answered(columns, ("thrust_amplitude", STEP_ERROR))
-    needle_loads._LEAST_STEPS *= FINER
+    load_sharing._LEAST_STEPS *= FINER
     found, finest = (block.outputs["thrust_amplitude"].data for block in (plain, answered(columns)[0]))
     error = stated.outputs[STEP_ERROR].data
     print(f"{usual.sum()} joints, {price:.1f} CPU-ms each, {more:.1f} with step errors")

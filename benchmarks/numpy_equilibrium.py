@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.joint.constants.load_zone import bearing_load_zone
+from tripod_doe.joint.derived_constants.load_zone import bearing_load_zone
 
 
 def third_order(p, samples=360):

@@ -118,6 +118,6 @@ def line_cube(make_cube) -> xr.Dataset:
 
 @pytest.fixture(scope="session")
 def joint_page(joint_cube) -> str:
-    from tripod_doe.reports.study import make_page
+    from tripod_doe.reports.study_report import make_page
 
     return make_page(joint_cube, {})

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from tripod_doe.measurements.measurement import read_measurement
     from tripod_doe.model_interface import Outcome, Output, Parameter
     from tripod_doe.motion_page.page import view
-    from tripod_doe.reports.study import write_report
+    from tripod_doe.reports.study_report import write_report
     from tripod_doe.study.definition.schema import study_schema
     from tripod_doe.study.definition.study import Study, load_study
     from tripod_doe.study.plan import Plan, plan
     from tripod_doe.study.query.query import query
-    from tripod_doe.study.result_directory.result_cube import open_cube
+    from tripod_doe.study.result_directory.open_cube import open_cube
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.derive import derive
     from tripod_doe.workflow.fit import FitSummary, fit
@@ -63,7 +63,7 @@ _HOME = {
     "load_study": "study.definition.study",
     "model_point": "analyses.comparison.model_point",
     "morris_effects": "analyses.sensitivity.morris",
-    "open_cube": "study.result_directory.result_cube",
+    "open_cube": "study.result_directory.open_cube",
     "optimise": "workflow.optimise",
     "plan": "study.plan",
     "query": "study.query.query",
@@ -76,7 +76,7 @@ _HOME = {
     "view": "motion_page.page",
     "WorkflowSummary": "workflow.run_workflow",
     "workflow_schema": "workflow.workflow_file",
-    "write_report": "reports.study",
+    "write_report": "reports.study_report",
 }
 
 __all__ = [

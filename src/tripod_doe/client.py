@@ -365,7 +365,7 @@ def _floats(value: Any) -> Any:
 
 def _dataset(data: bytes) -> xr.Dataset:
     """A netCDF file that arrived, in memory."""
-    from tripod_doe.study.result_directory.result_cube import open_cube
+    from tripod_doe.study.result_directory.open_cube import open_cube
 
     with tempfile.TemporaryDirectory(prefix="tripod-doe-") as folder:
         path = Path(folder) / "answer.nc"

@@ -9,8 +9,8 @@ from operating_points import points
 from scipy.special import ellipe, ellipk
 
 import tripod_doe as td
-from tripod_doe.joint.constants.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.contact_outputs import CONTACT_NAMES, NEEDLE_NAMES
+from tripod_doe.joint.derived_constants.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.study.simulate import simulate_point
 

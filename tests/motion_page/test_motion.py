@@ -18,7 +18,7 @@ from tripod_doe.motion_page.drawing import joint_drawing
 from tripod_doe.motion_page.page import motion_data, motion_page, viewed_point
 from tripod_doe.motion_page.poses import needle_poses, poses_of
 from tripod_doe.motion_page.stored_point import points_in
-from tripod_doe.reports.joint import drawing_of
+from tripod_doe.reports.joint_drawing import drawing_of
 
 FRICTIONLESS = {
     "groove_sliding": 0,

@@ -15,7 +15,7 @@ from tripod_doe.page_parts import templates
 from tripod_doe.page_parts.charts.chart import Chart, drawing, factor_ticks, legend_above
 from tripod_doe.page_parts.charts.waveforms import chosen_points, spectrum_chart, waveform_charts
 from tripod_doe.page_parts.main_outputs import OutputPart
-from tripod_doe.reports.workflow import step_page, write_charts
+from tripod_doe.reports.workflow_report import step_page, write_charts
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
 

@@ -10,7 +10,7 @@ from tripod_doe.analyses.findings import find
 from tripod_doe.page_parts import subset as parts
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
 from tripod_doe.page_parts.tables import failed_points
-from tripod_doe.reports.study import make_page
+from tripod_doe.reports.study_report import make_page
 from tripod_doe.study.cube import slab_reading
 from tripod_doe.study.cube.slab_reading import all_finite, largest_magnitude
 

@@ -9,7 +9,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.analyses.claims.rules import RULES
-from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.workflow import load_workflow
 
 ROOT = Path(__file__).parents[2]
 

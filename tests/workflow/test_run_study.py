@@ -19,7 +19,7 @@ from stand_in_workers import SlowStart
 from started import Process
 from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.execution import dask_cluster
+from tripod_doe.study.execution import dask_workers
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.directory import ResultDirectory
@@ -162,7 +162,7 @@ def test_a_point_that_asks_python_to_exit_costs_only_itself_in_this_process(writ
 
 def test_a_study_whose_process_died_goes_on_with_worker_processes(write_study, tmp_path, monkeypatch):
     """A point that crashes the process must not do so each time the study is run again."""
-    monkeypatch.setattr(dask_cluster, "DaskWorkers", SlowStart)
+    monkeypatch.setattr(dask_workers, "DaskWorkers", SlowStart)
     study = write_study(GRID)
     (tmp_path / "out").mkdir()
     with Journal(tmp_path / "out") as journal:

@@ -23,9 +23,9 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.cli import main
 from tripod_doe.study.cube.file_digest import is_damaged
-from tripod_doe.study.result_directory import result_cube
-from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.study.result_directory import open_cube
 from tripod_doe.workflow.steps_file import found_sentences
+from tripod_doe.workflow.workflow import load_workflow
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
@@ -299,7 +299,7 @@ def test_python_steps_come_through_the_registry(bench, monkeypatch):
 
 def test_steps_read_of_large_cubes_what_they_use(bench, monkeypatch):
     """Cubes of any size count as large here; they were read whole before."""
-    monkeypatch.setattr(result_cube, "_READ_AT_ONCE", 0)
+    monkeypatch.setattr(open_cube, "_READ_AT_ONCE", 0)
     in_memory = []
 
     @makes_kind("largest")

@@ -86,7 +86,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.overview import Reading, compare_record, compare_records, read_table
     from tripod_doe.analyses.comparison.record_point import RecordRow
     from tripod_doe.measurements.headings import parse_column
-    from tripod_doe.study.result_directory.result_cube import opened_cube
+    from tripod_doe.study.result_directory.open_cube import opened_cube
 
     rows = [RecordRow(path) for path in options.measurements]
     rows += read_table(options.table) if options.table else []

@@ -37,9 +37,9 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.reports.fit import write_fit_page
-    from tripod_doe.reports.study import write_report
-    from tripod_doe.study.result_directory.result_cube import FIT_FILE, open_cube
+    from tripod_doe.reports.fit_report import write_fit_page
+    from tripod_doe.reports.study_report import write_report
+    from tripod_doe.study.result_directory.open_cube import FIT_FILE, open_cube
 
     named = _ENDINGS.get(options.output.suffix.lower()) if options.output else None
     form = options.format or named
@@ -67,7 +67,7 @@ def _hand_on(directory: Path, form: str, output: Path | None) -> int:
     from tripod_doe.checksum_list import write_listed
     from tripod_doe.reports.one_page import figures_of, one_page
     from tripod_doe.reports.workbook import tables_of
-    from tripod_doe.study.result_directory.result_cube import FIT_FILE
+    from tripod_doe.study.result_directory.open_cube import FIT_FILE
 
     refuse_links(directory)
     if (directory / FIT_FILE).is_file() or (directory / "front.nc").is_file():

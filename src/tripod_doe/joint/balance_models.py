@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
@@ -29,7 +30,6 @@ from tripod_doe.joint.outputs import (
     skew_outputs,
     thrust_outputs,
 )
-from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.contact_pressure import ellipse_axes, groove_pressure
+from tripod_doe.joint.derived_constants.contact_pressure import ellipse_axes, groove_pressure
 from tripod_doe.joint.values import JointValues
 from tripod_doe.model_interface import BlockResult, Outcome
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.required_accuracy import OrderAccuracy
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import BlockResult, Methods, ValidRange

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.model_record import RATES, SKEWS, Model
@@ -22,7 +23,6 @@ from tripod_doe.joint.outputs import (
     part_outputs,
     thrust_outputs,
 )
-from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import BlockResult, Methods, not_counted

@@ -19,6 +19,7 @@ from functools import partial
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.contact_results import contact_readings
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.numerical_error import (
@@ -36,7 +37,6 @@ from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationR
 from tripod_doe.joint.multibody.thrust_and_power import groove_readings, groove_thrust, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
-from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import Vibration, growing_vibration
 from tripod_doe.joint.vibration.vibration_effect import VibratingJoint

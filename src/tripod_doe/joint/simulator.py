@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
+from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.balance_models import some_vibrate
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, WITHOUT_VIBRATION, errors_at, similar_errors
@@ -21,7 +22,6 @@ from tripod_doe.joint.model_record import Model
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, VIBRATION_VERDICT
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.unit_conversion import internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes

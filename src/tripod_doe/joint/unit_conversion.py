@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.contact_stiffness import contact_constants, elastic_factor
+from tripod_doe.joint.derived_constants.contact_stiffness import contact_constants, elastic_factor
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import damping_time

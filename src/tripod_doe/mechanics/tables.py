@@ -206,7 +206,7 @@ class Work(ByReference):
     # stiffness times velocities: the rate at which forces fall as the bodies move on, shape (body, 6)
     drift: FloatArray
     # stiffness, dissipation, matrix: block matrices -dQ/dq and -dQ/dv, for methods that need them apart, and the one
-    # that is factorised, shape (block, 6, 8); the last two columns are zeros, so that a row is as wide as `lanes`
+    # that is factorised, shape (block, 6, 8); the last two columns are zeros, so that a row is as wide as a register
     stiffness: FloatArray
     dissipation: FloatArray
     matrix: FloatArray

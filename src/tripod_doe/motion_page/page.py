@@ -15,8 +15,8 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.joint.constants.contact_pressure import ellipse_axes
 from tripod_doe.joint.contact_outputs import CONTACT_NAMES
+from tripod_doe.joint.derived_constants.contact_pressure import ellipse_axes
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.unit_conversion import point_values

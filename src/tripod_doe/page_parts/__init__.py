@@ -1,1 +1,1 @@
-"""Parts that all pages share: responses of a cube, tables, charts and templates. Pages themselves are in `pages`."""
+"""Parts that all pages share: responses of a cube, tables, charts and templates. Whole pages are in `reports`."""

@@ -9,9 +9,9 @@ from tripod_doe.page_parts.charts.files import Paragraph, pdf_page, png_file, sv
 from tripod_doe.page_parts.main_results import asked, finished
 from tripod_doe.page_parts.templates import render, typeset
 from tripod_doe.quantities import count_of
-from tripod_doe.reports.study import answered, read_analyses
+from tripod_doe.reports.study_report import answered, read_analyses
 from tripod_doe.study.result_directory.annotation import read_annotation
-from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.main_results import factor_names, factor_unit, unit_text
 from tripod_doe.page_parts.tables import factor_rows, fixed_rows
 from tripod_doe.page_parts.xlsx_file import MOST_COLUMNS, Sheet, workbook
-from tripod_doe.reports.study import read_analyses
+from tripod_doe.reports.study_report import read_analyses
 from tripod_doe.study.result_directory.annotation import read_annotation
-from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
 
 _KNOWN = ("title", "question", "source", "study_hash", "kernel_source_hash", "model_notes", "design_notes", "history")
 _MOST_PARTS = 60  # numbers per point of a variable that become columns; waveforms have more, and stay in the cube

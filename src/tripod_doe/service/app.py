@@ -16,7 +16,7 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.page import asset_files, help, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
-from tripod_doe.service.routes import reports, results, runs, shares, studies, views
+from tripod_doe.service.routes import reports, results, runs, share_links, studies, views
 from tripod_doe.service.security.guard import API, Guard
 from tripod_doe.service.security.sessions import Sessions
 from tripod_doe.service.security.tokens import Accesses
@@ -60,7 +60,7 @@ def create_app(settings: Settings) -> FastAPI:
         root_path_in_servers=False,  # it belongs to the page
     )
     app.state.service, app.state.sessions = service, sessions
-    for module in (runs, studies, results, reports, views, shares):  # the most frequent requests come first
+    for module in (runs, studies, results, reports, views, share_links):  # the most frequent requests come first
         app.include_router(module.router, prefix=API)
     for part in (asset_files, help, run_pages, study_editor):
         app.include_router(part.router)

@@ -22,7 +22,7 @@ from tripod_doe.service.runs.result_directory import result_directories
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
-from tripod_doe.service.security.shares import Shares
+from tripod_doe.service.security.share_links import Shares
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.worker_pool import (
     AllBusyError,

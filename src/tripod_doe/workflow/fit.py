@@ -22,14 +22,14 @@ from tripod_doe.array_types import ComplexArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Outcome, check_parameters
-from tripod_doe.reports.fit import write_fit_page
+from tripod_doe.reports.fit_report import write_fit_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
-from tripod_doe.study.result_directory.result_cube import FIT_FILE
+from tripod_doe.study.result_directory.open_cube import FIT_FILE
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 

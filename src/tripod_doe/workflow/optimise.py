@@ -30,7 +30,7 @@ from tripod_doe.analyses.optimisation.search import Polish, Search, first_genera
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.quantities import number
-from tripod_doe.reports.optimisation import optimisation_lines, write_optimisation_page
+from tripod_doe.reports.optimisation_report import optimisation_lines, write_optimisation_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler

@@ -9,7 +9,7 @@ from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, Plan, plan
-from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.workflow import load_workflow
 
 
 @dataclass(frozen=True)

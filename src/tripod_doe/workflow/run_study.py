@@ -29,7 +29,7 @@ from tripod_doe.interrupts import check_interrupt
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
 from tripod_doe.quantities import count_of
-from tripod_doe.reports.study import read_analyses, write_report
+from tripod_doe.reports.study_report import read_analyses, write_report
 from tripod_doe.study.cube.responses import refuse_unknown_outputs
 from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import make_points

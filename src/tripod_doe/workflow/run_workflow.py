@@ -24,8 +24,8 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
 from tripod_doe.quantities import duration
-from tripod_doe.reports.workflow import chain_page, step_page, write_charts
 from tripod_doe.reports.workflow_chart import StepView
+from tripod_doe.reports.workflow_report import chain_page, step_page, write_charts
 from tripod_doe.study.cube.file_checks import DIGEST, STEP, is_of_its_step
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
@@ -33,11 +33,11 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
 from tripod_doe.study.result_directory.directory import make_directory
-from tripod_doe.study.result_directory.look_for import FOUND, found_in
-from tripod_doe.study.result_directory.result_cube import opened_cube
-from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
+from tripod_doe.study.result_directory.open_cube import opened_cube
+from tripod_doe.study.result_directory.search_condition import FOUND, found_in
 from tripod_doe.workflow.run_study import run_on
 from tripod_doe.workflow.steps_file import write_steps
+from tripod_doe.workflow.workflow import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.workflow_file import AnalysisStep, FigureStep, ReportStep, StudyStep
 
 _MARKS = {"study": "cube.nc", "figure": "figures.json", "report": "index.html"}

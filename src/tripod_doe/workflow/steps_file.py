@@ -9,7 +9,7 @@ from typing import Any
 
 from tripod_doe.checksum_list import is_changed, write_listed
 from tripod_doe.errors import CubeError, StorageError, printable
-from tripod_doe.study.result_directory.look_for import FOUND, found_in
+from tripod_doe.study.result_directory.search_condition import FOUND, found_in
 
 STEPS = "steps.json"
 """File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs.

@@ -16,7 +16,7 @@ from tripod_doe.analyses.contribution.sentences import contribution_findings, co
 from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows, signed
 from tripod_doe.analyses.findings import find
 from tripod_doe.model_interface import Outcome
-from tripod_doe.reports.study import make_page
+from tripod_doe.reports.study_report import make_page
 
 CASE_2 = """
 [study]

@@ -10,7 +10,7 @@ from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.model_choice.charts import model_choice_chart
 from tripod_doe.page_parts.chosen_models import asked_orders, estimated_errors
 from tripod_doe.page_parts.main_results import responses
-from tripod_doe.reports.study import make_page
+from tripod_doe.reports.study_report import make_page
 
 CHOSEN = """
 [study]

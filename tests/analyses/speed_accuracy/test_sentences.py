@@ -15,7 +15,7 @@ from tripod_doe.analyses.speed_accuracy.sentences import price_table
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.tables import factor_rows
-from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.workflow import load_workflow
 
 ROOT = Path(__file__).parents[3]
 WRONG = fixed("symplectic-euler", [1e-6, 1e-7], lambda h: 0, lambda h: 1e-4 / h, outcome=Outcome.INACCURATE)

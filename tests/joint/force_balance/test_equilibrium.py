@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference import groove_thrust
 
-from tripod_doe.joint.constants.load_zone import bearing_load_zone
+from tripod_doe.joint.derived_constants.load_zone import bearing_load_zone
 from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
 from tripod_doe.joint.orders import complex_amplitudes

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
-from tripod_doe.joint.needle_dynamics import needle_loads
+from tripod_doe.joint.massless_needles import load_sharing
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.outputs import BY_CYCLE, SETTLED, STEP_ERROR
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
@@ -67,7 +67,7 @@ def test_errors_of_the_steps_of_needles_hold_finer_steps(monkeypatch, given, mos
     """Convergence: of 32 times as many steps; a second order that settles needles otherwise was off by 9 %."""
     done = simulate_point("joint", ("thrust_amplitude", STEP_ERROR), **given).outputs
     plain = simulate_point("joint", ("thrust_amplitude",), **given).outputs["thrust_amplitude"].data
-    monkeypatch.setattr(needle_loads, "_LEAST_STEPS", 32 * 360)
+    monkeypatch.setattr(load_sharing, "_LEAST_STEPS", 32 * 360)
     finest = simulate_point("joint", ("thrust_amplitude",), **given).outputs["thrust_amplitude"].data
     amplitude, error = done["thrust_amplitude"].data, done[STEP_ERROR].data
     np.testing.assert_array_equal(amplitude, plain)

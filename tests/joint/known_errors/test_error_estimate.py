@@ -9,8 +9,8 @@ import pytest
 from operating_points import points
 
 import tripod_doe as td
-from tripod_doe.joint.constants.contact_stiffness import needle_contact_stiffness
-from tripod_doe.joint.constants.load_zone import bearing_load_zone
+from tripod_doe.joint.derived_constants.contact_stiffness import needle_contact_stiffness
+from tripod_doe.joint.derived_constants.load_zone import bearing_load_zone
 from tripod_doe.joint.known_errors import error_estimate
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED, known_errors, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import operating_ratios

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tripod_doe.joint.constants import load_zone
+from tripod_doe.joint.derived_constants import load_zone
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
+from tripod_doe.joint.accuracy import SMALLEST_THIRD, OrderAccuracy
 from tripod_doe.joint.multibody import refinement
 from tripod_doe.joint.multibody.passes import Pass
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.joint.required_accuracy import SMALLEST_THIRD, OrderAccuracy
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.model_interface import Outcome
 

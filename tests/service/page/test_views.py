@@ -36,7 +36,7 @@ from tripod_doe.service.requests.uploads import main_file, upload_texts, write_u
 from tripod_doe.study.definition.study import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
-from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.workflow import load_workflow
 
 GRID = """
 [study]

@@ -10,7 +10,7 @@ from service_client import ADDRESS, API, READ_TOKEN, TOKEN, in_own_loop
 
 from tripod_doe.service.security.guard import Guard, allowed_hosts
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
-from tripod_doe.service.security.shares import Shares
+from tripod_doe.service.security.share_links import Shares
 from tripod_doe.service.security.tokens import Accesses
 from tripod_doe.service.settings import Settings
 

@@ -24,7 +24,7 @@ from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.query import arrays, query, selection
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.result_directory import result_cube
+from tripod_doe.study.result_directory import open_cube
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -167,8 +167,8 @@ def test_a_slab_that_cannot_be_written_ends_the_command_and_leaves_the_old_cube(
 def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeypatch):
     whole, parts = run_in_slabs(LIST, 2000)
     expected = td.open_cube(whole)
-    monkeypatch.setattr(result_cube, "_READ_AT_ONCE", 0)
-    with result_cube.opened_cube(parts) as cube:
+    monkeypatch.setattr(open_cube, "_READ_AT_ONCE", 0)
+    with open_cube.opened_cube(parts) as cube:
         assert not cube["outcome_detail"].variable._in_memory
         assert str(cube["outcome_detail"][7].values) == str(expected["outcome_detail"][7].values)
         assert cube["kind"].isel(point=[3, 1, 4]).values.tolist() == expected["kind"][[3, 1, 4]].values.tolist()

@@ -17,7 +17,7 @@ from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points, point_count
 from tripod_doe.workflow.analyses import check_analyses
-from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.workflow import load_workflow
 
 _SOON = 5.0  # seconds of CPU time
 _POINTS = 20_000  # that a stranger may ask for: more would take longer than a test

@@ -13,7 +13,7 @@ from stand_in_workers import OtherProcess, SlowStart
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.execution import dask_cluster, execution
+from tripod_doe.study.execution import dask_workers, execution
 from tripod_doe.study.execution.block_queue import BlockQueue
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.execution import Execution
@@ -36,7 +36,7 @@ block = 2
 
 @pytest.fixture
 def workers(monkeypatch):
-    monkeypatch.setattr(dask_cluster, "DaskWorkers", SlowStart)
+    monkeypatch.setattr(dask_workers, "DaskWorkers", SlowStart)
     monkeypatch.setattr(SlowStart, "started", 0)
     return SlowStart
 

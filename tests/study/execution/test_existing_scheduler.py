@@ -24,7 +24,7 @@ from started import Process
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.execution import dask_cluster, dask_executor
+from tripod_doe.study.execution import dask_executor, dask_workers
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
 from tripod_doe.workflow.run_study import run
@@ -136,7 +136,7 @@ def test_a_point_that_kills_its_worker_is_condemned_alone(case, tmp_path, monkey
 def test_workers_that_join_before_the_first_block_is_finished_get_work_at_once(case, tmp_path, monkeypatch):
     """Regression: without a worker at the start two blocks were sent, and others only when one of them was finished."""
     study, printed, begun = case(count=4, pause=8.0), [], time.monotonic()
-    monkeypatch.setattr(dask_cluster, "print", lambda text, **_: printed.append(text), raising=False)
+    monkeypatch.setattr(dask_workers, "print", lambda text, **_: printed.append(text), raising=False)
     with Cluster(tmp_path, workers=0) as cluster:
 
         def join():

@@ -23,7 +23,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE, RESPONSE_ROLE
 from tripod_doe.study.definition.toml_text import read_text
-from tripod_doe.study.result_directory.result_cube import open_cube
+from tripod_doe.study.result_directory.open_cube import open_cube
 
 _FULL_TURN = 360.0
 _AMPLITUDE = "thrust_amplitude"

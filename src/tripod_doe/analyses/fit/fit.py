@@ -17,7 +17,7 @@ from tripod_doe.analyses.fit.exploration import explore, first_places, interpola
 from tripod_doe.analyses.fit.identifiability import FOUND, Combination, combinations, covariance_of, verdict
 from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
-from tripod_doe.analyses.fit.profiles import BetterMinimum, Profile, profile
+from tripod_doe.analyses.fit.profile_likelihood import BetterMinimum, Profile, profile
 from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError

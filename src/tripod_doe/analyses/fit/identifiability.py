@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_doe.analyses.fit.profiles import Profile
+from tripod_doe.analyses.fit.profile_likelihood import Profile
 from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.array_types import FloatArray
 

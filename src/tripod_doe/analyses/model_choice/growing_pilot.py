@@ -27,7 +27,7 @@ from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.accuracy_table import AutoModel
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.result_directory.result_cube import open_cube
+from tripod_doe.study.result_directory.open_cube import open_cube
 from tripod_doe.study.result_directory.stored_choice import auto_model_of
 
 Runs = list[tuple[Candidate, IntArray]]

@@ -1,6 +1,6 @@
 """Effects of mass, and of motion between samples, on the forces of a roller: derived in `kinetostatic`.
 
-All formulas take eight samples at a time (`lanes`).
+All formulas take eight samples at a time (`simd_lanes`).
 """
 
 from __future__ import annotations

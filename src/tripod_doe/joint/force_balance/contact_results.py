@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.contact_pressure import groove_pressure, needle_pressure
-from tripod_doe.joint.constants.load_zone import bearing_load_zone
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES
+from tripod_doe.joint.derived_constants.contact_pressure import groove_pressure, needle_pressure
+from tripod_doe.joint.derived_constants.load_zone import bearing_load_zone
 from tripod_doe.joint.force_balance.added_motion import added_motion
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.point_constants import PointConstants, flank, point_constants_of

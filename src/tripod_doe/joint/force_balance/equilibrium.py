@@ -50,7 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.constants import load_zone
+from tripod_doe.joint.derived_constants import load_zone
 from tripod_doe.joint.force_balance.contact_results import ContactReader
 from tripod_doe.joint.force_balance.coupled_newton import loads_at_rest, settle_together
 from tripod_doe.joint.force_balance.equilibrium_relaxation import settle_still

@@ -59,14 +59,14 @@ from collections.abc import Collection
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.force_balance.contact_results import ContactReader
 from tripod_doe.joint.force_balance.equilibrium import Equilibrium, point_constants, solve_balance
 from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.force_balance.revolutions import Revolutions
-from tripod_doe.joint.needle_dynamics.bearing_tilt import NeedleRow, turned_bearing
-from tripod_doe.joint.needle_dynamics.needle_constants import needle_constants
-from tripod_doe.joint.needle_dynamics.needle_contact import FARTHEST
+from tripod_doe.joint.massless_needles.bearing_tilt import NeedleRow, turned_bearing
+from tripod_doe.joint.massless_needles.load_along_needle import FARTHEST
+from tripod_doe.joint.massless_needles.needle_constants import needle_constants
 from tripod_doe.joint.outputs import BY_CYCLE
 from tripod_doe.joint.values import JointValues
 

@@ -18,12 +18,12 @@ from tripod_doe.joint.force_balance.added_motion import added_motion
 from tripod_doe.joint.force_balance.point_constants import TILT, PointConstants, flank, point_constants_of
 from tripod_doe.joint.force_balance.roller_forces import leaning_contact
 from tripod_doe.joint.force_balance.samples import Memory, motion_at
-from tripod_doe.joint.needle_dynamics.bearing_tilt import NeedleRow, turned_bearing
-from tripod_doe.joint.needle_dynamics.needle_constants import NeedleConstants
-from tripod_doe.joint.needle_dynamics.needle_contact import FARTHEST
-from tripod_doe.joint.needle_dynamics.needle_history import NeedleForces, follow_rollers
-from tripod_doe.joint.needle_dynamics.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
-from tripod_doe.joint.needle_dynamics.needle_motion import RECORD, NeedleRing
+from tripod_doe.joint.massless_needles.bearing_tilt import NeedleRow, turned_bearing
+from tripod_doe.joint.massless_needles.load_along_needle import FARTHEST
+from tripod_doe.joint.massless_needles.load_sharing import NeedleLoads, NeedleSteps, RollerMotions, press_needles
+from tripod_doe.joint.massless_needles.needle_constants import NeedleConstants
+from tripod_doe.joint.massless_needles.needle_history import NeedleForces, follow_rollers
+from tripod_doe.joint.massless_needles.needle_motion import RECORD, NeedleRing
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference

@@ -1,6 +1,6 @@
 """Forces of one roller between its groove and its trunnion, over the normal force: derived in `equilibrium`.
 
-Mass and motion between samples are in `added_motion`. All formulas take eight samples at a time (`lanes`).
+Mass and motion between samples are in `added_motion`. All formulas take eight samples at a time (`simd_lanes`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One revolution of one point: the unknowns at every groove and sample, and functions that both balances share.
 
-Samples are kept and computed eight at a time (`lanes`): a record of `EIGHT_SAMPLES` for each groove and eight samples,
-padded beyond the last sample with the first samples, so that padding never affects a decision.
+Samples are kept and computed eight at a time (`simd_lanes`): a record of `EIGHT_SAMPLES` for each groove and eight
+samples, padded beyond the last sample with the first samples, so that padding never affects a decision.
 """
 
 from __future__ import annotations

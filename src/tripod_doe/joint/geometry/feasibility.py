@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.contact_pressure import needle_pressure
+from tripod_doe.joint.derived_constants.contact_pressure import needle_pressure
 from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.unit_conversion import internal_values
 
 RATIOS = {

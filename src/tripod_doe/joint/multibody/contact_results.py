@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.contact_pressure import groove_pressure, needle_pressure
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES
+from tripod_doe.joint.derived_constants.contact_pressure import groove_pressure, needle_pressure
 from tripod_doe.joint.multibody.initial_state import GROOVE_ANGLES
 from tripod_doe.joint.multibody.thrust_and_power import has_needle_bodies, ring, turned
 from tripod_doe.joint.multibody.thrust_parts import element_forces

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.multibody.initial_state import GROOVE_ANGLES, Pose
 from tripod_doe.joint.multibody.needle_bearing import lumped_bearing, needle_body, needle_contacts
 from tripod_doe.joint.multibody.scene_constants import DerivedConstants, derive_constants, moving_body, vector

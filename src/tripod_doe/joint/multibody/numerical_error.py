@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
-from tripod_doe.joint.required_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.integrators.method_interface import Method

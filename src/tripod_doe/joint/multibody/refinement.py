@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.accuracy import OrderAccuracy
+from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.multibody.order_noise import mean_and_chance, swung_in
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion, Pass
 from tripod_doe.joint.multibody.run_result import StoppedError
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.joint.required_accuracy import OrderAccuracy
 from tripod_doe.joint.values import JointValues
 
 _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.constants.load_zone import bearing_load_zone
+from tripod_doe.joint.derived_constants.load_zone import bearing_load_zone
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
 from tripod_doe.joint.multibody.initial_state import GROOVE_ANGLES, InitialState, Pose, initial_state
 from tripod_doe.joint.values import JointValues

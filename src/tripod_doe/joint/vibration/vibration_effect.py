@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import room_for_needles
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import JointRun, StoppedError, VibrationReadings, Wanted
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.joint.required_accuracy import SMALLEST_THIRD
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import Vibration, damping_against
 from tripod_doe.joint.vibration.vibrating_run import FollowedVibration, follow_vibration, undamped

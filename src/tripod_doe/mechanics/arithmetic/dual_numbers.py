@@ -1,8 +1,8 @@
 """A number with its derivatives for up to seven variables: a value type of kernels that differentiates laws exactly.
 
-It is a register of `lanes` with its own arithmetic: the first lane is the value, the others are derivatives, and every
-operation follows the rules of differentiation (forward mode). Laws for floats and lanes accept it, too; floats count as
-constants. Comparisons use its value.
+It is a register of `simd_lanes` with its own arithmetic: the first lane is the value, the others are derivatives, and
+every operation follows the rules of differentiation (forward mode). Laws for floats and lanes accept it, too; floats
+count as constants. Comparisons use its value.
 """
 
 from __future__ import annotations

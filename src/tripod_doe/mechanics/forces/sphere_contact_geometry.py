@@ -5,7 +5,7 @@ the penetration is r - rho (plane), r + R - rho (convex) or r - R + rho (concave
 the sphere. The point of contact is on the undeformed sphere: taken in the middle of the overlap, a needle that is
 loaded unevenly along its length would roll like a cone and yaw.
 
-The spheres of a row are treated eight at a time (`lanes`), in directions of their own: the normal n, the tangent t
+The spheres of a row are treated eight at a time (`simd_lanes`), in directions of their own: the normal n, the tangent t
 around the surface, and b along it.
 """
 

@@ -7,7 +7,7 @@ Damping. A dry contact loses energy with its elastic force F (Hunt and Crossley)
 so that |g| < F: a contact does not pull, and a new contact, whose stiffness grows at once, starts without a jump.
 Without this limit needle impacts cost twice the iterations. D delta' is limited so that f never pulls.
 
-Compiled functions of floats or of `lanes`, without branches on them.
+Compiled functions of floats or of `simd_lanes`, without branches on them.
 """
 
 from __future__ import annotations

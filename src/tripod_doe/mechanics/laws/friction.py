@@ -1,7 +1,7 @@
 """Laws of friction: the regularised sign of a slip, tanh(v / v_st), and its slopes (Eq. 3, Fig. 4).
 
-Compiled functions of floats or of `lanes`, eight floats at a time, without branches on them. Units are mm, N, s, t and
-rad; any consistent system works.
+Compiled functions of floats or of `simd_lanes`, eight floats at a time, without branches on them. Units are mm, N, s, t
+and rad; any consistent system works.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Laws of rolling and spinning resistance (Eq. 4, 6 and 7), as compiled functions of floats or of `lanes`."""
+"""Laws of rolling and spinning resistance (Eq. 4, 6 and 7), as compiled functions of floats or of `simd_lanes`."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.motion_page.page import motion_page, viewed_point
 from tripod_doe.page_parts.main_results import factor_names, unit_text
 from tripod_doe.quantities import duration, number, with_unit
-from tripod_doe.reports.joint import drawing_of
+from tripod_doe.reports.joint_drawing import drawing_of
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
 from tripod_doe.service.explorer.controls import controls, view_title
 from tripod_doe.service.explorer.exports import (

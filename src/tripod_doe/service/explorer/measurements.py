@@ -22,7 +22,7 @@ from tripod_doe.measurements.record_file import read_table_of
 from tripod_doe.quantities import interval
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
-from tripod_doe.study.result_directory.result_cube import opened_cube
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 _PREVIEWED = 6  # rows and notes
 

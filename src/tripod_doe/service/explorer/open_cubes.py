@@ -12,7 +12,7 @@ from tripod_doe.service.explorer.candidates import as_points
 from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.cube.netcdf import reading
-from tripod_doe.study.result_directory.result_cube import cube_files, cube_so_far, unshown_state
+from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, unshown_state
 
 _SMALL = 64_000_000  # bytes
 _MOST = 4

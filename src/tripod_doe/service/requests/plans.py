@@ -15,9 +15,9 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import most_points, point_count
 from tripod_doe.study.plan import Plan, plan
 from tripod_doe.workflow.analyses import check_analyses
-from tripod_doe.workflow.definition import load_workflow
 from tripod_doe.workflow.plan import WorkflowPlan
 from tripod_doe.workflow.point_batches import POINTS
+from tripod_doe.workflow.workflow import load_workflow
 
 _ENDS = ("low", "mean", "high")
 _COUNTS = ("points", "unique", "excluded", "bytes")

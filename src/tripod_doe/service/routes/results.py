@@ -15,7 +15,7 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Comparison
 from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, AnyService, Body, errors_at, gives, takes
 from tripod_doe.service.service import Service
-from tripod_doe.study.result_directory.result_cube import is_shown
+from tripod_doe.study.result_directory.open_cube import is_shown
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 

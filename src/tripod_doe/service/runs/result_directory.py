@@ -12,7 +12,7 @@ from typing import Any
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 from tripod_doe.study.journal import journal_path
-from tripod_doe.study.result_directory.result_cube import is_shown
+from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
 
 _LEAST = 1_000_000  # free bytes that a run needs to end in order

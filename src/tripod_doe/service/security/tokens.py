@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.security.report_keys import is_report_address
-from tripod_doe.service.security.shares import Shares
+from tripod_doe.service.security.share_links import Shares
 from tripod_doe.service.settings import FIRST_PART, Settings
 
 OWNER, READER = "owner", "reader"

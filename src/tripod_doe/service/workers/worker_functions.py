@@ -156,7 +156,7 @@ def plan_directory(path: str, limits: Limits) -> Any:
 def texts_of_directory(path: str) -> Any:
     """The study of a directory that the command line filled, and its tables by name; CubeError if it was changed."""
     from tripod_doe.study.journal import Journal
-    from tripod_doe.study.result_directory.result_cube import refuse_changed_study
+    from tripod_doe.study.result_directory.open_cube import refuse_changed_study
     from tripod_doe.study.result_directory.stored_study import texts_of_study
 
     directory = Path(path)
@@ -281,7 +281,7 @@ def _without_formula(value: Any) -> Any:
 
 def cube(path: str, folder: str) -> None:
     """Write the cube of a run so far into a folder, with its costs."""
-    from tripod_doe.study.result_directory.result_cube import write_cube_so_far
+    from tripod_doe.study.result_directory.open_cube import write_cube_so_far
 
     write_cube_so_far(Path(path), Path(folder))
 
@@ -296,7 +296,7 @@ def check_file(path: str) -> None:
 def describe(path: str) -> Any:
     """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
     from tripod_doe.service.explorer.descriptions import describe_cube
-    from tripod_doe.study.result_directory.result_cube import opened_cube
+    from tripod_doe.study.result_directory.open_cube import opened_cube
 
     with opened_cube(path) as cube:
         return describe_cube(cube)

@@ -29,7 +29,7 @@ from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 
 if TYPE_CHECKING:  # Dask takes a second to import, and a small study does without
-    from tripod_doe.study.execution.dask_cluster import DaskWorkers
+    from tripod_doe.study.execution.dask_workers import DaskWorkers
 
 _USUAL_WORKERS = 2
 _WORTH_WORKERS = 15.0  # seconds of work left that justify workers: two take about 8 CPU-s to start, and some to end
@@ -150,7 +150,7 @@ class Execution:
     @property
     def _workers(self) -> DaskWorkers:
         if self._dask is None:
-            from tripod_doe.study.execution.dask_cluster import DaskWorkers
+            from tripod_doe.study.execution.dask_workers import DaskWorkers
 
             self._dask = DaskWorkers(self._wanted or _USUAL_WORKERS, self._scheduler)
         return self._dask

@@ -21,7 +21,7 @@ from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
 from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, dataset_of, reading
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.result_directory.result_cube import cube_files, cube_so_far, is_shown
+from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
     import netCDF4

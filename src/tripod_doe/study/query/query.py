@@ -24,7 +24,7 @@ from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.named_arrays import NamedArray
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.query.selection import Chosen, Selection, labels_text, selections, taken
-from tripod_doe.study.result_directory.result_cube import opened_cube
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr

@@ -15,7 +15,7 @@ from tripod_doe.study.cube.file_digest import is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.journal import Journal, damage, journal_path
-from tripod_doe.study.result_directory.result_cube import refuse_changed_study
+from tripod_doe.study.result_directory.open_cube import refuse_changed_study
 
 _SLAB_BYTES = 32_000_000
 _TEXT_BYTES = 64

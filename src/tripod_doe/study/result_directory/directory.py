@@ -25,9 +25,9 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
-from tripod_doe.study.result_directory.look_for import FOUND
-from tripod_doe.study.result_directory.result_cube import opened_cube
+from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.resume import Resume
+from tripod_doe.study.result_directory.search_condition import FOUND
 from tripod_doe.study.result_directory.stored_study import DERIVED, STORED, keep_sources
 from tripod_doe.study.study_points import StudyPoints
 

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 from tripod_doe.errors import InputError, StorageError, option
-from tripod_doe.study.result_directory.result_cube import open_cube
+from tripod_doe.study.result_directory.open_cube import open_cube
 
 
 def refuse_without_zarr() -> None:

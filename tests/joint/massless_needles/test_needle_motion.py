@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
-from tripod_doe.joint.needle_dynamics.needle_constants import NeedleConstants, needle_constants, needle_constants_of
-from tripod_doe.joint.needle_dynamics.needle_history import NeedleForces, follow_rollers
-from tripod_doe.joint.needle_dynamics.needle_loads import NeedleLoads, NeedleSteps, RollerMotions, press_needles
-from tripod_doe.joint.needle_dynamics.needle_motion import RECORD, NeedleRing, _free_slip
+from tripod_doe.joint.massless_needles.load_sharing import NeedleLoads, NeedleSteps, RollerMotions, press_needles
+from tripod_doe.joint.massless_needles.needle_constants import NeedleConstants, needle_constants, needle_constants_of
+from tripod_doe.joint.massless_needles.needle_history import NeedleForces, follow_rollers
+from tripod_doe.joint.massless_needles.needle_motion import RECORD, NeedleRing, _free_slip
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, spread, store

@@ -57,7 +57,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.needle_dynamics.needle_contact import (
+from tripod_doe.joint.massless_needles.load_along_needle import (
     BORE,
     DEPTH,
     LEAN,
@@ -72,7 +72,7 @@ from tripod_doe.joint.needle_dynamics.needle_contact import (
     follow_spread,
     load_centre,
 )
-from tripod_doe.joint.needle_dynamics.needle_loads import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, station
+from tripod_doe.joint.massless_needles.load_sharing import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, station
 from tripod_doe.mechanics.arithmetic.simd_lanes import (
     WIDTH,
     everywhere,

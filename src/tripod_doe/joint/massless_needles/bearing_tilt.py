@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tripod_doe.joint.constants.load_zone import needle_loads
+from tripod_doe.joint.derived_constants.load_zone import needle_loads
 from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
 
 _NEWTON = 100

@@ -1,4 +1,4 @@
-"""Loads of the needles of a bearing at every step of a revolution, eight steps at a time (`lanes`).
+"""Loads of the needles of a bearing at every step of a revolution, eight steps at a time (`simd_lanes`).
 
 The roller's motion alone determines them, not the needles' places and skews: the compression of a needle at the angle
 gamma from the load is D cos gamma - c; D follows from the balance of all needle loads and the bearing load. Needle i
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.needle_dynamics.needle_constants import needle_constants_of
+from tripod_doe.joint.massless_needles.needle_constants import needle_constants_of
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, everywhere, load, select, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part

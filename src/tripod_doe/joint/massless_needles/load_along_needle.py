@@ -1,4 +1,4 @@
-"""Load distribution along needles on trunnion and bore: eight needles at a time (`lanes`).
+"""Load distribution along needles on trunnion and bore: eight needles at a time (`simd_lanes`).
 
 A needle's sphere at the station x is pressed by d + (b - h x) x, with its depth d, lean b, and the drop h of its crown
 and of its skew; depth and lean balance the load and its moment about the middle. One Newton step per time step updates
@@ -7,7 +7,7 @@ them.
 
 from __future__ import annotations
 
-from tripod_doe.joint.needle_dynamics.needle_loads import EXPONENT, station
+from tripod_doe.joint.massless_needles.load_sharing import EXPONENT, station
 from tripod_doe.mechanics.arithmetic.simd_lanes import exponential, load, logarithm, select, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, inner_kernel
 from tripod_doe.mechanics.laws.contact import contact_secant

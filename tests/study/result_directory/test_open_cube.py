@@ -18,9 +18,9 @@ from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.query.arrays import opened_arrays
-from tripod_doe.study.result_directory import result_cube
+from tripod_doe.study.result_directory import open_cube
 from tripod_doe.study.result_directory.directory import ResultDirectory
-from tripod_doe.study.result_directory.result_cube import is_shown
+from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.study.study_points import StudyPoints
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -116,9 +116,9 @@ def test_a_large_cube_so_far_is_not_held_in_memory(study, tmp_path, monkeypatch)
     out = tmp_path / "out"
     run_first_block(study, out)
     whole = td.open_cube(out)
-    monkeypatch.setattr(result_cube, "_READ_AT_ONCE", 0)
+    monkeypatch.setattr(open_cube, "_READ_AT_ONCE", 0)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    with result_cube.opened_cube(out) as cube:
+    with open_cube.opened_cube(out) as cube:
         assert not cube["axial_drift_mm"].variable._in_memory
         assert list(tmp_path.glob("tripod-doe-*/cube.nc"))
         xr.testing.assert_equal(cube.load(), whole)

@@ -9,8 +9,8 @@ import pytest
 from needle_sums import loads
 from scipy.optimize import brentq
 
-from tripod_doe.joint.constants import load_zone
-from tripod_doe.joint.needle_dynamics.bearing_tilt import NeedleRow, turned_bearing
+from tripod_doe.joint.derived_constants import load_zone
+from tripod_doe.joint.massless_needles.bearing_tilt import NeedleRow, turned_bearing
 
 
 @pytest.mark.parametrize("clearance", [0.005, 0.03])

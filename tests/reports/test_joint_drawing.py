@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.reports.joint import drawn_joint
+from tripod_doe.reports.joint_drawing import drawn_joint
 
 SOURCE = {"source": "study"}
 

@@ -53,12 +53,12 @@ from tripod_doe.page_parts.tables import (
     outcome_counts,
 )
 from tripod_doe.page_parts.templates import render
-from tripod_doe.reports.joint import drawn_joint
+from tripod_doe.reports.joint_drawing import drawn_joint
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
-from tripod_doe.study.result_directory.result_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
 
 _MOST_FAILED = 50
 _SECTIONS = {

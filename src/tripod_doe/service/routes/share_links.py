@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request
 from tripod_doe.service.requests.forms import NewShare, ShareRecord
 from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, WritingService, errors_at
 from tripod_doe.service.runs.run_table import stamp
-from tripod_doe.service.security.shares import Share
+from tripod_doe.service.security.share_links import Share
 
 router = APIRouter(prefix="/runs/{run_id}/shares", responses=REFUSALS | errors_at(403, 404))
 

@@ -10,7 +10,7 @@ import pytest
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.tables import cost_rows, fixed_rows
-from tripod_doe.reports.study import make_page, write_report
+from tripod_doe.reports.study_report import make_page, write_report
 from tripod_doe.study.cube.netcdf import write_dataset
 
 OWN = ("initial_skew_1_deg", "roller_width_mm")

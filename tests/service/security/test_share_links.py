@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.security.shares import SHARES, Shares
+from tripod_doe.service.security.share_links import SHARES, Shares
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from needle_sums import loads
 
-from tripod_doe.joint.constants import load_zone
+from tripod_doe.joint.derived_constants import load_zone
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.002, 0.015])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.joint.constants import contact_stiffness
+from tripod_doe.joint.derived_constants import contact_stiffness
 
 
 def test_a_groove_contact_is_as_stiff_as_printed():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.constants.roller_inertia import roller_inertia
+from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 
 
 @pytest.mark.parametrize("bore", [0.0, 9.0, 11.0, 11.9])

@@ -5,9 +5,9 @@ import re
 import xarray as xr
 
 from tripod_doe.analyses.kinds import is_study
-from tripod_doe.reports import workflow as chain
-from tripod_doe.reports.workflow import chain_page, step_page
+from tripod_doe.reports import workflow_report as chain
 from tripod_doe.reports.workflow_chart import StepView, _arrows, _places, chain_chart
+from tripod_doe.reports.workflow_report import chain_page, step_page
 
 STEPS = [
     StepView("map", "study", (), "reused", 300.0, "52 points", "../steps/map/report/index.html"),
