@@ -101,6 +101,7 @@ def stored(bench):
     path.write_bytes(text)
 
 
+@pytest.mark.slow
 def test_a_damaged_study_beside_its_results_is_told_or_harmless(bench, stored, capsys):
     """Each bit may have flipped: what can no longer be read is named with its remedy, a changed value is refused."""
     text, chosen, again = stored.read_bytes(), random.Random(3), ["run", str(bench / "study.toml")]

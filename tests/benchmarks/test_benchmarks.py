@@ -42,6 +42,7 @@ def test_sentences_of_one_design_of_a_kind_are_true(benchmark, capsys):
     assert capsys.readouterr().out == "grid: no sentence of 1 designs lies\n"
 
 
+@pytest.mark.slow
 def test_optimisations_and_their_peers_find_fronts(benchmark, capsys):
     cheap = ["--cheap", "equilibrium", "--fine", "equilibrium", "--candidates", "24", "--direct", "24"]
     module = benchmark("optimisation")
@@ -58,6 +59,7 @@ def test_prices_of_balances_are_told_with_and_without_a_look_at_vibrations(bench
     assert float(told["kinetostatic, look at all adds, over kinetostatic"].split()[0]) > 0
 
 
+@pytest.mark.slow
 def test_a_robust_front_stands_beside_brute_force(benchmark, capsys):
     """Samples of brute force and of the search differ; what is stated of a third order holds for both."""
     benchmark("robust_front").main(["--steps", "4", "--sample", "32", "--share", "1", "--seeds", "1"])
@@ -65,12 +67,14 @@ def test_a_robust_front_stands_beside_brute_force(benchmark, capsys):
     assert 0 < int(found) == int(all_found)
 
 
+@pytest.mark.slow
 def test_flips_are_refused_or_harmless(benchmark, capsys):
     """It ends with an AssertionError where one is not."""
     benchmark("flips").main(["--flips", "12", "--runs", "2"])
     assert capsys.readouterr().out.count("run again: as before") == 2
 
 
+@pytest.mark.slow
 def test_intervals_of_all_kinds_are_counted(benchmark, capsys, monkeypatch):
     intervals = benchmark("intervals")
     fewer = {name: intervals.FUNCTIONS[name] for name in ("ishigami", "product", "heavy")}  # each has a long truth
@@ -99,6 +103,7 @@ def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
     assert first["finished"] == 3 < first["steps"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["equilibrium", "kinetostatic"])
 def test_a_sample_of_the_field_finishes(benchmark, name):
     """Random points of the field with random mechanisms, and the same with a tenth of the tolerance.

@@ -40,6 +40,7 @@ def handed(results, form, *words):
     return (results / "report" / names[form]).read_bytes()
 
 
+@pytest.mark.slow
 def test_one_page_for_print_is_one_sheet_of_a4_with_text_as_text(results):
     data = handed(results, "pdf")
     assert data == handed(results, "pdf")

@@ -61,6 +61,7 @@ def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
     assert {record["joint_angle_deg"] for record in records} == {2.5, 9, 17}
 
 
+@pytest.mark.slow
 def test_a_variable_by_formula_is_dropped(api, settings):
     """It goes with its note, so that no later run brings it back; the others stay."""
     run_id = api.submit(COAST.replace('"coast"', '"coast that shrinks"'))

@@ -56,6 +56,7 @@ def pages(site):
     return {path: Page(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")}
 
 
+@pytest.mark.slow
 def test_pages_stand_alone(site, pages):
     """No inline script or style, which servers may forbid, and nothing that a browser would fetch from elsewhere."""
     assert {path.name: page.inline for path, page in pages.items() if page.inline} == {}

@@ -29,6 +29,7 @@ def test_every_public_name_is_in_an_example_or_in_the_table_of_errors():
     assert used >= set(td.__all__)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("pages_not_made")
 def test_each_example_runs(tmp_path, monkeypatch, serve_for_all):
     texts = examples("", "service")

@@ -96,6 +96,7 @@ def test_searches_have_a_price_beforehand(api):
     assert plan["unknowns"] == ["groove_sliding_friction"]
 
 
+@pytest.mark.slow
 def test_an_optimisation_is_a_run(api, optimised, settings, tmp_path):
     """Regression: its front is the one of the command line, to the last digit."""
     run = api.get(f"/runs/{optimised}").json()

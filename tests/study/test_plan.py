@@ -276,6 +276,7 @@ def test_a_plan_warns_of_points_outside_the_range_of_their_model():
     assert "model        equilibrium: typical error of the third order" in plan.describe()
 
 
+@pytest.mark.slow
 def test_a_plan_of_very_many_points_judges_a_sample(monkeypatch):
     """Exact counts of points and bytes; failures by a sample, within 10 % of their number. 90 million took 38 min."""
     text = (

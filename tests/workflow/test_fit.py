@@ -209,6 +209,7 @@ def test_the_unknowns_that_it_looks_for(fitted, written):
         load_fit(written((HEAD + UNKNOWNS + RECORDS).replace("low > 0.07", "lo > 0.07")))
 
 
+@pytest.mark.slow
 def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkeypatch):
     """Invariance: stopped in the middle, run again, the result is the same, and no point is computed twice."""
     (rig / "again.toml").write_text(xr.open_dataset(fitted[0] / "fit.nc").attrs["fit"])
@@ -231,6 +232,7 @@ def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkey
     xr.testing.assert_identical(first.drop_attrs(), second.drop_attrs())
 
 
+@pytest.mark.slow
 def test_a_record_that_does_not_fit_is_left_out_and_named(written, tmp_path):
     file = written(HEAD + UNKNOWNS + RECORDS)
     bad = file.parent / "record_3.csv"
@@ -251,6 +253,7 @@ def test_records_lie_beside_their_table(written, tmp_path):
     assert main(["plan", str(above), "--no-timing"]) == 0
 
 
+@pytest.mark.slow
 def test_an_unknown_of_each_record(written, tmp_path):
     """Each record may have its own value: that of the groove comes out the same in all, within its interval."""
     text = UNKNOWNS.partition("[unknowns.needle_sliding_friction]")[0] + 'per = "record"\n'
@@ -269,6 +272,7 @@ def test_an_unknown_of_each_record(written, tmp_path):
     assert np.isnan(own["value"])
 
 
+@pytest.mark.slow
 def test_what_records_do_not_tell_is_said(written, tmp_path):
     """Exact physics: the thrust goes with friction over pitch radius, so one record knows nothing but their ratio."""
     size = "[unknowns.pitch_radius_mm]\nlow = 19\nhigh = 24\n"

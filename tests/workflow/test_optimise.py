@@ -94,6 +94,7 @@ def test_the_front_of_dtlz2(solve):
     assert (sum(front[name].values ** 2 for name in aims) >= 1 - 1e-12).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("charts_not_drawn")
 def test_a_million_joints_by_brute_force(solve):
     """Exact: the global optimum of a grid of 100^3 with many local ones, within 1 % for 0.2 % of its price."""
@@ -413,6 +414,7 @@ def test_listed_numbers_are_searched_by_size(solve):
     assert "bound" not in text
 
 
+@pytest.mark.slow
 def test_the_example_of_the_documentation(tmp_path, capsys):
     """The commands of docs/reference/optimisation.md and the file that it names, with fewer candidates and without `rollers`."""
     page = (ROOT / "docs" / "reference" / "optimisation.md").read_text()

@@ -42,6 +42,7 @@ def study(tmp_path, monkeypatch):
     return tmp_path / "two.toml"
 
 
+@pytest.mark.slow
 def test_the_first_change_is_run_with_other_points(study, tmp_path, capsys):
     """Exact: of a sum of normal lengths; the change is that of the wider one, and its chance that of a normal tail."""
     first = td.run(study, tmp_path / "out", workers=0, progress=False)

@@ -56,6 +56,7 @@ def runs(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_results_are_compared_at_shared_points_only(runs):
     found = diff(runs / "a", runs / "b")
     assert found.points == {"a": 6, "b": 9, "shared": 4}
@@ -166,6 +167,7 @@ def test_the_command(runs, capsys):
     assert json.loads(capsys.readouterr().out)["points"]["shared"] == 4
 
 
+@pytest.mark.slow
 def test_an_open_field_of_a_table_matches_no_number(tmp_path):
     """Regression: the point that leaves the spin friction open was taken for the one with the largest."""
     text = '[study]\nname = "t"\n[base]\nmodel = "equilibrium"\n[design]\nkind = "table"\ntable = "{0}.csv"\n'

@@ -43,6 +43,7 @@ def test_minos_ends_the_intervals_of_misra1a_where_a_fit_does():
         assert ends == pytest.approx([error.lower, error.upper], abs=0.02 * error.upper)
 
 
+@pytest.mark.slow
 def test_thurber_of_nist():
     """Published numbers: seven unknowns, within a fifth of their certified deviations."""
     x, y = THURBER.T
@@ -76,6 +77,7 @@ def bacteria():
     return solve(layout, real_rows(truth + noise, 0.004), model)
 
 
+@pytest.mark.slow
 def test_an_unidentifiable_pair_is_a_combination(bacteria):
     """Published: Holmberg (1982) shows that the two constants of Monod's law are not identifiable one by one."""
     assert bacteria.verdicts == ("combination", "combination")

@@ -103,6 +103,7 @@ def test_the_truth_alone_is_plain_monte_carlo():
     assert found.variance.value == pytest.approx(values.var(ddof=1), rel=0.03)  # folds instead of all pairs
 
 
+@pytest.mark.slow
 def test_estimates_are_unbiased_although_they_share_samples():
     """Mean and variance of a skewed truth, x^3 with its cheaper version x: within 3 standard errors of 600 seeds."""
     means, variances = [], []

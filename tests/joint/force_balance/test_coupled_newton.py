@@ -96,6 +96,7 @@ def test_rollers_that_slide_freely_balance_where_relaxation_runs_in_circles(poin
     assert (result.groove_thrust == 0).all()
 
 
+@pytest.mark.slow
 def test_without_groove_sliding_the_thrust_is_zero_even_where_the_spin_is_open(points):
     """Exact physics: the rollers may spin in several ways here, and none of them passes thrust. Regression: diverged."""
     given = points(
@@ -218,6 +219,7 @@ def test_no_point_takes_more_iterations_than_allowed(points, monkeypatch):
     assert found.sweeps[0] == 40 + 50
 
 
+@pytest.mark.slow
 def test_needles_that_hold_back_rollers_that_hardly_move_settle(simulated):
     """Regression: friction of the needles four times the joint angle and a steep transition; given up after 120."""
     result = simulated(

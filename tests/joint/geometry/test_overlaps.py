@@ -86,6 +86,7 @@ def overlap(pitch, radius, width, theta):
     return deepest
 
 
+@pytest.mark.slow
 def test_four_hundred_joints_of_the_field_are_refused_where_their_rollers_overlap(internal_points):
     """Exact geometry: within 0.3 mm, which is what the distance of the sampled points leaves open."""
     rng = np.random.default_rng(3)

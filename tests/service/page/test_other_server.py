@@ -83,6 +83,7 @@ def test_what_another_server_gets_opens_nothing(served, window, coast, other):
     page.close()
 
 
+@pytest.mark.slow
 def test_addresses_without_the_first_part_lead_to_the_same_page(served, page, coast):
     page.goto(f"{served.address}/runs/{coast}?kind=map")
     page.wait_for_url(f"{served.home}/runs/{coast}?kind=map*")

@@ -63,6 +63,7 @@ def two(tmp_path_factory):
         yield api, folder / "results"
 
 
+@pytest.mark.slow
 def test_an_analysis_of_another_study_is_served_by_no_route(two):
     """Its numbers were served in silence, beside the cube of this study."""
     api, results = two

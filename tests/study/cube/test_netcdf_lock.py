@@ -87,6 +87,7 @@ def test_threads_read_a_cube_at_the_same_time(cube):
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_threads_run_studies_at_the_same_time(tmp_path):
     """Regression: two threads that ran studies ended the process by SIGSEGV in eight of fourteen."""
     (tmp_path / "f.py").write_text("def f(x):\n    return {'y': x * x}\n")
@@ -150,6 +151,7 @@ for cube in opened:
 """
 
 
+@pytest.mark.slow
 def test_a_cube_with_texts_that_is_read_several_times_is_open_once(cube):
     """Regression: netCDF4 1.7.5 with HDF5 2.2 ends the process where such a file is opened twice and closed."""
     for _ in range(3):

@@ -94,6 +94,7 @@ def test_outputs_that_only_formulas_use_are_not_in_the_cube(wave):
     assert not {"force", "parts", "angle"} & set(cube.variables)
 
 
+@pytest.mark.slow
 def test_a_study_grows_by_responses_without_running_a_point(wave, tmp_path):
     wave({"peak": "max(force)"})
     summary = td.run(tmp_path / "wave.toml", tmp_path / "out", workers=0, progress=False)
@@ -106,6 +107,7 @@ def test_a_study_grows_by_responses_without_running_a_point(wave, tmp_path):
     assert answer["both"].where(answer["selected"]).values == pytest.approx([np.nan, 8, np.nan], nan_ok=True)
 
 
+@pytest.mark.slow
 def test_what_was_derived_is_kept_when_a_study_runs_on(wave, tmp_path, capsys):
     """Invariance: neither a run of the same file nor one of a larger study loses a derived variable."""
     wave({"peak": "max(force)"})
@@ -200,6 +202,7 @@ def test_few_points_at_a_time_give_the_same(wave, monkeypatch):
         np.testing.assert_array_equal(apart[name], together[name])
 
 
+@pytest.mark.slow
 def test_responses_of_the_joint_are_shown_and_analysed(tmp_path):
     """Exact: the decibels of the third order; the largest force of a waveform that the cube does not keep."""
     text = """

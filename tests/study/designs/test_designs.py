@@ -304,6 +304,7 @@ def test_table_errors_name_line_and_column(tmp_path):
         points_of('[factors.torque_n_m]\n[design]\nkind = "table"\ntable = "b.csv"', tmp_path)
 
 
+@pytest.mark.slow
 def test_shipped_studies_make_points():
     for path in __import__("pathlib").Path("studies").glob("*.toml"):
         assert make_points(load_study(path)).count > 1

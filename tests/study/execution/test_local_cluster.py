@@ -118,6 +118,7 @@ def test_a_start_that_fails_says_why(monkeypatch, tmp_path, body, reason):
         LocalWorkers(1)
 
 
+@pytest.mark.slow
 def test_a_long_name_of_the_temporary_folder_leaves_room_for_sockets(monkeypatch, tmp_path):
     """Schedulers of jobs make such folders; names of sockets have 107 bytes."""
     folder = tmp_path / ("job-" + "1" * 100)

@@ -45,6 +45,7 @@ def looked_for(out, condition, **words):
     return td.run(out[1], out=out[0], workers=0, progress=False).answers
 
 
+@pytest.mark.slow
 def test_the_points_that_meet_it_are_counted(out):
     """Exact: as many as `query` gives, and a changed condition runs no point again."""
     rows = td.query(out[0], "third", where="third > 1 and joint_angle_deg > 5")
