@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sys
 import tempfile
 import textwrap
 import time
@@ -184,30 +186,83 @@ def test_wrong_states_are_refused(api, coast):
         assert api.post(f"/runs/none{path}").status_code == 404
 
 
-@pytest.mark.slow
-def test_directories_of_the_command_line_are_shown_and_left_alone(coast, settings, tmp_path, caplog):
-    by_hand = tmp_path / "by_hand"
-    shutil.copytree(settings.folder / coast, by_hand, ignore=shutil.ignore_patterns("upload", ".alive"))
-    shutil.copytree(by_hand, tmp_path / "damaged")
-    (tmp_path / "damaged" / "study.toml").write_text("[study]\n")
+BY_FUNCTION = """
+[study]
+name = "Own function"
+function = "own_module:peak"
+[factors.width]
+values = [1, 2, 3]
+"""
+
+
+@pytest.fixture
+def own_folder(settings, tmp_path):
+    """An interface of a server on an empty folder, and the folder."""
     with TestClient(create_app(replace(settings, folder=tmp_path)), ADDRESS) as client:
         client.headers["authorization"] = f"Bearer {settings.token}"
-        own = Asked(client)
-        until = time.monotonic() + 60
-        while not (runs := own.get("/runs").json()) or runs[0]["state"] != "finished":
-            assert time.monotonic() < until, runs
-            time.sleep(0.05)
-        (run,) = runs
-        assert (run["name"], run["found"], run["points"]["total"]) == ("coast", True, 8)
-        assert len(own.get(f"/runs/{run['id']}/query", params={"variable": "outcome"}).json()) == 8
-        assert own.get(f"/runs/{run['id']}/upload").json()["study"] == textwrap.dedent(COAST)
-        for change in (own.post(f"/runs/{run['id']}/retry-failed"), own.delete(f"/runs/{run['id']}")):
-            assert change.status_code == 409
-            assert "by_hand" in change.json()["errors"][0]["message"]
-    with TestClient(create_app(replace(settings, folder=tmp_path)), ADDRESS) as client:
+        yield Asked(client), tmp_path
+
+
+def shown(own, count, *states):
+    """The runs, as soon as there are so many in these states."""
+    until = time.monotonic() + 60
+    while len(runs := own.get("/runs").json()) != count or {run["state"] for run in runs} - set(states):
+        assert time.monotonic() < until, runs
+        time.sleep(0.05)
+    return runs
+
+
+def test_directories_of_the_command_line_appear_change_and_go_while_the_server_runs(
+    coast, settings, own_folder, caplog
+):
+    own, folder = own_folder
+    by_hand = folder / "by_hand"
+    shutil.copytree(settings.folder / coast, by_hand, ignore=shutil.ignore_patterns("upload", ".alive"))
+    shutil.copytree(by_hand, folder / "damaged")
+    (folder / "damaged" / "study.toml").write_text("[study]\n")
+    (run,) = shown(own, 1, "finished")
+    assert (run["name"], run["found"], run["points"]["total"]) == ("coast", True, 8)
+    assert len(own.get(f"/runs/{run['id']}/query", params={"variable": "outcome"}).json()) == 8
+    assert own.get(f"/runs/{run['id']}/upload").json()["study"] == textwrap.dedent(COAST)
+    for change in (own.post(f"/runs/{run['id']}/retry-failed"), own.delete(f"/runs/{run['id']}")):
+        assert change.status_code == 409
+        assert "by_hand" in change.json()["errors"][0]["message"]
+    assert caplog.text.count("damaged is not shown") == 1
+    (by_hand / "report" / "index.html").unlink()  # as when a run that goes on is interrupted
+    os.utime(by_hand / "study.toml")
+    assert shown(own, 1, "stopped")[0]["id"] == run["id"]
+    with TestClient(create_app(replace(settings, folder=folder)), ADDRESS) as client:
         client.headers["authorization"] = f"Bearer {settings.token}"
         assert [again["id"] for again in Asked(client).get("/runs").json()] == [run["id"]]
-    assert by_hand.is_dir()
+    shutil.rmtree(by_hand)
+    assert shown(own, 0) == []
+
+
+def test_a_run_of_a_function_is_shown_and_never_imported(own_folder, monkeypatch):
+    """The service reads its results; what would run the function is refused."""
+    own, folder = own_folder
+    source = folder / "source"
+    source.mkdir()
+    module = source / "own_module.py"
+    module.write_text("def peak(width):\n    return {'height': 3.0 * width}\n")
+    (source / "s.toml").write_text(BY_FUNCTION)
+    monkeypatch.setattr("sys.path", [*sys.path])
+    td.run(source / "s.toml", out=folder / "by_function", workers=0, progress=False)
+    module.write_text(f"open({str(folder / 'imported')!r}, 'w')\n")
+    (run,) = shown(own, 1, "finished")
+    assert (run["name"], run["points"]["finished"]) == ("Own function", 3)
+    address = f"/runs/{run['id']}"
+    assert [row["height"] for row in own.get(f"{address}/query", params={"variable": "height"}).json()] == [3, 6, 9]
+    for page in ("", "?point=1", "/analyses", "/study", "/points/1"):
+        assert own.client.get(f"{address}{page}").status_code == 200, page
+    tables = {"twice": {"formula": "2 * height", "unit": "1"}}
+    refused = [
+        own.post(f"{address}/extend", {"study": BY_FUNCTION}),
+        own.post(f"{address}/plans", {"responses": tables}),
+    ]
+    refused += [own.post(f"{address}/derive", {"responses": tables}), own.post("/runs", {"study": BY_FUNCTION})]
+    assert [answer.status_code for answer in refused] == [409, 409, 409, 403]
+    assert not (folder / "imported").exists()
 
 
 @pytest.mark.slow

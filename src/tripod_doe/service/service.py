@@ -12,13 +12,13 @@ from copy import copy
 from pathlib import Path
 from typing import Any, cast
 
-from tripod_doe.errors import StorageError, TripodDoeError, near_match
+from tripod_doe.errors import StorageError, near_match
 from tripod_doe.names import path_within
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
+from tripod_doe.service.runs.found_directories import FoundDirectories
 from tripod_doe.service.runs.one_run import OneRun
-from tripod_doe.service.runs.result_directory import result_directories
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
@@ -50,6 +50,7 @@ class Service:
 
     Attributes:
         runs: The supervisor of the runs.
+        found: Directories that the command line fills.
         extremes: Best and worst points of the runs.
         shares: Links that open one run.
         computes: Whether this client may simulate points.
@@ -62,6 +63,7 @@ class Service:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.runs = Supervisor(settings)
+        self.found = FoundDirectories(settings.folder, self.runs, self._plan_directory)
         self._pool = WorkerPool(2, settings.limits, waiting=40)
         self._planning = WorkerPool(1, settings.limits, waiting=settings.limits.queued)
         self._computing = WorkerPool(1, settings.limits)
@@ -74,7 +76,7 @@ class Service:
         self.is_open: Callable[[], bool] = lambda: True
         self.left: threading.Event | None = None
         self.extremes = Extremes(self._find_extremes)
-        self._started = self._closed = False
+        self._started = False
 
     def asked_by(self, left: threading.Event) -> Service:
         """The service for one client, who may leave."""
@@ -107,32 +109,26 @@ class Service:
             for left in self.settings.folder.glob(f"{_UPLOADS}*"):
                 shutil.rmtree(left, ignore_errors=True)
         self.runs.start()
-        threading.Thread(target=self._adopt_directories, name="directories", daemon=True).start()
+        threading.Thread(target=self._watch_folder, name="directories", daemon=True).start()
 
-    def _adopt_directories(self) -> None:
-        """Show directories that the command line filled; report on standard error those that cannot be shown."""
+    def _watch_folder(self) -> None:
         self._pool.warm()
+        self.found.watch()
+
+    def _plan_directory(self, path: Path) -> Any:
+        """Counts of the study of a directory that the command line filled."""
         limits = self.settings.limits
-        for path in result_directories(self.settings.folder, self.runs.known_places()):
-            try:
-                check_delivered(path, found=True)
-                place = f"{_QUESTIONS}:plan_directory"
-                self.runs.adopt(path, self._pool.ask(place, limits.simulate_seconds, path=str(path), limits=limits))
-            except (RefusedError, TripodDoeError, AllBusyError, ServerEndsError, WorkerFailedError, OSError) as error:
-                if self._closed:
-                    return
-                log.warning("%s is not shown: %s", path.name, error)
-            except Exception:  # still show the others
-                log.exception("%s is not shown", path.name)
+        return self._pool.ask(f"{_QUESTIONS}:plan_directory", limits.simulate_seconds, path=str(path), limits=limits)
 
     def close(self) -> None:
         """End supervision and workers; runs go on."""
+        self.found.end()
         self.runs.close()
         self.end_questions()
 
     def end_questions(self) -> None:
         """Answer no more questions, not even waiting ones (`ServerEndsError`)."""
-        self._closed = True
+        self.found.end()
         for pool in self._pools:
             pool.close()
 

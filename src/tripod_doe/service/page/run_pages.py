@@ -47,6 +47,7 @@ def runs(
     service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
 ) -> HTMLResponse:
     """The list of runs, or of those in the bin."""
+    service.found.look_soon()
     newest = service.runs.events.newest()  # read before the list, so that later changes arrive as events
     everything = service.runs.in_bin() if bin else service.runs.all()
     choices: dict[str, Any] = {

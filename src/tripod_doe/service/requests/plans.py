@@ -7,7 +7,7 @@ from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.analyses.multifidelity.study_split import describe_split
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
-from tripod_doe.errors import ForbiddenError, TooLargeError
+from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.study.definition.study import Study, parse_study
@@ -192,14 +192,12 @@ def _check_limits(
 
 
 def plan_stored(path: Path, limits: Limits) -> dict[str, Any]:
-    """Counts of the study of a result directory, as `plans.plan_upload` gives them.
+    """Counts of the study of a result directory, as `plans.plan_upload` gives them, and its ``function``.
 
     Raises:
-        InputError: If its study can no longer be read, or names a function.
+        InputError: If its study can no longer be read.
     """
     from tripod_doe.study.result_directory.stored_study import stored_study
 
     study = stored_study(path, limits.points)
-    if study.file.study.function is not None:
-        raise ForbiddenError(f"function = {study.file.study.function!r}: studies of functions are not shown")
-    return plan_study(study, limits, False)
+    return plan_study(study, limits, False) | {"function": study.file.study.function}

@@ -60,6 +60,7 @@ async def list_runs(asked: AskedRuns, service: AnyService, page: PageNumber = No
         passed = asked.select(service.runs.in_bin())
         texts = [json.dumps(run.record(), allow_nan=False) for run in passed]
     else:
+        service.found.look_soon()
         passed = asked.select(service.runs.all())
         texts = [service.runs.events.latest(run.id) for run in passed]
     if page is not None:

@@ -1,17 +1,16 @@
-"""Result directories: which directories of a folder hold a study, and how a run ended, from its files alone.
+"""Result directories: how a run ended, from its files alone.
 
 So the next server gets the same answer, whoever started the run.
 """
 
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
-from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
 
@@ -36,7 +35,8 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
     if run.state is State.STOPPING:
         return State.STOPPED, ""
     if run.is_left_alone:
-        return State.STOPPED, "points are missing: extend it here, or run the study again from the command line"
+        here = "" if run.has_function else "extend it here, or "
+        return State.STOPPED, f"points are missing: {here}run the study again from the command line"
     if failed:  # of the studies that ended, what they were to look for is known
         return State.FAILED, "; ".join(filter(None, (*failed, found_sentences(directory))))
     return State.FAILED, last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
@@ -49,13 +49,13 @@ def _is_full(directory: Path) -> bool:
 
 def has_report(directory: Path) -> bool:
     """Whether the report exists; it is written last: after the cube of a study, or the last step of a workflow."""
-    return _report(directory).is_file()
+    return page_of(directory).is_file()
 
 
 def remove_report(directory: Path) -> None:
     """Remove the report before a run goes on: a new report then marks its end, without comparing times."""
     with suppress(OSError):  # the run reports a folder that cannot be written
-        _report(directory).unlink()
+        page_of(directory).unlink()
 
 
 def remove_stages(directory: Path) -> None:
@@ -64,22 +64,11 @@ def remove_stages(directory: Path) -> None:
         (directory / STEPS).unlink()
 
 
-def _report(directory: Path) -> Path:
+def page_of(directory: Path) -> Path:
+    """Its report."""
     return directory / "report" / "index.html"
 
 
 def is_directory(path: Path) -> bool:
     """Whether a path is a real directory, not a link that may lead out of the folder."""
     return path.is_dir() and not path.is_symlink()
-
-
-def result_directories(folder: Path, known: Collection[str]) -> list[Path]:
-    """Result directories of studies in a folder, except those with known names."""
-    return [
-        path
-        for path in sorted(folder.iterdir())
-        if path.name not in known
-        and is_directory(path)
-        and (path / "study.toml").is_file()
-        and journal_path(path).is_file()
-    ]

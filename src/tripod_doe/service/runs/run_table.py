@@ -108,6 +108,11 @@ class Run:
         return bool(self.place) and not self.taken
 
     @property
+    def has_function(self) -> bool:
+        """Whether its study names a function, which only the command line runs."""
+        return bool(self.plan.get("function"))
+
+    @property
     def shown_name(self) -> str:
         """The label of the run, else the name of its study."""
         return self.label or self.name

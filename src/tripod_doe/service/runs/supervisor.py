@@ -9,7 +9,7 @@ import secrets
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -90,28 +90,33 @@ class Supervisor:
         run = self._runs.get(run_id)
         return self.settings.folder.absolute() / (run.place if run and run.place else run_id)
 
-    def known_places(self) -> set[str]:
-        """Names of the directories of all runs."""
+    def by_place(self) -> dict[str, Run]:
+        """All runs by the names of their directories."""
         with self._lock:
-            return {run.place or run.id for run in (*self._runs.values(), *self._bin.all())}
+            return {run.place or run.id: run for run in (*self._runs.values(), *self._bin.all())}
+
+    def forget(self, gone: Sequence[Run]) -> None:
+        """Forget runs of the command line that are at rest, and whose directories were removed."""
+        with self._lock:
+            for run in gone:
+                if run.state.at_rest and run.id not in self._changing and self._runs.get(run.id) == run:
+                    if not self.settings.read_only:
+                        self._table.remove(run.id)
+                    del self._runs[run.id]
+                    self.events.forget(run.id)
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
-        """Show a directory of the folder that the command line filled, or is filling."""
-        changed = datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC)
-        run = Run(
-            secrets.token_hex(8),
-            "study",
-            plan["name"],
-            plan["question"],
-            State.RUNNING,
-            plan=plan,
-            counts=PointCounts(plan["unique"]),
-            created=stamp(changed),
-            updated=stamp(changed),
-            place=directory.name,
-        )
+        """Show a directory of the folder that the command line filled, or is filling, perhaps once more."""
+        study: dict[str, Any] = {key: plan[key] for key in ("name", "question")}
+        study |= {"state": State.RUNNING, "plan": plan, "counts": PointCounts(plan["unique"])}
         with self._lock:
-            self._put(run)
+            run = self.by_place().get(directory.name)
+            if run is None:
+                written = stamp(datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC))
+                study |= {"created": written, "updated": written, "place": directory.name}
+                run = self._put(Run(secrets.token_hex(8), "study", **study))
+            elif run.is_left_alone and run.state.at_rest:
+                self._put(run.changed(message="", **study))
         self._look_at(run.id)
 
     def all(self) -> list[Run]:
@@ -262,9 +267,11 @@ class Supervisor:
         return self._put(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
-        """The run; RefusedError 409 if it waits or runs, so that its study may not grow."""
+        """The run; RefusedError 409 if its study may not grow: it waits or runs, or names a function."""
         with self._lock:
             run = self._unchanged(run_id)
+            if run.has_function:
+                raise RefusedError(409, "its study has a function, which only the command line runs: extend it there")
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
             return run
@@ -411,7 +418,9 @@ class Supervisor:
         stored = {run.id: run for run in rows if not run.binned}
         with self._lock:
             self._bin.show(run for run in rows if run.binned)
-            for gone in self._runs.keys() - stored.keys():
+            places = {run.place for run in stored.values()}
+            found = {run.id for run in self._runs.values() if run.place and run.place not in places}  # by this server
+            for gone in self._runs.keys() - stored.keys() - found:
                 del self._runs[gone]
                 self.events.forget(gone)
             for run in stored.values():

@@ -1,0 +1,107 @@
+"""Result directories that the command line fills, found while the server of their folder runs."""
+
+import logging
+import os
+import threading
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import TripodDoeError
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs.result_directory import page_of
+from tripod_doe.service.runs.run_table import Run
+from tripod_doe.service.runs.supervisor import Supervisor
+from tripod_doe.service.security.delivered_files import check_delivered
+from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
+from tripod_doe.study.journal import journal_path
+
+_PERIOD = 2.0  # seconds between two looks
+
+log = logging.getLogger(__name__)
+
+Signature = tuple[int, ...]
+
+
+class FoundDirectories:
+    """The result directories of a folder that the command line filled, looked for again and again.
+
+    Args:
+        folder: The folder.
+        runs: The runs, which show them.
+        plan: Counts of the study of a directory; it may take a while.
+    """
+
+    def __init__(self, folder: Path, runs: Supervisor, plan: Callable[[Path], Mapping[str, Any]]) -> None:
+        self._folder, self._runs, self._plan = folder, runs, plan
+        self._seen: dict[str, Signature] = {}
+        self._wanted, self._ended = threading.Event(), threading.Event()
+
+    def look_soon(self) -> None:
+        """Look now and not only when the time has come."""
+        self._wanted.set()
+
+    def end(self) -> None:
+        """Look no more."""
+        self._ended.set()
+        self._wanted.set()
+
+    def watch(self) -> None:
+        """Look until the end."""
+        while not self._ended.is_set():
+            try:
+                self._look()
+            except Exception:  # a full disk, or a folder that is not there just now: look again later
+                log.exception("the folder of runs")
+            self._wanted.wait(_PERIOD)
+            self._wanted.clear()
+
+    def _look(self) -> None:
+        """Show new directories and those that the command line has changed, and forget those that are gone."""
+        with os.scandir(self._folder) as entries:
+            names = {entry.name for entry in entries if entry.is_dir(follow_symlinks=False)}
+        known = self._runs.by_place()
+        self._runs.forget([run for place, run in known.items() if run.place and place not in names])
+        self._seen = {name: signature for name, signature in self._seen.items() if name in names}
+        for name in sorted(names):
+            run = known.get(name)
+            if self._ended.is_set():
+                return
+            if run is None or (run.is_left_alone and run.state.at_rest):
+                self._look_at(self._folder / name, run)
+
+    def _look_at(self, path: Path, run: Run | None) -> None:
+        """Show a directory that is new, or that has changed since its run was shown."""
+        signature = _signature(path)
+        if signature is None or signature == self._seen.get(path.name):
+            return
+        if run is None or max(signature[2:]) > 1e9 * datetime.fromisoformat(run.updated).timestamp():
+            try:
+                check_delivered(path, found=True)
+                self._runs.adopt(path, self._plan(path))
+            except (AllBusyError, ServerEndsError):
+                return  # the next look tries again
+            except (RefusedError, TripodDoeError, WorkerFailedError, OSError) as error:
+                log.warning("%s is not shown: %s", path.name, error)
+            except Exception:  # still show the others
+                if not self._ended.is_set():
+                    log.exception("%s is not shown", path.name)
+        self._seen[path.name] = signature
+
+
+def _signature(path: Path) -> Signature | None:
+    """What changes where the command line goes on in a directory, or its owner mends it; None if it holds no study."""
+    changed = [_changed(each) for each in (path / "study.toml", journal_path(path), path / "cube.nc", page_of(path))]
+    if not all(changed[:2]):
+        return None
+    top = os.lstat(path)
+    return top.st_mode, top.st_uid, *changed
+
+
+def _changed(path: Path) -> int:
+    """When a file or its mode changed last (ns), which no copy can set back; 0 if it is not there."""
+    try:
+        return os.lstat(path).st_ctime_ns
+    except OSError:
+        return 0
