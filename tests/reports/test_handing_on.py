@@ -63,6 +63,25 @@ def test_one_page_for_browsers_says_question_answer_and_source(results):
     assert "<script" not in page
 
 
+def test_one_page_says_who_wrote_what_about_it(results):
+    """A long note is cut: the page stays one."""
+    note = "# Steel\n\n- **by hand** [here](https://example.org)\n- <b>raw</b>\n\n" + "word " * 900
+    assert main(["annotate", str(results), "--owner", "Ada & co", "--tags", "audi,old", "--note", note]) == 0
+    page = handed(results, "html").decode()
+    about = re.findall(r'<p class="about">(.*?)</p>', page)
+    assert about[:4] == [
+        "Owner: Ada &amp; co; Tags: audi, old",
+        "Steel",
+        "\u2022 by hand here",
+        "\u2022 &lt;b&gt;raw&lt;/b&gt;",
+    ]
+    assert about[4].endswith(" \u2026")
+    assert sum(map(len, about)) < 1000
+    data = handed(results, "pdf")
+    assert re.findall(rb"/Type /Page\b", data) == [b"/Type /Page"]
+    assert main(["annotate", str(results), "--owner", "", "--tags", "", "--note", ""]) == 0
+
+
 def test_the_workbook_has_units_widths_and_provenance(results):
     book = openpyxl.load_workbook(io.BytesIO(handed(results, "xlsx")))
     assert book.sheetnames == ["Points", "Parameters", "Provenance", "Study"]

@@ -64,6 +64,7 @@ WRITTEN = [
     ("PATCH", RUN, json.dumps({"tags": [LONG]})),
     ("PATCH", RUN, '{"tags": "steel"}'),
     ("PATCH", RUN, '{"owner": {"a": 1}}'),
+    *(("PATCH", RUN, json.dumps({"name": name})) for name in ("../../etc", "/etc", "a//b", "a/", "a/./b", "a/ .. /b")),
     ("PATCH", RUN, '{"state": "failed"}'),
     ("PATCH", RUN, '{"place": "/etc"}'),
     ("PATCH", RUN, "[]"),

@@ -8,6 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tripod_doe.page_parts.charts.chart import Chart
+from tripod_doe.page_parts.markdown import markdown
 from tripod_doe.page_parts.sentence_help import reading_of, readings
 from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import number, size
@@ -32,7 +33,13 @@ def _templates() -> Environment:
         bytecode_cache=compiled_templates(),
     )
     environment.globals["reading_of"] = reading_of
-    environment.filters |= {"number": number, "typeset": typeset, "csv_link": _csv_link, "svg": _svg}
+    environment.filters |= {
+        "number": number,
+        "typeset": typeset,
+        "markdown": markdown,
+        "csv_link": _csv_link,
+        "svg": _svg,
+    }
     return environment
 
 

@@ -7,11 +7,14 @@ from pathlib import Path
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.files import Paragraph, pdf_page, png_file, svg_file
 from tripod_doe.page_parts.main_results import asked, finished
+from tripod_doe.page_parts.markdown import plain_lines
 from tripod_doe.page_parts.templates import render, typeset
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study_report import answered, read_analyses
-from tripod_doe.study.result_directory.annotation import read_annotation
+from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
+
+_LONGEST_NOTE, _MOST_LINES = 800, 8  # letters and lines
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class OnePage:
     picture: Chart | None
     notes: Sequence[str]  # how far to trust the answer, and what the picture shows
     source: str  # source of the results
+    about: Sequence[str] = ()  # owner, tags and the note, as people wrote them
 
     def html(self) -> str:
         """The page for a browser, which prints on one sheet."""
@@ -33,6 +37,7 @@ class OnePage:
         """The page for print, A4."""
         above = [Paragraph(self.title, 17, bold=True, gap=0)]
         above += [Paragraph(self.question, 11, quiet=True)] if self.question else []
+        above += [Paragraph(line, 9, quiet=True, gap=0.05) for line in self.about]
         above += [Paragraph(typeset(sentence), 12, gap=0.18) for sentence in self.sentences]
         below = list[Paragraph]()
         if self.picture:
@@ -63,7 +68,19 @@ def one_page(directory: Path) -> OnePage:
         answer.picture,
         attributes.get("model_notes", "").splitlines()[:1],
         f"{done:,} of {count_of(total, 'point')} finished. {origin}".strip(),
+        _about(about),
     )
+
+
+def _about(annotation: Annotation) -> list[str]:
+    """Owner and tags in a line, and the note, of which a page has room for a part."""
+    who = [f"Owner: {annotation.owner}"] * bool(annotation.owner)
+    who += [f"Tags: {', '.join(annotation.tags)}"] * bool(annotation.tags)
+    note = "\n".join(plain_lines(annotation.note))
+    shown = note[:_LONGEST_NOTE].splitlines()[:_MOST_LINES]
+    if "\n".join(shown) != note:
+        shown[-1] += " \u2026"
+    return ["; ".join(who)] * bool(who) + shown
 
 
 def figures_of(directory: Path) -> dict[str, bytes]:

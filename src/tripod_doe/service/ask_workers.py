@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs.listing import names_of
 from tripod_doe.service.service import Service
 
 Items = Sequence[tuple[str, str]]
@@ -13,7 +14,7 @@ Answer = dict[str, Any]
 def explore(service: Service, run_id: str, items: Items, step: str | None = None) -> Answer:
     """Changes that a view of a run's cube allows."""
     place, minus = str(service.results(run_id, step)), _subtracted(items)
-    name = service.runs.find(minus).name if minus else ""
+    name = names_of(service.runs.all())[service.runs.find(minus).id] if minus else ""
     return service.ask("explorer.explorer_functions:explore", path=place, items=items, place=place, minus_name=name)
 
 

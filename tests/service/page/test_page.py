@@ -86,10 +86,13 @@ def test_a_run_is_found_by_a_word_or_a_tag_written_on_its_page(served, page, sam
     page.get_by_text("Name, tags, note").click()
     page.get_by_label("Name", exact=True).fill("customer/sampled")
     page.get_by_label("Tags, separated by commas").fill("steel, spring")
-    page.get_by_label("Note").fill("Measured in May.")
+    page.get_by_label("Note").fill("Measured in **May**, [there](https://example.org). <b>Raw</b>")
     page.get_by_role("button", name="Save").click()
     page.get_by_role("heading", name="customer/sampled").wait_for()
-    assert page.get_by_text("Measured in May.").first.is_visible()
+    note = page.locator(".about-note")
+    assert note.inner_text() == "Measured in May, there. <b>Raw</b>"
+    assert note.locator("strong").inner_text() == "May"
+    assert note.get_by_role("link", name="there").get_attribute("rel").startswith("noopener")
     page.goto(served.home)
     assert page.locator("table.runs tbody tr").count() >= 4
     assert "UTC" not in page.locator("table.runs time").first.inner_text()  # in the reader's zone

@@ -143,6 +143,10 @@ outputs = ["thrust_amplitude"]
     page.wait_for_selector("#price:has-text('New points')")
     until_new = "[...document.querySelectorAll('#price dd')].map((cell) => cell.innerText).slice(0, 2).join() === '2,6'"
     until(page, until_new)
+    page.focus("[name='parameter.torque_n_m']")
+    for torques, counts in (("-90, 140, 20", "5,9"), ("-90, 140", "2,6")):  # the field is not left
+        page.fill("[name='parameter.torque_n_m']", torques)
+        until(page, until_new.replace("2,6", counts))
     page.click("text=Run what is new")
     page.wait_for_url(f"**/runs/{run_id}")
     page.wait_for_selector("#run-head .state.finished", timeout=120_000)

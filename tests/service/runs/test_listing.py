@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from tripod_doe.service.runs.listing import PAGE, RunFilter, folders_of, page_count, page_of, short_ids, tags_of
+from tripod_doe.service.runs.listing import (
+    PAGE,
+    RunFilter,
+    folders_of,
+    names_of,
+    page_count,
+    page_of,
+    short_ids,
+    tags_of,
+)
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 
 
@@ -60,3 +69,6 @@ def test_what_there_is_to_choose_from():
     assert tags_of(RUNS) == ["audi", "old"]
     assert folders_of(RUNS) == ["customer", "customer/old"]
     assert set(short_ids(RUNS)) == {RUNS[0].id, RUNS[3].id}  # of equal names
+    assert list(names_of(RUNS).values())[1:] == ["customer/joint-7", "customer/old/joint-6", "Thrust map (000000)"]
+    for name in ("../../etc", "/etc", "a//b", "N/ /mm"):  # of a study: a label of this kind is refused
+        assert folders_of([run(5, name)]) == []

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from tripod_doe.page_parts.markdown import markdown
 from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import duration, in_words, level, number, size
 from tripod_doe.service.page.asset_files import stamp
@@ -69,6 +70,7 @@ def _templates() -> Environment:
         "day": _day,
         "words": in_words,
         "in_file": _in_file,
+        "markdown": markdown,
     }
     environment.filters |= words
     environment.globals |= {"version": stamp(), "plotly": version("plotly"), "help_on": _help_on}

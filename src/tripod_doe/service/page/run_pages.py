@@ -12,7 +12,16 @@ from tripod_doe.service import ask_workers
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
-from tripod_doe.service.runs.listing import SORTS, RunFilter, folders_of, page_count, page_of, short_ids, tags_of
+from tripod_doe.service.runs.listing import (
+    SORTS,
+    RunFilter,
+    folders_of,
+    names_of,
+    page_count,
+    page_of,
+    short_ids,
+    tags_of,
+)
 from tripod_doe.service.runs.result_directory import has_report
 from tripod_doe.service.runs.run_table import Run, State
 from tripod_doe.service.security.report_keys import report_key
@@ -281,15 +290,13 @@ def diff(service: AnyService, a: str = "", b: str = "") -> HTMLResponse:
             differences = json.loads(service.diff(a, b, []))
         except InputError as error:
             trouble = str(error)
-    names = {run.id: run.shown_name for run in studies}
+    names = names_of(studies)
     return show(
         "diff.html",
         service.settings,
         here="/diff",
-        studies=studies,
-        short_ids=short_ids(studies),
+        names=names,
         chosen=(a, b),
-        names=[names.get(a, a), names.get(b, b)],
         differences=differences,
         trouble=trouble,
         most=_MOST_DIFFERENCES,
@@ -302,7 +309,7 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
     studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
     chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
     axes = ask_workers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
-    return show("compare.html", service.settings, here="/compare", studies=studies, chosen=chosen, axes=axes)
+    return show("compare.html", service.settings, here="/compare", names=names_of(studies), chosen=chosen, axes=axes)
 
 
 @router.post("/parts/runs/{run_id}/compare")
@@ -348,4 +355,4 @@ def _control_values(service: Service, run: Run, found: dict[str, Any] | None) ->
     others = [
         other for other in service.runs.all() if other.id != run.id and other.kind == "study" and other.counts.finished
     ]
-    return {"explored": found, "kinds": kinds, "others": others if found and found["points"] else []}
+    return {"explored": found, "kinds": kinds, "others": names_of(others) if found and found["points"] else {}}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args
 
 from tripod_doe.service.runs.run_table import Run
+from tripod_doe.study.result_directory.annotation import is_in_folders
 
 T = TypeVar("T")
 
@@ -80,9 +81,9 @@ def tags_of(runs: Sequence[Run]) -> list[str]:
 
 
 def folders_of(runs: Sequence[Run]) -> list[str]:
-    """All folders in the names of runs, including nested folders."""
-    folders = {run.shown_name.rpartition("/")[0] for run in runs}
-    parts = [folder.split("/") for folder in folders if folder]
+    """All folders in the names of runs, including nested folders; a study's name may hold slashes that mean others."""
+    names = [run.shown_name.split("/") for run in runs]
+    parts = [name[:-1] for name in names if is_in_folders(name)]
     return sorted({"/".join(part[: depth + 1]) for part in parts for depth in range(len(part))})
 
 
@@ -90,3 +91,9 @@ def short_ids(runs: Sequence[Run]) -> dict[str, str]:
     """For runs with equal names, the first six characters of their ids, by id."""
     names = Counter(run.shown_name for run in runs)
     return {run.id: run.id[:6] for run in runs if names[run.shown_name] > 1}
+
+
+def names_of(runs: Sequence[Run]) -> dict[str, str]:
+    """Names for lists to choose from, by id: equal ones are followed by the first characters of the id."""
+    short = short_ids(runs)
+    return {run.id: f"{run.shown_name} ({short[run.id]})" if run.id in short else run.shown_name for run in runs}

@@ -83,11 +83,20 @@ def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> A
             _check_tags(where, value)
         else:
             _check_text(f"{where}{key}", value, _LONGEST[key], lines=key == "note")
+        if key == "name" and value.strip() and not is_in_folders(value.split("/")):
+            raise InputError(
+                f"{where}name: {value[:60]!r}: between slashes stand names of folders, not '', '.' or '..'"
+            )
     plain: dict[str, Any] = {
         key: tuple(dict.fromkeys(tag.strip() for tag in value)) if key == "tags" else value.strip()
         for key, value in changes.items()
     }
     return replace(before, **plain)
+
+
+def is_in_folders(parts: Sequence[str]) -> bool:
+    """Whether the parts of a name, split at its slashes, are folders and a name within them."""
+    return all(part.strip() not in ("", ".", "..") for part in parts)
 
 
 def _check_tags(where: str, value: object) -> None:

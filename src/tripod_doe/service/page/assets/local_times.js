@@ -6,12 +6,16 @@ export function localDay(at) {
   return new Date(at - 60000 * at.getTimezoneOffset()).toISOString().slice(0, 10);
 }
 
+export function timeElement(stamp) {
+  const time = document.createElement("time");
+  time.dateTime = time.title = stamp;
+  time.textContent = format.format(new Date(stamp));
+  return time;
+}
+
 export function localTimes(place) {
   for (const time of place.querySelectorAll("time[datetime]")) {
-    const at = new Date(time.dateTime);
-    if (Number.isNaN(at.getTime())) continue;
-    time.title = time.dateTime;
-    time.textContent = format.format(at);
+    if (!Number.isNaN(Date.parse(time.dateTime))) time.replaceWith(timeElement(time.dateTime));
   }
 }
 

@@ -13,7 +13,8 @@ const extended = document.getElementById("extended")?.dataset.run;  // the run w
 const PAUSE = 350;  // ms after the last key
 const LONG = 20000;  // characters of a file from which only its beginning is shown
 const attached = document.getElementById("attached"), long = new WeakMap();
-let timer = null, asked = null;
+const written = new WeakMap();  // by field: what it said when it was written into the text
+let timer = null, asked = null, typing = null;
 let changes = Promise.resolve(true);  // of the form, one after the other: each starts from the text of the one before
 
 function number() {
@@ -112,6 +113,7 @@ async function change(field) {
       changed = await (await post(`${root}/parts/change`, { study: before, key: name, value })).json();
     } while (text.value !== before);
     text.value = changed.study;
+    written.set(field, value);
     field.setCustomValidity("");
     field.closest("label").classList.toggle("varied", /[,:]/.test(value) && name.startsWith("parameter."));
     await check({ keepForm: name !== "study.scene" });
@@ -121,6 +123,12 @@ async function change(field) {
     show(error.problems || [{ message: error.message }]);
     return false;
   }
+}
+
+function take(field) {
+  if (!field.name) return;
+  asked?.abort();  // the price of the text before
+  changes = changes.then(() => change(field));
 }
 
 function untouched(field) {
@@ -137,8 +145,13 @@ text.addEventListener("input", () => { number(); soon(); });
 text.addEventListener("scroll", () => { lines.scrollTop = text.scrollTop; });
 attached.addEventListener("input", soon);
 form.addEventListener("submit", (event) => event.preventDefault());
-form.addEventListener("change", ({ target }) => {
-  if (target.name) changes = changes.then(() => change(target));
+form.addEventListener("input", ({ target }) => {
+  clearTimeout(typing);
+  typing = setTimeout(take, PAUSE, target);
+});
+form.addEventListener("change", ({ target }) => {  // not again what was taken while it was typed
+  clearTimeout(typing);
+  if (written.get(target) !== target.value) take(target);
 });
 document.getElementById("files").addEventListener("change", async (event) => {
   for (const file of event.target.files) attach(file.name, await textOf(file));
@@ -172,5 +185,5 @@ submit.addEventListener("click", async () => {
 number();
 check({ keepForm: true });
 for (const field of form.elements) {  // typed before this script ran, or kept by the browser over a reload
-  if (field.name && !untouched(field)) changes = changes.then(() => change(field));
+  if (!untouched(field)) take(field);
 }

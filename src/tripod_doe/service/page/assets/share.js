@@ -2,6 +2,7 @@
 
 import { root } from "./address.js";
 import { ask, askJson, complain, post, say } from "./asking.js";
+import { timeElement } from "./local_times.js";
 
 const part = document.getElementById("share");
 const place = `${root}/api/v1/runs/${part.dataset.run}/shares`;
@@ -11,11 +12,11 @@ async function show() {
   const links = await askJson(place);
   list.replaceChildren(...links.map((link) => {
     const item = document.createElement("li"), button = document.createElement("button");
-    const end = new Date(link.expires).toLocaleString();
-    item.append(`Open until ${end} `);
+    const end = timeElement(link.expires);
+    item.append("Open until ", end, " ");
     button.type = "button";
     button.textContent = "Revoke";
-    button.setAttribute("aria-label", `Revoke the link that is open until ${end}`);
+    button.setAttribute("aria-label", `Revoke the link that is open until ${end.textContent}`);
     button.addEventListener("click", async () => {
       try {
         await ask(`${place}/${link.id}`, { method: "DELETE" });
