@@ -15,11 +15,12 @@ from tripod_doe.errors import InputError
 from tripod_doe.study.result_directory.annotation import FILE, Annotation, annotated, read_annotation, write_annotation
 
 LINE = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=30).map(str.strip)
+NAME = LINE.filter(lambda name: "/" not in name)
 NOTE = st.lists(LINE).map("\n".join).map(str.strip)
 
 
 @settings(deadline=None)  # a busy machine is no fault
-@given(LINE, LINE, st.lists(LINE.filter(lambda tag: tag and "," not in tag), unique=True, max_size=5), NOTE)
+@given(NAME, LINE, st.lists(LINE.filter(lambda tag: tag and "," not in tag), unique=True, max_size=5), NOTE)
 def test_what_is_written_is_read(tmp_path_factory, name, owner, tags, note):
     folder = tmp_path_factory.mktemp("about")
     annotation = annotated(Annotation(), {"name": name, "owner": owner, "tags": tags, "note": note})
@@ -37,6 +38,7 @@ def test_what_is_written_is_read(tmp_path_factory, name, owner, tags, note):
         ({"tags": [""]}, "not empty"),
         ({"tags": [str(n) for n in range(21)]}, "21 tags, at most 20"),
         ({"name": "x" * 201}, "201 characters, at most 200"),
+        ({"name": "../../etc"}, "not '', '.' or '..'"),
         ({"name": "two\nlines"}, "line ends are not allowed"),
         ({"note": "\x1b[31m"}, "control characters are not allowed"),
         ({"owner": 7}, "expected text"),

@@ -45,6 +45,12 @@ def _logged(what: str) -> Iterator[None]:
         log.exception("%s", what)
 
 
+def _planned(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """What a run takes from its plan."""
+    named = {key: plan[key] for key in ("kind", "name", "question")}
+    return {**named, "plan": plan, "counts": PointCounts(plan["unique"])}
+
+
 class Supervisor:
     """The runs of a folder; InputError if the table of runs cannot be opened."""
 
@@ -107,14 +113,13 @@ class Supervisor:
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
         """Show a directory of the folder that the command line filled, or is filling, perhaps once more."""
-        study: dict[str, Any] = {key: plan[key] for key in ("name", "question")}
-        study |= {"state": State.RUNNING, "plan": plan, "counts": PointCounts(plan["unique"])}
+        study = {"state": State.RUNNING, **_planned(plan)}
         with self._lock:
             run = self.by_place().get(directory.name)
             if run is None:
                 written = stamp(datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC))
                 study |= {"created": written, "updated": written, "place": directory.name}
-                run = self._put(Run(secrets.token_hex(8), "study", **study))
+                run = self._put(Run(secrets.token_hex(8), **study))
             elif run.is_left_alone and run.state.at_rest:
                 self._put(run.changed(message="", **study))
         self._look_at(run.id)
@@ -173,21 +178,8 @@ class Supervisor:
             directory = self.directory(run_id)
             directory.mkdir(mode=0o700)
             upload.rename(directory / UPLOAD)
-            run = Run(
-                run_id,
-                plan["kind"],
-                plan["name"],
-                plan["question"],
-                State.QUEUED,
-                plan=plan,
-                counts=PointCounts(plan["unique"]),
-                created=time_now,
-                updated=time_now,
-                key=key or None,
-                digest=digest,
-            )
-            self._put(run)
-        return run
+            own: dict[str, Any] = {"created": time_now, "updated": time_now, "key": key or None, "digest": digest}
+            return self._put(Run(run_id, state=State.QUEUED, **_planned(plan), **own))
 
     def _refuse_full_queue(self) -> None:
         most = self.settings.limits.queued
