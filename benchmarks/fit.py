@@ -1,13 +1,13 @@
 """How often the 95 % intervals of fits hold, and whether the next record gains what was promised.
 
-Rigs with hidden joints: random frictions and skews, eight random operating points, noise and scatter as in
+Rigs with hidden joints: random frictions and skews, some random operating points, noise and scatter as in
 measurements/make_rig.py, every second marker at an angle that is not known, every third rig with a tachometer of six
 pulses that bounces and misses. Each rig is fitted; where a candidate is asked for, its record is made, too, and all
-nine records are fitted again. Nothing of the fit takes part in what is hidden: that is the answer of another model, or
+records are fitted again. Nothing of the fit takes part in what is hidden: that is the answer of another model, or
 of the same with errors that are drawn here, as benchmarks/errors_between_records.py found them.
 
 Run as: python benchmarks/fit.py --truth kinetostatic --model equilibrium --rigs 40 [--orders 2,3] [--next]
-    python benchmarks/fit.py --truth drawn --linear --rigs 100
+    python benchmarks/fit.py --truth rollers --records 6 --rigs 100
     python benchmarks/fit.py --truth needles --points needles.jsonl --rigs 20
 """
 
@@ -18,20 +18,19 @@ import csv
 import json
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from scipy.stats import beta
 
-import tripod_doe as td
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import load_simulator
 
 sys.path.append(str(Path(__file__).parents[1] / "measurements"))
@@ -53,12 +52,14 @@ KNOWN = {
 }
 """What is known of a joint and differs between joints, where the fitted model is not the hidden one."""
 
+LOOSE = (1.2, 1.6)
+"""Axial clearance in mm of needles that reach no stop, so keep their skew, as all needles do in `rollers`."""
+
 SIMULATOR = load_simulator("joint")
 KEPT = (
     "thrust_amplitude", "thrust_phase_deg", "groove_thrust_amplitude", "groove_thrust_phase_deg",
     "needle_skew_summary_deg",
 )  # fmt: skip
-RECORDS = 8
 ANGLES, TORQUES, SPEEDS = [4.0, 8.0, 12.0], [50.0, 150.0, 300.0], [600.0]
 AHEAD = np.exp(2j * np.radians(120) * np.arange(3))
 # Drawn errors: of the second order as parts of what each groove gives and of what turning adds, in a record alone and
@@ -78,12 +79,13 @@ def known_joint(random: np.random.Generator, options: argparse.Namespace) -> dic
     """Geometry of a joint, as its drawing states it."""
     if options.truth == options.model:
         return {}
-    return {name: round(low + (high - low) * random.random(), 3) for name, (low, high) in KNOWN.items()}
+    ranges = KNOWN | ({"needle_axial_clearance_mm": LOOSE} if options.truth == "rollers" else {})
+    return {name: round(low + (high - low) * random.random(), 3) for name, (low, high) in ranges.items()}
 
 
-def operating_points(random: np.random.Generator) -> list[tuple[float, float, float]]:
+def operating_points(random: np.random.Generator, records: int = 8) -> list[tuple[float, float, float]]:
     """Joint angle, torque and speed of each record."""
-    places = random.random((RECORDS, 3))
+    places = random.random((records, 3))
     low, high = np.array([4.0, 50.0, 300.0]), np.array([14.0, 300.0, 1200.0])
     return [(float(a), float(t), float(s)) for a, t, s in (low + (high - low) * places).round(1)]
 
@@ -118,27 +120,24 @@ class HiddenOrders:
         return np.asarray(amplitude * np.exp(1j * np.radians(phase)))
 
 
-@dataclass(frozen=True)
-class Kinetostatic:
-    """What `kinetostatic` says at some points."""
+def computed(columns: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a model says of points with all their parameters; NaN where one fails.
 
-    orders: np.ndarray  # complex, N, shape (point, order)
-    second: np.ndarray  # complex second order at each groove, N, shape (point, groove)
-    skew: np.ndarray  # mean skew of the needles in the last revolution, deg, shape (point, groove)
+    Returns:
+        Complex orders in N (point, order), complex second order at each groove (point, groove), and the mean skew of the
+        needles in the last revolution in deg (point, groove), NaN of models without needles.
+    """
+    block = SIMULATOR.simulate(columns, KEPT)
+    values = {name: output.data for name, output in block.outputs.items()}
+    bad = block.outcome != Outcome.FINISHED
 
-    @classmethod
-    def at(cls, points: list[dict[str, float]]) -> Self:
-        """Compute points, all with the same parameters; NaN where one fails."""
-        columns = {name: np.array([point[name] for point in points], float) for name in points[0]}
-        columns |= {"model": np.array(["kinetostatic"] * len(points), object)}
-        block = SIMULATOR.simulate(SIMULATOR.columns({}, columns, len(points)), KEPT)
-        values = {name: output.data for name, output in block.outputs.items()}
+    def complex_of(name: str) -> np.ndarray:
+        own = np.asarray(values[f"{name}_amplitude"] * np.exp(1j * np.radians(values[f"{name}_phase_deg"])))
+        own[bad] = np.nan
+        return own
 
-        def complex_of(name: str) -> np.ndarray:
-            return np.asarray(values[f"{name}_amplitude"] * np.exp(1j * np.radians(values[f"{name}_phase_deg"])))
-
-        groove = complex_of("groove_thrust")[..., 2]
-        return cls(complex_of("thrust"), groove, values["needle_skew_summary_deg"][:, :, -1, 0])
+    skew = values.get("needle_skew_summary_deg", np.full((bad.size, 3, 1, 1), np.nan))[:, :, -1, 0]
+    return complex_of("thrust"), complex_of("groove_thrust")[..., 2], skew
 
 
 def drawn_orders(points: list[dict[str, float]], seed: int) -> list[np.ndarray] | None:
@@ -146,8 +145,10 @@ def drawn_orders(points: list[dict[str, float]], seed: int) -> list[np.ndarray] 
 
     One more point leaves the errors at the others as they are.
     """
-    own = Kinetostatic.at(points)
-    if not np.isfinite(own.orders).all():
+    columns = {name: np.array([point[name] for point in points], float) for name in points[0]}
+    columns |= {"model": np.array(["kinetostatic"] * len(points), object)}
+    orders, groove, skew = computed(SIMULATOR.columns({}, columns, len(points)))
+    if not np.isfinite(orders).all():
         return None
     angles = np.log([point["joint_angle_deg"] for point in points])
     alike = np.linalg.cholesky(
@@ -162,15 +163,15 @@ def drawn_orders(points: list[dict[str, float]], seed: int) -> list[np.ndarray] 
         return own * (each[0] + 1j * each[1]) + shared * (alike @ (together[0] + 1j * together[1]))
 
     initial = np.array([[point[f"initial_skew_{at}_deg"] for at in (1, 2)] + [0.0] for point in points])
-    each = (own.second * np.conj(AHEAD) * own.skew).sum(axis=1) / (own.skew**2).sum(axis=1)
-    turned = each[:, None] * AHEAD * (own.skew - initial)
+    each = (groove * np.conj(AHEAD) * skew).sum(axis=1) / (skew**2).sum(axis=1)
+    turned = each[:, None] * AHEAD * (skew - initial)
     second = sum(
-        errors(at, *OF_GROOVE) * own.second[:, at] + errors(3 + at, *OF_TURNING) * turned[:, at] for at in range(3)
+        errors(at, *OF_GROOVE) * groove[:, at] + errors(3 + at, *OF_TURNING) * turned[:, at] for at in range(3)
     )
     size = np.exp(SPREAD * np.random.default_rng([seed, 77]).standard_normal(2))
-    own.orders[:, 2] += size[0] * second
-    own.orders[:, 3] *= 1 + size[1] * errors(6, *OF_THIRD)
-    return list(own.orders)
+    orders[:, 2] += size[0] * second
+    orders[:, 3] *= 1 + size[1] * errors(6, *OF_THIRD)
+    return list(orders)
 
 
 def hidden_records(points: list[dict[str, Any]], options: argparse.Namespace, seed: int) -> list[np.ndarray] | None:
@@ -247,53 +248,40 @@ def fit_text(names: list[str], options: argparse.Namespace, number: int, known: 
     return "\n".join([*lines, ""])
 
 
-class LinearModel:
-    """`kinetostatic` as a straight line through the hidden joint, for many rigs at little cost.
+class Model:
+    """Points of a fit without journal and page: each is computed once.
 
     Args:
-        joint: Values of the hidden joint.
-        names: The unknowns.
+        rig: The fit, which knows all parameters of its points.
     """
 
-    def __init__(self, joint: dict[str, float], names: list[str]) -> None:
-        self._joint, self._names = joint, names
-        self._at: dict[tuple[float, ...], tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = {}
+    def __init__(self, rig: RigFit) -> None:
+        self._rig = rig
+        self._known: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def __call__(self, columns: Any) -> tuple[np.ndarray, Needles]:
         """Complex orders of points, and their needles, see `tripod_doe.analyses.fit.rig.Answers`."""
-        operating = np.stack([columns[name].astype(float) for name in make_rig.OPERATING], axis=1).tolist()
-        values = np.stack([columns[name] for name in self._names], axis=1)
-        hidden = np.array([self._joint[name] for name in self._names])
-        self._add([point for point in dict.fromkeys(map(tuple, operating)) if point not in self._at])
-        orders, slopes, second, skew = (
-            np.array(part) for part in zip(*(self._at[tuple(point)] for point in operating), strict=True)
-        )
-        return orders + np.einsum("pu,puo->po", values - hidden, slopes), Needles(second, skew)
+        keys = list(zip(*(column.tolist() for column in columns.values()), strict=True))
+        place = {key: at for at, key in enumerate(keys)}
+        new = [at for key, at in place.items() if key not in self._known]
+        if new:
+            own = computed(self._rig.all_columns({name: column[new] for name, column in columns.items()}))
+            self._known |= {keys[at]: row for at, row in zip(new, zip(*own, strict=True), strict=True)}
+        orders, second, skew = (np.array(part) for part in zip(*(self._known[key] for key in keys), strict=True))
+        return orders, Needles(second, skew)
 
-    def _add(self, new: list[tuple[float, ...]]) -> None:
-        """Compute orders, their slopes by the unknowns, second orders at the grooves and skews at operating points."""
-        if not new:
-            return
-        steps = np.array([0.01 * (high - low) for low, high in (RANGES[name] for name in self._names)])
-        points = [self._joint | dict(zip(make_rig.OPERATING, point, strict=True)) for point in new]
-        moved = [
-            {**point, name: point[name] + step}
-            for point in points
-            for name, step in zip(self._names, steps.tolist(), strict=True)
-        ]
-        here = Kinetostatic.at(points + moved)
-        orders, count = here.orders, len(points)
-        slopes = (orders[count:].reshape(count, len(steps), -1) - orders[:count, None]) / steps[:, None]
-        self._at |= {point: (orders[at], slopes[at], here.second[at], here.skew[at]) for at, point in enumerate(new)}
+    @property
+    def count(self) -> int:
+        """Number of different points."""
+        return len(self._known)
 
 
-def fitted(folder: Path, model: LinearModel | None) -> xr.Dataset:
-    """The result of a fit, as the command makes it, or with a straight line in place of the model."""
-    if model is None:
-        return td.fit(folder / "fit.toml", folder / "out", workers=0, progress=False).result
+def fitted(folder: Path) -> xr.Dataset:
+    """The result of a fit, as the command makes it."""
     rig = RigFit(load_fit(folder / "fit.toml"))
+    model = Model(rig)
     solution, error = rig.fit(model, lambda stage: None)
-    return fit_dataset(rig, solution, error, rig.next(model, solution))
+    return fit_dataset(rig, solution, error, rig.next(model, solution)).assign_attrs(points=model.count)
 
 
 def half_width(result: xr.Dataset, name: str) -> float:
@@ -306,7 +294,7 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
     """Fit one rig; None where its joint has no answer at some point."""
     random = np.random.default_rng([options.seed, number])
     names = list(RANGES)[: 4 if "2" in options.orders.split(",") else 2]
-    truth, points = hidden_joint(random, names), operating_points(random)
+    truth, points = hidden_joint(random, names), operating_points(random, options.records)
     known = known_joint(random, options)
     joint = truth | known
     with TemporaryDirectory() as place:
@@ -315,9 +303,9 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
             return None
         (folder / "fit.toml").write_text(fit_text(names, options, number, known))
         started = time.process_time()
-        model = LinearModel(joint, names) if options.linear else None
-        result = fitted(folder, model)
+        result = fitted(folder)
         row: dict[str, Any] = {"rig": number, "cpu_s": time.process_time() - started}
+        row |= {"points": int(result.attrs["points"])}
         row |= {"scatter": float(result.attrs["scatter"]), "left_out": int(result["left_out"].sum())}
         if "model_error_factor" in result:
             row |= {f"factor_{int(one['order'])}": float(one) for one in result["model_error_factor"]}
@@ -332,7 +320,7 @@ def one_rig(number: int, options: argparse.Namespace) -> dict[str, Any] | None:
             point = tuple(float(result[f"candidate_{name}"][best]) for name in make_rig.OPERATING)
             row["promised"] = float(result["next"][best])
             if write_rig(folder, joint, [*points, point], number, options):
-                again = fitted(folder, model)
+                again = fitted(folder)
                 row["gained"] = half_width(again, names[1]) / half_width(result, names[1])
     return row
 
@@ -352,7 +340,7 @@ def main() -> None:
     parser.add_argument("--truth", default="kinetostatic", help="model of the hidden joints, or drawn")
     parser.add_argument("--model", default="kinetostatic", help="model that is fitted")
     parser.add_argument("--points", type=Path, help="file of the points of the hidden joints, which are computed once")
-    parser.add_argument("--linear", action="store_true", help="a straight line in place of the fitted model")
+    parser.add_argument("--records", type=int, default=8, help="records of a rig")
     parser.add_argument("--rigs", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first rig")
     parser.add_argument("--orders", default="2,3")

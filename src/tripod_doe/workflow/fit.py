@@ -22,6 +22,7 @@ from tripod_doe.array_types import ComplexArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Outcome, check_parameters
+from tripod_doe.one_thread import one_thread
 from tripod_doe.reports.fit_report import write_fit_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study, parse_study
@@ -86,7 +87,7 @@ def fit(
     directory = make_directory(out)
     place = make_directory(directory / "steps" / POINTS)
     stages = Stages(directory)
-    with Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
+    with one_thread(), Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
         points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
 
         def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:

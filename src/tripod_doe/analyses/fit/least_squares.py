@@ -53,9 +53,9 @@ class Problem:
 
     def cost(self, prediction: ComplexArray, place: FloatArray) -> float:
         """Chi squared of a prediction, or the sum of losses; infinite where a point failed."""
-        if not self.is_whole(prediction):
-            return np.inf
-        compared = self.misfit.compare(prediction, place)
+        return self._cost_of(self.compare(prediction, place)) if self.is_whole(prediction) else np.inf
+
+    def _cost_of(self, compared: Compared) -> float:
         rest = compared.residual[self._record.size :]
         return float(self._losses(compared.chi2)[0].sum() + rest @ rest)
 
@@ -135,7 +135,9 @@ class Problem:
         if not free.any():
             return start
         here = start
-        seen: dict[bytes, ComplexArray] = {start.place[free].tobytes(): start.prediction}
+        first = self.compare(start.prediction, start.place)
+        inside = np.clip(start.place[free], 1e-9, 1 - 1e-9)
+        seen: dict[bytes, tuple[ComplexArray, Compared | None]] = {inside.tobytes(): (start.prediction, first)}
 
         def whole(part: FloatArray) -> FloatArray:
             place = start.place.copy()
@@ -143,23 +145,21 @@ class Problem:
             return place
 
         def residual(part: FloatArray) -> FloatArray:
-            place = whole(part)
-            if (known := seen.get(part.tobytes())) is None:
-                known = seen[part.tobytes()] = self.predict(place[None])[0]
-            if not self.is_whole(known):
-                return np.full(size, np.nan)
-            return self.compare(known, place).residual
+            if (key := part.tobytes()) not in seen:
+                place = whole(part)
+                prediction = self.predict(place[None])[0]
+                seen[key] = prediction, self.compare(prediction, place) if self.is_whole(prediction) else None
+            compared = seen[key][1]
+            return np.full(first.residual.size, np.nan) if compared is None else compared.residual
 
         def jacobian(part: FloatArray) -> FloatArray:
             nonlocal here
-            place, prediction = whole(part), seen[part.tobytes()]
+            place, (prediction, compared) = whole(part), seen[part.tobytes()]
+            assert compared is not None  # a step to where points fail is not taken
             slope = self.corrected(here.slope, place - here.place, prediction - here.prediction)
-            here = Descent(place, prediction, slope, self.cost(prediction, place))
-            return self.misfit.jacobian(self.compare(prediction, place), slope)[:, free]
+            here = Descent(place, prediction, slope, self._cost_of(compared))
+            return self.misfit.jacobian(compared, slope)[:, free]
 
-        size = self.compare(start.prediction, start.place).residual.size
-        inside = np.clip(start.place[free], 1e-9, 1 - 1e-9)
-        seen[inside.tobytes()] = start.prediction
         least_squares(
             residual,
             inside,

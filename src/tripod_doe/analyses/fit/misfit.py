@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 
@@ -114,23 +115,19 @@ class Misfit:
         """Residuals of a prediction (row,) made at some places (scalar,)."""
         rows = self.rows
         sign, angle = self._begin(prediction)
-        beta = np.zeros(self._nuisances)
-        for _ in range(_ROUNDS if self._angles.size else 1):
+        beta, free = np.zeros(self._nuisances), self._angles.size
+        for rounds_left in range(_ROUNDS if free else 1, -1, -1):
             turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
             shared = self._shared_columns(turn)
-            difference = self._whitened(rows.measured - turn * prediction) - shared @ beta
-            full = self._columns(turn * prediction, shared)
-            right = np.concatenate([difference, -beta])
-            step = np.linalg.lstsq(full, right, rcond=None)[0] if full.shape[1] else np.zeros(0)
-            angle[self._angles] += step[: self._angles.size]
-            beta = beta + step[self._angles.size :]
-        turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
-        shared = self._shared_columns(turn)
-        data = self._whitened(rows.measured - turn * prediction) - shared @ beta
-        full = self._columns(turn * prediction, shared)
+            data = self._whitened(rows.measured - turn * prediction) - shared @ beta
+            if not rounds_left:
+                break
+            basis, triangle = _orthonormal(self._columns(turn * prediction, shared))
+            step = solve_triangular(triangle, basis.T @ np.concatenate([data, -beta]), check_finite=False)
+            angle[self._angles] += step[:free]
+            beta = beta + step[free:]
         known = np.isfinite(self._std)
         prior = ((place - self._mean) / self._std)[known]
-        basis = np.linalg.qr(full)[0] if full.shape[1] else full
         basis = np.vstack([basis, np.zeros((prior.size, basis.shape[1]))])
         squares = data[: rows.record.size] ** 2 + data[rows.record.size :] ** 2
         chi2 = np.bincount(rows.record, squares, rows.records).astype(float)
@@ -199,6 +196,18 @@ class Misfit:
 
 def _independent(shared: ComplexArray) -> ComplexArray:
     """The fewest changes that have the same covariance: no more than rows."""
-    directions, singular, _ = np.linalg.svd(shared, full_matrices=False)
-    kept = singular > _LEAST_CHANGE * singular.max(initial=0.0)
-    return np.asarray(directions[:, kept] * singular[kept], complex)
+    size, directions = np.linalg.eigh(shared @ shared.conj().T)
+    kept = size > _LEAST_CHANGE**2 * size.max(initial=0.0)
+    return np.asarray(directions[:, kept] * np.sqrt(size[kept]), complex)
+
+
+def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal columns and the upper triangle by which they give these columns.
+
+    By the Cholesky factor of their products, in a third of the time of Householder's reflections. A column without
+    information gets a large diagonal.
+    """
+    products = columns.T @ columns
+    products[np.diag_indices_from(products)] += _TINY * products.diagonal().max(initial=1.0)
+    triangle = np.asarray(np.linalg.cholesky(products).T, float)
+    return np.asarray(solve_triangular(triangle, columns.T, trans="T", check_finite=False).T, float), triangle

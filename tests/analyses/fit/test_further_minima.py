@@ -1,0 +1,61 @@
+"""Minima of the first search that go on, and those that do not, when the model's errors are known better."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_problems import model_of, one_record, real_rows
+
+from tripod_doe.analyses.fit.fit import solve
+
+MINIMA = 0.25, 0.75
+FIRM = 1e-3  # deviation of a row that both minima explain
+
+
+@pytest.fixture
+def two_minima():
+    """Rows of which the first holds the unknown to either minimum, the second votes for one, the third for the other."""
+    layout = one_record([(0, 1)])
+
+    def rows(second, third):
+        return replace(real_rows(np.array([0.0, MINIMA[1], MINIMA[0]]), FIRM), along=np.array([FIRM, second, third]))
+
+    def predict(b):
+        return np.hstack([(b - MINIMA[0]) * (b - MINIMA[1]), b, b])
+
+    return layout, rows, model_of(layout, predict)
+
+
+def cost_between(second, third):
+    """Chi squared of the minimum that the third row votes for, above that of the other."""
+    return ((MINIMA[1] - MINIMA[0]) ** 2) * (second**-2 - third**-2)
+
+
+def test_a_minimum_within_reach_becomes_the_best_by_new_weights(two_minima):  # exact
+    layout, rows, model = two_minima
+    assert 10 < cost_between(0.1, 0.14) < 30
+    weights, stages = iter([rows(0.1, 0.14), rows(0.5, 0.14)]), []
+    solution = solve(layout, rows(0.1, 0.14), model, weigh=lambda best: next(weights), tell=stages.append)
+    assert float(solution.best.place[0]) == pytest.approx(MINIMA[0], abs=0.01)
+    assert "a better minimum" not in stages  # no profile had to come upon it
+
+
+def test_a_minimum_far_above_the_best_is_not_followed(two_minima):  # exact
+    layout, rows, model = two_minima
+    assert cost_between(0.01, 0.1) > 1000
+    asked, weighed = [], []
+
+    def counted(places):
+        asked.extend(places[:, 0].tolist())
+        return model(places)
+
+    def weigh(best):
+        weighed.append(len(asked))
+        return rows(0.01, 0.1)
+
+    solution = solve(layout, rows(0.01, 0.1), counted, weigh=weigh)
+    near = np.abs(np.array(asked) - MINIMA[0]) < 0.05
+    assert near[: weighed[0]].any()  # the search has seen it
+    assert not near[weighed[0] :].any()
+    assert float(solution.best.place[0]) == pytest.approx(MINIMA[1], abs=0.01)
+    assert not solution.others
