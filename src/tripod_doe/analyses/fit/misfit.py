@@ -204,8 +204,7 @@ def _independent(shared: ComplexArray) -> ComplexArray:
 def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Orthonormal columns and the upper triangle by which they give these columns.
 
-    By the Cholesky factor of their products: cheaper than Householder's reflections, and exact enough here. A little is
-    added to its diagonal, so that columns without information have a factor, too.
+    By the Cholesky factor of their products: a little on its diagonal, and columns without information have a factor, too.
     """
     products = columns.T @ columns
     products[np.diag_indices_from(products)] += _TINY * products.diagonal().max(initial=1.0)
