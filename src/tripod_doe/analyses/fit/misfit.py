@@ -204,7 +204,7 @@ def _independent(shared: ComplexArray) -> ComplexArray:
 def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Orthonormal columns and the upper triangle by which they give these columns.
 
-    By the Cholesky factor of their products: a little on its diagonal, and columns without information have a factor, too.
+    By the Cholesky factor of their products: with a little on its diagonal, columns without information have one, too.
     """
     products = columns.T @ columns
     products[np.diag_indices_from(products)] += _TINY * products.diagonal().max(initial=1.0)
