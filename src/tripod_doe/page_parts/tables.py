@@ -56,8 +56,12 @@ class ParameterRow:
     unit: str
     meaning: str
     source: str
-    assumed: bool
     group: str = ""
+
+    @property
+    def assumed(self) -> bool:
+        """Whether the paper does not print its value; the source then says what the value rests on, if on anything."""
+        return self.source.startswith("assumed")
 
 
 def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
@@ -196,7 +200,6 @@ def factor_rows(cube: xr.Dataset) -> list[ParameterRow]:
                 factor_unit(cube, name),
                 str(attrs.get("long_name", "")),
                 source,
-                source == "assumed",
             )
         )
     return rows
@@ -223,11 +226,9 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
             p = known[name]
             follows = f"as {p.follows}" if p.follows in given else p.source
             unit, source = unit_text(p.unit), THIS_STUDY if name in given else follows
-            row = ParameterRow(
-                name, symbol(p.symbol), _text(value), unit, p.meaning, source, source == "assumed", p.group
-            )
+            row = ParameterRow(name, symbol(p.symbol), _text(value), unit, p.meaning, source, p.group)
         else:
-            row = ParameterRow(name, Markup(""), _text(value), "", where, THIS_STUDY, False, "parameters")
+            row = ParameterRow(name, Markup(""), _text(value), "", where, THIS_STUDY, "parameters")
         rows.append(row)
     return [(group, list(members)) for group, members in groupby(rows, key=lambda row: row.group)]
 

@@ -107,10 +107,7 @@ def _label(cube: xr.Dataset, dims: list[Any], at: int, sizes: list[int]) -> str:
 
 def _parameters(cube: xr.Dataset) -> Sheet:
     grouped = [row for _, rows in fixed_rows(cube) for row in rows]
-    rows = [
-        (row.name, row.value, row.unit, row.meaning, "assumed" if row.assumed else row.source)
-        for row in (*factor_rows(cube), *grouped)
-    ]
+    rows = [(row.name, row.value, row.unit, row.meaning, row.source) for row in (*factor_rows(cube), *grouped)]
     return Sheet("Parameters", ("Parameter", "Value", "Unit", "Meaning", "Source"), rows)
 
 

@@ -147,7 +147,9 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     assert len(heads) == len(table[0])
     assert not any("furthest" in sentence for sentence in contribution_findings(third))
     off = contribution_findings(third)[1]
-    assert off.endswith(f"; they add up to {percent(100 - third.closure)} (analysis c).")
+    first, second = (percent(100 - third.closure[at : at + 1]) for at in (0, 1))
+    assert off.endswith(f"; they add up to {first} / {second} (analysis c).")
+    assert "(what is lost without it), at 5 deg / 10 deg: groove sliding " in off
     assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2
 
 

@@ -10,11 +10,12 @@ from tripod_doe.analyses.contribution.shares import (
     CHANGES,
     DEFINITIONS,
     Contribution,
+    at_each,
     contributions,
     percent,
     signed,
     spread,
-    summarised,
+    stated_over,
 )
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
@@ -103,19 +104,18 @@ def _changes(part: Contribution) -> list[str]:
     key = next((key for key in CHANGES if key in part.changes), "")
     if not key or not np.isfinite(part.changes[key]).any():
         return []
-    sides = part.sides
+    sides = {side: rows & part.shared for side, rows in part.sides.items()}
     known = {side: part.changes[key][rows] for side, rows in sides.items()}
     size = np.array([np.nanmax(np.abs(column), initial=0.0) for column in part.changes[key].T])
     text = []
     for at in np.argsort(-size, kind="stable"):
-        values = [f"{signed(values[:, at])}{f' ({side})' if side else ''}" for side, values in known.items()]
+        values = [f"{at_each(values[:, at], signed)}{f' ({side})' if side else ''}" for side, values in known.items()]
         text.append(f"{spoken(part.mechanisms[at])} {' and '.join(values)}")
     one = "friction" if set(part.mechanisms) <= set(MECHANISMS) else "mechanism"  # a function has names of its own
     what = {"change_halved": f"half of one {one} alone", "change_off": f"one {one} alone switched off"}[key]
-    count = max(int(part.shared[rows].sum()) for rows in sides.values())
-    each = " each" * (len(sides) > 1)
-    text_of = summarised(count).replace("operating points", f"points{each}")
-    many = f"; {text_of}" if len(part.labels) > len(sides) else ""
+    over = {side: stated_over(part, rows) for side, rows in sides.items()}
+    each = ", ".join(f"{side} {text}".lstrip() for side, text in over.items() if text)
+    many = f"; {each}" if each else ""
     whole = f" ({part.amplitude})" if part.amplitude else ""
     return [f"With {what}, {part.what}{whole} changes by: {', '.join(text)}{many} (analysis {part.analysis})."]
 
@@ -123,18 +123,20 @@ def _changes(part: Contribution) -> list[str]:
 def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str:
     """The shares at the operating points of drive or of coast, where friction may help, or at all of them."""
     leading = part.leading
+    rows = rows & part.shared
     values = part.shares[leading][rows]
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
     ranked = [int(at) for at in np.argsort(-np.nan_to_num(median), kind="stable")]
     opposing = (np.nanmax(np.where(known, values, 0.0), axis=0) < -_PRINTED) & known  # wherever it is known
-    text = [f"{spoken(part.mechanisms[at])} {percent(values[:, at])}" for at in ranked if not opposing[at]]
-    against = [f"{spoken(part.mechanisms[at])} with {percent(values[:, at])}" for at in ranked if opposing[at]]
+    text = [f"{spoken(part.mechanisms[at])} {at_each(values[:, at], percent)}" for at in ranked if not opposing[at]]
+    against = [f"{spoken(part.mechanisms[at])} with {at_each(values[:, at], percent)}" for at in ranked if opposing[at]]
     opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
     closure = ""
     if leading == "share_off" and spread(part.closure[rows]):
-        closure = f"; they add up to {percent(100 - part.closure[rows])}"
-    over = f", {summarised(int(part.shared[rows].sum()))}" if rows.sum() > 1 else ""
+        closure = f"; they add up to {at_each(100 - part.closure[rows], percent)}"
+    points = stated_over(part, rows)
+    over = f", {points}" if points else ""
     size = f" ({part.amplitude})" if part.amplitude and not side else ""
     return (
         f"Of {part.what}{size}{f' in {side}' if side else ''}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "

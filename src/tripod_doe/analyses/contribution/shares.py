@@ -1,8 +1,9 @@
 """Contributions of the mechanisms by every definition, as tables and sentences beside the paper's."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 import pandas as pd
@@ -120,11 +121,18 @@ class Contribution:
         return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
 
 
-def summarised(count: int) -> str:
-    """How shares at some operating points are stated."""
-    if count >= _MANY:
-        return f"median (and quartiles) over {count:,} operating points"
-    return f"smallest to largest at {count} operating points"
+def stated_over(part: Contribution, rows: NDArray[np.bool_]) -> str:
+    """Operating points of a statement in words, in the order of its values by `at_each`; empty if no more are there."""
+    labels = [*compress(part.labels, rows)]
+    if len(labels) >= _MANY:
+        return f"median (and quartiles) over {len(labels):,} operating points"
+    return f"at {' / '.join(labels)}" if len(part.labels) > len(part.sides) else ""
+
+
+def at_each(values: FloatArray, text: Callable[[FloatArray], str]) -> str:
+    """Percent at each of a few operating points, or one value where all print alike; of many the quartiles."""
+    each = [text(values[at : at + 1]) for at in range(values.size)]
+    return " / ".join(each) if values.size < _MANY and len(set(each)) > 1 else text(values)
 
 
 def contributions(analyses: Mapping[str, xr.Dataset]) -> list[Contribution]:
