@@ -436,7 +436,31 @@ def test_the_package_is_the_command_too(monkeypatch, capsys):
     assert capsys.readouterr().out.startswith("tripod-doe ")
 
 
-def test_a_second_variable_of_a_query_is_refused(capsys):
-    """Regression: the first one was dropped in silence."""
-    assert main(["query", "cube.nc", "--variable", "thrust_rms", "--variable", "outcome"]) == 2
-    assert "--variable outcome: give one; query each variable by itself" in capsys.readouterr().err
+def test_variables_of_a_query_stand_beside_each_other(capsys, tmp_path):
+    """Regression: the first one was dropped in silence, then a second one refused."""
+    study = {
+        "study": {"name": "two"},
+        "base": {"model": "equilibrium"},
+        "factors": {"joint_angle_deg": {"values": [4, 8]}},
+    }
+    td.run(study, out=tmp_path / "out", workers=0, progress=False)
+    asked = ["query", str(tmp_path / "out"), "--variable"]
+    both = [*asked, "trust", "--variable", "thrust_amplitude", "--select", "order=2,3", "--format", "json"]
+    assert main(both) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [*rows[0]] == ["joint_angle_deg", "order", "trust", "thrust_amplitude", "outcome"]
+    assert main([*asked, "thrust_amplitude", "--select", "order=2,3", "--format", "json"]) == 0
+    assert [{name: row[name] for name in row if name != "trust"} for row in rows] == json.loads(capsys.readouterr().out)
+    assert main([*both[:-2], "--output", str(tmp_path / "both.nc")]) == 0
+    with xr.open_dataset(tmp_path / "both.nc") as answer:
+        assert {"trust", "thrust_amplitude"} <= set(answer.data_vars)
+    assert main([*asked, "thrust_amplitude", "--variable", "thrust"]) == 2
+    assert "thrust lies along joint_angle_deg, rotation_deg: query each by itself" in capsys.readouterr().err
+
+
+def test_many_names_are_not_listed_in_a_message(capsys):
+    """Regression: an unknown output listed all 46."""
+    assert main(["simulate", "--variable", "unknown"]) == 2
+    error = capsys.readouterr().err
+    assert error.count(", ") == 9
+    assert "; the most similar of " in error

@@ -17,7 +17,9 @@ MOST_MESSAGES = 20
 """Messages about one file."""
 
 _FEW = 16  # names that can still be read at a glance
+_MANY = 20  # names above which only similar ones are listed
 _MOST_MEANT = 4
+_MOST_SIMILAR = 10
 _NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight; one or two in a word of four
 _LONGEST_LINE = 4_000  # characters
 _MOST_LINES = 200
@@ -117,13 +119,16 @@ def near_match(name: str, known: Iterable[str]) -> str:
     """Say which known name was probably meant, as the end of a sentence.
 
     Returns:
-        ``"; did you mean 'rollers'? allowed: equilibrium, rollers, needles"``; many names are not listed beside a near
-        match, and no name gives an empty string.
+        ``"; did you mean 'rollers'? allowed: equilibrium, rollers, needles"``; of many names the near match alone, or
+        the ten most similar ones; no name gives an empty string.
     """
     names = list(known)
     meant = closest(name, names)
     if not names or (meant and len(names) > _FEW):
         return meant
+    if len(names) > _MANY:
+        similar = difflib.get_close_matches(name[:_LONGEST_NAME], names, n=_MOST_SIMILAR, cutoff=0.0)
+        return f"; the most similar of {len(names):,} names: {', '.join(similar)}"
     return f"{meant or ';'} allowed: {', '.join(names)}"
 
 

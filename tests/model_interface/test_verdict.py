@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
+from tripod_doe.model_interface.simulator import model_notes
 from tripod_doe.model_interface.verdict import LARGE_ERROR, VerdictCount, verdicts
+from tripod_doe.study.definition.scenes import load_simulator
 
 
 def errors(random, count):
@@ -71,3 +73,32 @@ def test_a_reason_is_that_of_the_worst_points():
     )
     assert not VerdictCount().sentences()
     assert re.match("its value is known exactly", verdicts(block).reasons[7])
+
+
+def test_a_doubtful_verdict_names_the_cheapest_sure_model_and_its_price():
+    """Regression: it named the finest model, where one of a tenth of the price was sure."""
+    simulator = load_simulator("joint")
+    columns = simulator.columns({"torque_n_m": 50.0}, {"joint_angle_deg": np.array([1.0, 8.0, 0.02])}, 3)
+    trust = verdicts(simulator.model_errors(columns)).trust
+    models, prices = simulator.surer_models(columns, {}, trust)
+    assert models.tolist() == ["rollers", "", "needles"]
+    assert prices == {model: simulator.recorded_price({"model": model}) for model in ("rollers", "needles")}
+    for model in ("rollers", "needles"):  # it is sure, and no cheaper finer one is
+        chosen = models == model
+        finer = simulator.model_errors(
+            {name: column[chosen] for name, column in columns.items()} | {"model": models[chosen]}
+        )
+        assert (verdicts(finer).trust == Trust.SURE).all()
+    sentence, *_ = model_notes(simulator, {name: column[:1] for name, column in columns.items()}, {})
+    assert sentence.endswith('; check it with model = "rollers" (sure there, about 0.2 s of CPU time).')
+    sentence, *_ = model_notes(simulator, columns, {})
+    assert 'check some of these with model = "' in sentence
+    assert "(sure at 1 of them, about " in sentence
+
+
+def test_a_run_with_a_large_numerical_error_is_sent_to_the_finest_model():
+    simulator = load_simulator("joint")
+    columns = simulator.columns({}, {"joint_angle_deg": np.array([10.0])}, 1)
+    outputs = {"thrust_amplitude": np.full((1, 13), 10.0), "thrust_amplitude_error": np.full((1, 13), 2.0)}
+    sentence, *_ = model_notes(simulator, columns, outputs)
+    assert sentence.endswith('above 5 %; check it with model = "needles".')

@@ -10,21 +10,15 @@ from tripod_doe.cli.parser import DONE, Command, Parser, add_cube, add_selection
 from tripod_doe.errors import InputError
 
 
-class _Once(argparse.Action):
-    """A flag that may be given only once; argparse would silently keep the last value."""
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, flag: str | None = None
-    ) -> None:
-        """Take the value, or end with a message if there is already one."""
-        if getattr(namespace, self.dest) is not None:
-            parser.error(f"{flag} {values}: give one; query each variable by itself")
-        setattr(namespace, self.dest, values)
-
-
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     add_cube(parser)
-    parser.add_argument("--variable", metavar="NAME", required=True, action=_Once, help="variable to print")
+    parser.add_argument(
+        "--variable",
+        metavar="NAME",
+        required=True,
+        action="append",
+        help="variable to print; may be repeated, for variables along the same dimensions",
+    )
     add_selection(parser, "a value, a list a,b,c or a range a:b of a coordinate")
     parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
     parser.add_argument(
@@ -59,13 +53,15 @@ def _run(options: argparse.Namespace) -> int:
     if form == "xlsx" and options.output is None:
         raise InputError("--format xlsx needs --output FILE")
     with opened_arrays(options.cube) as cube:
-        if options.variable not in cube.variables and (files := analyses_with(options.cube, options.variable)):
-            raise InputError(f"--variable {options.variable}: this variable stands in {' and '.join(map(str, files))}")
-        columns = records(cube, options.variable, options.select, options.nearest, options.where)
+        for name in options.variable:
+            if name not in cube.variables and (files := analyses_with(options.cube, name)):
+                raise InputError(f"--variable {name}: this variable stands in {' and '.join(map(str, files))}")
+        variable, *beside = options.variable
+        columns = records(cube, variable, options.select, options.nearest, options.where, beside)
         for note in cube.model_notes[:1]:  # the verdict; the report gives the reasons
             if Trust.DOUBTFUL.label in note:
                 print(note, file=sys.stderr)
-        if columns[options.variable].size == 0:
+        if columns[variable].size == 0:
             print(unmet(cube, options.select), file=sys.stderr)
     if form == "xlsx":
         return _write_workbook(options, columns)
@@ -86,7 +82,8 @@ def _query_netcdf(options: argparse.Namespace) -> int:
 
     if options.output is None:
         raise InputError("--format netcdf needs --output FILE")
-    answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
+    variable, *beside = options.variable
+    answer = query(options.cube, variable, options.select, options.nearest, options.where, beside)
     write_dataset(narrowed(answer), options.output)
     return DONE
 
@@ -95,7 +92,7 @@ def _write_workbook(options: argparse.Namespace, columns: dict[str, Any]) -> int
     from tripod_doe.atomic_files import replace_file
     from tripod_doe.reports.workbook import answer_workbook
 
-    asked = {"variable": options.variable, "select": ", ".join(options.select), "where": options.where or ""}
+    asked = {"variable": ", ".join(options.variable), "select": ", ".join(options.select), "where": options.where or ""}
     data = answer_workbook(options.cube, columns, asked)
     with replace_file(options.output) as fresh:
         fresh.write_bytes(data)

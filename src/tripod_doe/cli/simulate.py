@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format, parameter_value
 from tripod_doe.cli.view import add_against, against
-from tripod_doe.errors import InputError, closest
+from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import duration
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:
     """The outputs to print; the scene must have each of them."""
     for name in names or ():
         if name not in simulator.outputs:
-            near = closest(name, simulator.outputs) or f": {', '.join(simulator.outputs)}"
+            near = near_match(name, simulator.outputs)
             raise InputError(f"--variable {name}: the scene {simulator.name} has no such output{near}")
     return list(names or ())
 

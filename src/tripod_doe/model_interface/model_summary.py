@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -75,6 +75,11 @@ class ModelSummary:
             self._outside[key] += int(departure.outside.sum())
             self._values[key] = _widened(self._values.get(key, (np.inf, -np.inf)), departure.values)
         return self._verdicts.add(errors, numerical)
+
+    def add_checks(self, models: NDArray[np.object_], prices: Mapping[str, float]) -> None:
+        """Count the models that doubtful points can be checked with; see `Simulator.surer_models`."""
+        self._verdicts.checks.update(name for name in models.tolist() if name)
+        self._verdicts.prices |= prices
 
     @property
     def models(self) -> list[str]:

@@ -14,12 +14,13 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface.block import BlockResult
 from tripod_doe.model_interface.candidate import Candidate
-from tripod_doe.model_interface.known_error import ModelErrors
+from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
 from tripod_doe.model_interface.model_summary import ModelSummary
 from tripod_doe.model_interface.outcome import Outcome
 from tripod_doe.model_interface.output import Dimension, Output
 from tripod_doe.model_interface.parameter import Parameter, Value, is_set
 from tripod_doe.model_interface.required_accuracy import Accuracy
+from tripod_doe.model_interface.verdict import Trust, verdicts
 
 Methods = Mapping[str, Mapping[str, float]]
 """Methods of a model by name, the default first: the numerics parameters that each uses, with their defaults."""
@@ -147,6 +148,40 @@ class Simulator(ABC):
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
         """Relative numerical error that runs report of the quantity of `model_errors`, shape (point,); None without."""
         return None
+
+    def surer_models(
+        self, points: Mapping[str, NDArray[Any]], outputs: Mapping[str, NDArray[Any]], trust: NDArray[np.int8]
+    ) -> tuple[NDArray[np.object_], dict[str, float]]:
+        """The cheapest model that is sure at each doubtful point.
+
+        Points that are doubtful by the numerical error of their run get none: another model may have as large a one.
+
+        Args:
+            points, outputs: As for `model_errors`.
+            trust: `Trust` in each point, shape (point,).
+
+        Returns:
+            Names, shape (point,), empty at other points and where no finer model is sure; and the recorded prices of
+            these models (CPU seconds of a point).
+        """
+        names, prices = np.full(trust.size, "", object), dict[str, float]()
+        inexact, left = self.numerical_errors(outputs), trust == Trust.DOUBTFUL
+        if inexact is not None:
+            left &= ~(inexact > NOTABLE_ERROR)
+        for rank, model in enumerate(self.model_names):
+            finer = np.flatnonzero(left & ~np.isin(points["model"], self.model_names[rank:]))
+            if not finer.size:
+                continue
+            there = {name: column[finer] for name, column in points.items()}
+            there["model"] = np.full(finer.size, model, object)
+            errors = self.model_errors(there, {name: values[finer] for name, values in outputs.items()})
+            sure = finer[verdicts(errors).trust == Trust.SURE] if errors else finer[:0]
+            names[sure], left[sure] = model, False
+            first = {name: column.tolist()[0] for name, column in there.items()}
+            price = self.recorded_price({name: value for name, value in first.items() if is_set(value)})
+            if price is not None:
+                prices[model] = price
+        return names, prices
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:
         """Recorded errors of the models at points similar to the given ones, for the quantities of a study.
@@ -291,7 +326,8 @@ def model_notes(
     if errors is None:
         return []
     summary = ModelSummary()
-    summary.add(errors, simulator.numerical_errors(outputs))
+    trust = summary.add(errors, simulator.numerical_errors(outputs))
+    summary.add_checks(*simulator.surer_models(points, outputs, trust))
     return summary.texts
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
-from tripod_doe.quantities import allowed_range, count_of
+from tripod_doe.quantities import allowed_range, count_of, duration
 
 LARGE_ERROR = 0.2
 """Relative error of a model; if one of ten similar points has more, the result is doubtful."""
@@ -109,6 +109,8 @@ class VerdictCount:
     quantity: str = ""
     finest: str = ""
     counts: Counter[tuple[Trust, str]] = field(default_factory=Counter)
+    checks: Counter[str] = field(default_factory=Counter)  # doubtful points by the cheapest model that is sure there
+    prices: dict[str, float] = field(default_factory=dict)  # CPU seconds of a point by these models, where recorded
 
     def add(self, errors: ModelErrors, numerical: FloatArray | None = None) -> NDArray[np.int8]:
         """Judge some points, count them, and return the `Trust` of each."""
@@ -136,10 +138,19 @@ class VerdictCount:
         reason, count = why.most_common(1)[0]
         since = f"mostly since {reason} ({count_of(count, 'point')})" if len(why) > 1 else f"since {reason}"
         if worst is Trust.DOUBTFUL:
-            since += f'; check {"it" if total == 1 else "some of these"} with model = "{self.finest}"'
+            since += f"; {self._check(total)}"
         if len(of_trust) > 1:
             parts = ", ".join(f"{trust.label} at {of_trust[trust]:,}" for trust in sorted(of_trust))
             since = since.removeprefix("mostly ")
             return [f"Verdict on the {self.quantity}: {parts} of {total:,} points{which}; {worst.label} {since}."]
         at = "" if total == 1 else f" at all {total:,} points{which}"
         return [f"Verdict on the {self.quantity}: {worst.label}{at}, {since}."]
+
+    def _check(self, total: int) -> str:
+        """What to check doubtful points with: the cheapest model that is sure at most of them, else the finest one."""
+        model, count = (self.checks or Counter({self.finest: 0})).most_common(1)[0]
+        notes = [f"sure {'there' if total == 1 else f'at {count:,} of them'}"] * bool(count)
+        if count and model in self.prices:
+            notes.append(f"about {duration(self.prices[model], 2)} of CPU time{'' if total == 1 else ' each'}")
+        named = f' with model = "{model}"' + (f" ({', '.join(notes)})" if notes else "")
+        return f"check {'it' if total == 1 else 'some of these'}{named}"

@@ -18,6 +18,7 @@ from datetime import datetime
 
 import pytest
 
+import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.notification import Notifier
@@ -29,6 +30,7 @@ from tripod_doe.service.runs.result_directory import ending_of, remove_report
 from tripod_doe.service.runs.run_table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.settings import Settings
+from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
 from tripod_doe.workflow.steps_file import STEPS, write_steps
 
@@ -116,6 +118,36 @@ def test_runs_wait_their_turn_and_a_stop_lets_the_next_one_go(start, tmp_path):
 def test_a_run_that_dies_is_failed_with_its_last_words(start, tmp_path):
     supervisor = start(ENDS.format("the disk is full"))
     assert wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message == "the disk is full"
+
+
+def test_a_run_says_what_it_does_after_its_last_point(start, tmp_path):
+    """Regression: it was "running" with all points ended, and said nothing."""
+    study = {
+        "study": {"name": "idle"},
+        "base": {"model": "equilibrium"},
+        "factors": {"joint_angle_deg": {"values": [4, 8, 12]}},
+    }
+    td.run(study, out=tmp_path / "out", workers=0, progress=False)
+    supervisor = start(SLEEP)
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+    for name in ("cube.nc", "cost.nc", "study.toml", "journal.sqlite"):
+        shutil.copy(tmp_path / "out" / name, supervisor.directory(run_id))
+    wait_for_message(supervisor, run_id, "all points have ended; now the analyses and the report are made")
+    (supervisor.directory(run_id) / "cube.nc").unlink()
+    wait_for_message(supervisor, run_id, "all points have ended; now the cube is written")
+    with Journal(supervisor.directory(run_id)) as journal:
+        journal.remember({"computing": "yes"})
+    wait_for_message(supervisor, run_id, "")
+    supervisor.stop(run_id)
+    assert wait(supervisor, run_id, State.STOPPED).message == ""
+
+
+def wait_for_message(supervisor, run_id, message, seconds=20):
+    until = time.monotonic() + seconds
+    while (found := supervisor.find(run_id)).message != message or found.counts.missing:
+        assert time.monotonic() < until, found
+        time.sleep(0.02)
 
 
 def test_a_run_killed_without_a_message_is_failed_and_says_so(start, tmp_path):

@@ -9,13 +9,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.errors import CubeError
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
+from tripod_doe.study.journal import COMPUTING, Journal
 from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
 
 _LEAST = 1_000_000  # free bytes that a run needs to end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
+_WRITES_CUBE = "all points have ended; now the cube is written"
+_MAKES_REPORT = "all points have ended; now the analyses and the report are made"
 _SILENT = "its process ended without a message; resume goes on at the next missing point"
 
 
@@ -40,6 +44,21 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
     if failed:  # of the studies that ended, what they were to look for is known
         return State.FAILED, "; ".join(filter(None, (*failed, found_sentences(directory))))
     return State.FAILED, last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
+
+
+def work_after_points(run: Run, counts: PointCounts, directory: Path) -> str:
+    """What a study at work does after its last point; empty before, and if it cannot be read now.
+
+    Workflows and searches say it in their steps.
+    """
+    if run.kind != "study" or counts.missing or (run.retry_failed and counts.failed):
+        return ""
+    with suppress(CubeError):
+        if not is_shown(directory):
+            with Journal(directory, read_only=True) as journal:
+                return "" if journal.recall(COMPUTING) == "yes" else _WRITES_CUBE
+        return _MAKES_REPORT
+    return ""
 
 
 def _is_full(directory: Path) -> bool:

@@ -24,7 +24,13 @@ from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
-from tripod_doe.service.runs.result_directory import ending_of, is_directory, remove_report, remove_stages
+from tripod_doe.service.runs.result_directory import (
+    ending_of,
+    is_directory,
+    remove_report,
+    remove_stages,
+    work_after_points,
+)
 from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
@@ -433,13 +439,15 @@ class Supervisor:
                 self._hasten(run_id)
             return
         counts, steps = progress.read()
+        doing = work_after_points(run, counts, directory) if alive else ""
         with self._lock:
             run = self._runs[run_id]
             if not run.state.alive:
                 return
             if alive:
-                if (counts, steps) != (run.counts, run.steps):
-                    self._show(run.changed(counts=counts, steps=steps, eta_seconds=progress.eta_seconds(counts)))
+                if (counts, steps, doing) != (run.counts, run.steps, run.message):
+                    eta = progress.eta_seconds(counts)
+                    self._show(run.changed(counts=counts, steps=steps, message=doing, eta_seconds=eta))
                 self._hasten(run_id)
                 return
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))

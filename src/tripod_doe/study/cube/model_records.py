@@ -66,9 +66,12 @@ class ModelRecords:
                 return {}
             numerical = self._study.simulator.numerical_errors(known)
             trust[chosen] = self._every.add(errors, numerical)
+            checks, prices = self._study.simulator.surer_models(columns, known, trust[chosen])
+            self._every.add_checks(checks, prices)
             if required := self._required():
                 own = np.all([columns[name] == value for name, value in required.items()], axis=0)
                 self._counted.add(errors.of(own), None if numerical is None else numerical[own])
+                self._counted.add_checks(checks[own], prices)
             expected[chosen], limit[chosen] = errors.expected, errors.limit
             of = _meaning(errors)
         judged = {TRUST: (trust, "how far the point can be trusted")} if rows.size else {}

@@ -3,11 +3,12 @@
 The cube is made elsewhere.
 """
 
-from tripod_doe.study.journal.damage import KERNELS, SHOWN, STUDY, STUDY_HASH, damage, text_digest
+from tripod_doe.study.journal.damage import COMPUTING, KERNELS, SHOWN, STUDY, STUDY_HASH, damage, text_digest
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.journal import PILOT, FinishedEnds, Journal, Mark, journal_path
 
 __all__ = [
+    "COMPUTING",
     "KERNELS",
     "PILOT",
     "SHOWN",

@@ -24,8 +24,8 @@ from tripod_doe.study.journal.rows import (
 )
 from tripod_doe.study.journal.sqlite_pages import logged_rows, stored_rows
 
-SHOWN, KERNELS = "shown", "kernel_source_hash"
-"""Notes: the state of the journal that the cube shows, and the kernels of new blocks."""
+SHOWN, KERNELS, COMPUTING = "shown", "kernel_source_hash", "computing"
+"""Notes: the state of the journal that the cube shows, the kernels of new blocks, and whether points are computed."""
 
 STUDY, STUDY_HASH = "study_digest", "study_hash"
 """Notes on the study: the digest of its text, and its hash, which its cube names, too."""

@@ -40,8 +40,9 @@ def query(
     select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
     where: str | None = None,
+    beside: Sequence[str] = (),
 ) -> xr.Dataset:
-    """Choose cells of one variable.
+    """Choose cells of one variable, or of several along the same dimensions.
 
     Args:
         cube: An open cube, or where it is.
@@ -50,18 +51,19 @@ def query(
             command line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.
         nearest: Take the nearest value of a coordinate where none matches.
         where: Condition on coordinates, scalar variables, the variable itself and ``outcome``; flags by their meanings.
+        beside: Names of further variables; those of fewer dimensions repeat their values.
 
     Returns:
-        The variable, the outcome of its points where the cube has one, and ``selected``: whether a cell meets `where`.
+        The variables, the outcome of its points where the cube has one, and ``selected``: whether a cell meets `where`.
 
     Raises:
         InputError: If a name is unknown, with the nearest known one. An empty answer is no error.
     """
     if isinstance(cube, str | Path):
         with opened_cube(cube) as data:
-            return query(data, variable, select, nearest, where).load()
+            return query(data, variable, select, nearest, where, beside).load()
     data = cube
-    chosen = _choose(cube_arrays(data), variable, select, nearest)
+    chosen = _choose(cube_arrays(data), variable, select, nearest, beside)
     answer = data[list(chosen.variables)].isel(chosen.rows)
     answer = answer.drop_vars([name for name in answer.coords if name not in chosen.coordinates])
     if where is None:
@@ -75,13 +77,14 @@ def records(
     select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
     where: str | None = None,
+    beside: Sequence[str] = (),
 ) -> Columns:
-    """Choose cells of one variable, as columns of equal length; see `query`.
+    """Choose cells of variables, as columns of equal length; see `query`.
 
     Returns:
-        The coordinates by name, the variable and the outcome; flags by their meanings.
+        The coordinates by name, the variables and the outcome; flags by their meanings.
     """
-    parts = [part.columns(where) for part in _choose(cube, variable, select, nearest).parts()]
+    parts = [part.columns(where) for part in _choose(cube, variable, select, nearest, beside).parts()]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -112,8 +115,8 @@ class _Choice:
     """Chosen cells of a cube: a variable, the variables beside it, and the rows along each dimension."""
 
     cube: CubeArrays  # the whole cube
-    variable: str  # the name of the variable
-    # variables, coordinates: the variable and the outcome, and the coordinates along the dimensions of the variable
+    variable: str  # the name of the variable, or of the one with the most dimensions
+    # variables, coordinates: the variables and the outcome, and the coordinates along the dimensions of the variable
     variables: Mapping[str, Variable]
     coordinates: Mapping[str, Variable]
     rows: Mapping[str, IntArray]  # selected positions by dimension; all positions of an unnamed dimension
@@ -231,17 +234,27 @@ def _positions(count: int, place: tuple[slice, ...]) -> IntArray:
 
 
 def _choose(
-    cube: CubeArrays, variable: str, select: Mapping[str, Chosen] | Sequence[Selection | str], nearest: bool
+    cube: CubeArrays,
+    variable: str,
+    select: Mapping[str, Chosen] | Sequence[Selection | str],
+    nearest: bool,
+    beside: Sequence[str] = (),
 ) -> _Choice:
-    if variable not in cube.variables:
-        outcome = cube.variables.get("outcome")
-        failed = outcome is not None and bool((outcome.values != Outcome.FINISHED).all())
-        without = ", of which no point finished" if failed else ""
-        why = f": {cube.left_out[variable]}" if variable in cube.left_out else near_match(variable, cube.variables)
-        raise InputError(f"{option('variable', variable)}: not in this cube{without}{why}")
+    names = list(dict.fromkeys((variable, *beside)))
+    for name in names:
+        if name not in cube.variables:
+            outcome = cube.variables.get("outcome")
+            failed = outcome is not None and bool((outcome.values != Outcome.FINISHED).all())
+            without = ", of which no point finished" if failed else ""
+            why = f": {cube.left_out[name]}" if name in cube.left_out else near_match(name, cube.variables)
+            raise InputError(f"{option('variable', name)}: not in this cube{without}{why}")
+    variable = max(names, key=lambda name: len(cube.variables[name].dims))
     dims = set(cube.variables[variable].dims)
-    along = {name: other for name, other in cube.variables.items() if set(other.dims) <= dims}
-    shown = {name: along[name] for name in (variable, "outcome") if name in along}
+    if other := next((name for name in names if not set(cube.variables[name].dims) <= dims), None):
+        ends = " and ".join(f"{name} lies along {', '.join(cube.variables[name].dims)}" for name in (variable, other))
+        raise InputError(f"{option('variable', other)}: {ends}: query each by itself")
+    known = "outcome" in cube.variables and set(cube.variables["outcome"].dims) <= dims
+    shown = {name: cube.variables[name] for name in dict.fromkeys((*names, *["outcome"] * known))}
     coordinates = {name: labels for name, labels in cube.coordinates.items() if set(labels.dims) <= dims}
     rows: dict[str, IntArray] = {}
     for selection in selections(select):
@@ -269,9 +282,9 @@ def narrowed(answer: xr.Dataset) -> xr.Dataset:
     """An answer as a cube: cells that a condition left out are NaN."""
     if "selected" not in answer:
         return answer
-    variable = str(next(iter(answer.data_vars)))
-    kept = answer[variable].where(answer["selected"])
-    return answer.drop_vars("selected").assign({variable: kept})
+    variables = answer.drop_vars(["selected", "outcome"], errors="ignore").data_vars
+    kept = {name: variable.where(answer["selected"]) for name, variable in variables.items()}
+    return answer.drop_vars("selected").assign(kept)
 
 
 def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> str:

@@ -22,7 +22,7 @@ from tripod_doe.quantities import size
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.writing import StoredResults, write_cube
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
+from tripod_doe.study.journal import COMPUTING, KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.study.result_directory.open_cube import opened_cube
@@ -32,7 +32,6 @@ from tripod_doe.study.result_directory.stored_study import DERIVED, STORED, keep
 from tripod_doe.study.study_points import StudyPoints
 
 _SPARE_BYTES = 20_000_000
-_COMPUTING = "computing"  # note in the journal
 
 
 def make_directory(path: str | Path) -> Path:
@@ -148,12 +147,12 @@ class ResultDirectory:
 
         The next run then keeps a point that ends its process away from this one.
         """
-        died = self._journal.recall(_COMPUTING) == "yes"
-        self._journal.remember({_COMPUTING: "yes"})
+        died = self._journal.recall(COMPUTING) == "yes"
+        self._journal.remember({COMPUTING: "yes"})
         try:
             yield died
         finally:
-            self._journal.remember({_COMPUTING: "no"})
+            self._journal.remember({COMPUTING: "no"})
 
     def read(self, asked: StudyPoints) -> xr.Dataset:
         """Cube and costs of some points from all finished blocks; nothing is written."""
