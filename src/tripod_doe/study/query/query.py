@@ -253,8 +253,9 @@ def _choose(
     if other := next((name for name in names if not set(cube.variables[name].dims) <= dims), None):
         ends = " and ".join(f"{name} lies along {', '.join(cube.variables[name].dims)}" for name in (variable, other))
         raise InputError(f"{option('variable', other)}: {ends}: query each by itself")
-    known = "outcome" in cube.variables and set(cube.variables["outcome"].dims) <= dims
-    shown = {name: cube.variables[name] for name in dict.fromkeys((*names, *["outcome"] * known))}
+    if "outcome" in cube.variables and set(cube.variables["outcome"].dims) <= dims:
+        names.append("outcome")
+    shown = {name: cube.variables[name] for name in names}
     coordinates = {name: labels for name, labels in cube.coordinates.items() if set(labels.dims) <= dims}
     rows: dict[str, IntArray] = {}
     for selection in selections(select):
