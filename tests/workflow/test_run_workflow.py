@@ -437,7 +437,7 @@ def test_pages_of_workflows_and_their_reports_hold_question_and_answer(bench):
         ("analyses/sensitivity/sobol.py", {"analysis", "figure", "report"}),
         ("measurements/measurement.py", {"analysis", "figure", "report"}),
         ("page_parts/page.html", {"figure", "report"}),
-        ("reports/study.py", {"figure", "report"}),
+        ("reports/study_report.py", {"figure", "report"}),
     ],
 )
 def test_steps_are_made_again_when_the_code_that_makes_them_changes(tmp_path, monkeypatch, changed, kinds):

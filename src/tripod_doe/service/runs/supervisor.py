@@ -19,18 +19,12 @@ from typing import Any
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
-from tripod_doe.service.runs import processes
+from tripod_doe.service.runs import processes, result_directory
 from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
-from tripod_doe.service.runs.result_directory import (
-    ending_of,
-    is_directory,
-    remove_report,
-    remove_stages,
-    work_after_points,
-)
+from tripod_doe.service.runs.result_directory import ending_of, is_directory, remove_report, remove_stages
 from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
@@ -439,7 +433,7 @@ class Supervisor:
                 self._hasten(run_id)
             return
         counts, steps = progress.read()
-        doing = work_after_points(run, counts, directory) if alive else ""
+        doing = result_directory.work_after_points(run, counts, directory) if alive else ""
         with self._lock:
             run = self._runs[run_id]
             if not run.state.alive:

@@ -51,7 +51,7 @@ def query(
             command line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.
         nearest: Take the nearest value of a coordinate where none matches.
         where: Condition on coordinates, scalar variables, the variable itself and ``outcome``; flags by their meanings.
-        beside: Names of further variables; those of fewer dimensions repeat their values.
+        beside: Names of further variables; values of one with fewer dimensions are repeated.
 
     Returns:
         The variables, the outcome of its points where the cube has one, and ``selected``: whether a cell meets `where`.
