@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 from scipy.spatial.transform import Rotation
 
-from tripod_doe.joint.geometry.feasibility import misfits, room_for_needles
+from tripod_doe.joint.geometry.feasibility import infeasible, misfits, room_for_needles
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.model_interface import Outcome
@@ -112,3 +118,36 @@ def test_rollers_overlap_where_points_of_one_lie_in_its_neighbour(internal_point
     reach = np.sqrt(3) * y - 3 * x  # beyond the plane between them
     if abs(reach.max()) > 0.3:  # the grid is as fine as that
         assert bool(overlap) == bool(both.any())
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    speed=st.one_of(st.just(0.0), st.floats(1e-4, 10_000)),
+    angle=st.one_of(st.just(0.0), st.floats(1e-5, 1.0)),
+    pitch_radius=st.floats(12, 60),
+    ratio=st.floats(0.01, 1),
+)
+def test_what_parts_at_rest_are_advised_to_is_in_range_and_helps(speed, angle, pitch_radius, ratio):
+    """Near a straight joint hundreds of thousands of rpm were advised."""
+    at = {"pitch_radius_mm": pitch_radius, "transition_ratio": ratio}
+    own = {"speed_rpm": speed, "joint_angle_deg": angle}
+    slow = infeasible(point_values(at | own)).get(0)
+    if slow is None or slow[0] is not Outcome.OUT_OF_RANGE:
+        return
+    advised = {name: float(value) for name, value in re.findall(r"(\w+) to at least ([\d.e+-]*\d)", slow[1])}
+    for name, value in advised.items():
+        JOINT_PARAMETERS[name].check(value)
+        raised = infeasible(point_values(at | own | {name: value})).get(0)
+        assert raised is None or raised[0] is not Outcome.OUT_OF_RANGE
+        assert infeasible(point_values(at | own | {name: 0.9 * value}))
+    for name in own.keys() - advised.keys() if angle else ():
+        assert infeasible(point_values(at | own | {name: JOINT_PARAMETERS[name].high}))
+
+
+@pytest.mark.parametrize(("count", "possible"), [(28, True), (48, False)])
+def test_a_larger_pitch_circle_is_advised_where_its_bore_fits_into_the_roller(internal_points, count, possible):
+    (reason, *_) = reasons(internal_points, needle_count=count)
+    advised = re.search(r"raise needle_pitch_diameter_mm to ([\d.]+)", reason)
+    assert bool(advised) == possible
+    if advised:
+        assert not reasons(internal_points, needle_count=count, needle_pitch_diameter_mm=float(advised[1]))

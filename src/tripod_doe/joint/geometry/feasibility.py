@@ -20,13 +20,15 @@ thrust are too small.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.derived_constants.contact_pressure import needle_pressure
 from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
-from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
+from tripod_doe.joint.geometry.transition_velocities import slides_too_slowly
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import BOTH
 from tripod_doe.model_interface import Outcome
@@ -37,6 +39,10 @@ _STATIC_PRESSURE = 4000.0
 
 _EXPONENT = 10 / 9
 
+_SLIDING = {"speed_rpm": ("speed", np.pi / 30), "joint_angle_deg": ("joint_angle", np.pi / 180)}
+"""Parameters on which slips depend, with their fields and the factors to internal units."""
+_HALVINGS = 40
+
 
 def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]]:
     """Points that no model can run, with outcome and reason."""
@@ -44,21 +50,37 @@ def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]
     reasons: dict[int, tuple[Outcome, str]] = {int(row): (Outcome.OUT_OF_RANGE, BOTH) for row in both}
     for row, reason in misfits(points):
         reasons.setdefault(row, (Outcome.JAMMED, reason))
-    enough = least_speed(points) * 30 / np.pi
     for slow in map(int, np.flatnonzero(slides_too_slowly(points))):
-        reasons.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(float(enough[slow]))))
+        reasons.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(points.take(slice(slow, slow + 1)))))
     return reasons
 
 
-def _too_slow(enough: float) -> str:
-    """The reason why a point has no thrust to compute, and the lowest speed in rpm at which it has."""
-    raised = "raise speed_rpm"
-    if np.isfinite(enough):
-        raised += f" to at least {rounded_up(enough)}, or joint_angle_deg"
+def _too_slow(point: JointValues[FloatArray]) -> str:
+    """The reason why a point has no thrust, and the least speed or angle within its range at which it has one."""
+    straight = bool(point.joint_angle[0] == 0)  # any speed does
+    least = {} if straight else {name: _least(point, name) for name in _SLIDING}
+    ways = " or ".join(f"{name} to at least {rounded_up(value)}" for name, value in least.items() if value is not None)
     return (
         "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
-        f"rad/s): {raised}; compute the quasi-static thrust at a low speed"
+        f"rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; the quasi-static thrust is "
+        "that of a low speed, and a straight joint has none"
     )
+
+
+def _least(point: JointValues[FloatArray], name: str) -> float | None:
+    """Least value of a parameter at which no part slides too slowly; None if all of its range is too low."""
+    field, unit = _SLIDING[name]
+
+    def slow(value: float) -> bool:
+        return bool(slides_too_slowly(replace(point, **{field: np.full(1, value * unit)}))[0])
+
+    low, high = 0.0, JOINT_PARAMETERS[name].high
+    if slow(high):
+        return None
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if slow(middle) else (low, middle)
+    return high
 
 
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
@@ -79,10 +101,12 @@ def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
 
     def too_many(i: int) -> str:
         most = int(most_needles(needle[i], pitch[i]))
+        larger = _smallest_pitch(points, i)
+        fits = larger + needle[i] + 2 * points.bearing_radial_clearance[i] < 2 * points.roller_radius[i]
         return (
-            f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm, or "
-            f"raise needle_pitch_diameter_mm to {_smallest_pitch(points, i):.2f} or more "
-            f"({points.needle_count[i]:g} needles of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
+            f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm"
+            + f", or raise needle_pitch_diameter_mm to {larger:.2f} or more" * bool(fits)
+            + f" ({points.needle_count[i]:g} needles of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
         )
 
     def no_wall(i: int) -> str:

@@ -45,30 +45,16 @@ def transition_velocities(values: JointValues[Any]) -> Transition:
     return Transition(*(np.maximum(velocity, _FLOOR) for velocity in astuple(_quarter_rule(values))))
 
 
-def least_speed(values: JointValues[FloatArray]) -> FloatArray:
-    """Lowest speed in rad/s at which no floor replaces the quarter rule, shape (point,); infinite without an angle."""
-    with np.errstate(divide="ignore"):
-        least: FloatArray = _FLOOR / np.min(astuple(_ideal_rule(values, np.ones_like(values.speed))), axis=0)
-    return least
-
-
 def slides_too_slowly(values: JointValues[FloatArray]) -> NDArray[np.bool_]:
     """Points where the floor replaces the quarter rule, shape (point,): friction there decreases with the slip.
 
     At 10 deg this holds below 0.22 rpm; at 0.02 rpm the thrust is half of its value at higher speeds. A straight joint
     does not slip: its thrust is zero by symmetry, and it is not included unless it stands still.
     """
-    ruled: FloatArray = np.array(astuple(_ideal_rule(values, values.speed)))
-    floored = np.any(ruled < _FLOOR, axis=0) & (values.joint_angle > 0)
+    unset = np.full_like(values.speed, np.nan)
+    ideal = _quarter_rule(replace(values, groove_transition_velocity=unset, needle_transition_velocity=unset))
+    floored = np.any(np.array(astuple(ideal)) < _FLOOR, axis=0) & (values.joint_angle > 0)
     return np.asarray(floored | (values.speed == 0), bool)
-
-
-def _ideal_rule(values: JointValues[FloatArray], speed: FloatArray) -> Transition:
-    """Transition velocities from ideal kinematics at a speed, without a floor; given values are ignored."""
-    unset = np.full_like(speed, np.nan)
-    return _quarter_rule(
-        replace(values, speed=speed, groove_transition_velocity=unset, needle_transition_velocity=unset)
-    )
 
 
 def _quarter_rule(values: JointValues[Any]) -> Transition:
