@@ -28,7 +28,6 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.derived_constants.contact_pressure import needle_pressure
 from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import slides_too_slowly
-from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import BOTH
 from tripod_doe.model_interface import Outcome
@@ -39,8 +38,8 @@ _STATIC_PRESSURE = 4000.0
 
 _EXPONENT = 10 / 9
 
-_SLIDING = {"speed_rpm": ("speed", np.pi / 30), "joint_angle_deg": ("joint_angle", np.pi / 180)}
-"""Parameters on which slips depend, with their fields and the factors to internal units."""
+_SLIDING = {"speed_rpm": ("speed", np.pi / 30, 10_000.0), "joint_angle_deg": ("joint_angle", np.pi / 180, 40.0)}
+"""Parameters on which slips depend: their fields, the factors to internal units, and the ends of their ranges."""
 _HALVINGS = 40
 
 
@@ -69,12 +68,12 @@ def _too_slow(point: JointValues[FloatArray]) -> str:
 
 def _least(point: JointValues[FloatArray], name: str) -> float | None:
     """Least value of a parameter at which no part slides too slowly; None if all of its range is too low."""
-    field, unit = _SLIDING[name]
+    field, unit, high = _SLIDING[name]
 
     def slow(value: float) -> bool:
         return bool(slides_too_slowly(replace(point, **{field: np.full(1, value * unit)}))[0])
 
-    low, high = 0.0, JOINT_PARAMETERS[name].high
+    low = 0.0
     if slow(high):
         return None
     for _ in range(_HALVINGS):
