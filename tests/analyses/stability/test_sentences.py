@@ -42,14 +42,15 @@ def borders():
 
 def test_sentences(borders):
     found = findings_of("borders", borders)
-    assert found[0].startswith("3 of 4 measured stability limits agree with the predicted ones within a factor of 2")
+    assert found[0].startswith("1 of 2 measured stability limits agree with the predicted ones within a factor of 2")
+    assert "; in 2 other cases all runs are right, as predicted; " in found[0]
     assert (
         found[1]
         == "Of 6 runs that are not right, 3 did not finish and 3 finished with a wrong result, at worst 25 % off."
     )
     assert found[2] == (
         "symplectic-euler: needle mass factor 4 measured 10 ns to 20 ns, predicted 40 ns. "
-        "At the needle mass factor 4 the first run beyond it finished with a wrong result."
+        "At needle mass factor 4 the first run beyond it finished with a wrong result."
     )
 
 
@@ -97,6 +98,7 @@ def test_defaults_are_measured_against_their_limits(borders, seed):
     """Exact by its meaning: any default lies below, above or between, and a missing one is not named."""
     random = np.random.default_rng(seed)
     defaults = np.where(random.random(2) < 0.2, np.nan, random.choice([3e-9, 1.5e-8, 3e-8, 9e-8], 2))
+    defaults[1] = random.choice([3e-9, 9e-8])  # a method without a limit: within, or beyond the steps tried
     told = findings_of("joint_borders", borders.assign(default_setting=("method", defaults)))
     base = borders.isel(case=0)
     for at, default in enumerate(defaults):
@@ -107,7 +109,10 @@ def test_defaults_are_measured_against_their_limits(borders, seed):
         if said and default <= low:
             assert f"{low / default:.2g} times " in said
             assert ("has no limit up to" in said) == np.isinf(high)
+        elif said and np.isinf(high):
+            assert "is larger than every step that was tried, up to 80 ns" in said
         elif said:
             assert ("times above it" in said) == (default >= high)
+    assert "measured at needle mass factor 1: " in told[0]
     assert all(sentence.startswith("Joint: ") for sentence in told[:3] if "measured" in sentence)
     assert len(set(told)) == len(told)

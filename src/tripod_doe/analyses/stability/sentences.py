@@ -51,11 +51,16 @@ def find_in_stability(borders: xr.Dataset, name: str = "") -> list[str]:
         else ""
     )
     where = f"{_scene(name)}: " if _scene(name) else ""
-    agreeing = f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured stability limits"
+    met = decided & np.isfinite(borders["border_high"].values)
+    agreeing = f"{int((agrees[met] == Agreement.YES).sum())} of {int(met.sum())} measured stability limits"
+    beyond = int((agrees[~met] == Agreement.YES).sum())
+    none = (
+        f"; in {beyond} other {'case' if beyond == 1 else 'cases'} all runs are right, as predicted" if beyond else ""
+    )
     sentences = [
         *_defaults(borders, where),
-        f"{where}{agreeing} agree with the predicted ones within a factor of {level(borders.attrs['factor'])}{spread}; "
-        f"a run counts as right within {level(100 * borders.attrs['limit'])} % of the reference.",
+        f"{where}{agreeing} agree with the predicted ones within a factor of {level(borders.attrs['factor'])}{spread}"
+        f"{none}; a run counts as right within {level(100 * borders.attrs['limit'])} % of the reference.",
     ]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
@@ -87,6 +92,7 @@ def _defaults(borders: xr.Dataset, where: str) -> list[str]:
     if "default_setting" not in borders:
         return []
     base = borders.isel(case=int(np.flatnonzero(borders["varied"].values == "base")[0]))
+    what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
     parts = []
     for m, method in enumerate(borders["method"].values.tolist()):
         row = base.isel(method=m)
@@ -97,16 +103,17 @@ def _defaults(borders: xr.Dataset, where: str) -> list[str]:
         if math.isfinite(low) and default <= low:
             times = number(low / default, 2)
             none = f"has no limit up to {border_text(borders, low)}, {times} times as large"
-            parts.append(f"{said} {none}" if math.isinf(high) else f"{said} is {times} times below it")
-        elif not math.isnan(high) and default >= high:
+            parts.append(f"{said} {none}" if math.isinf(high) else f"{said} is at least {times} times below it")
+        elif math.isinf(high):
+            parts.append(f"{said} is larger than every {what} that was tried, up to {border_text(borders, low)}")
+        elif default >= high:
             parts.append(f"{said} is {number(default / high, 2)} times above it, where runs fail or are wrong")
         elif math.isfinite(low):
             parts.append(f"{said} lies between the last right run and the first that is not")
     if not parts:
         return []
-    what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
     start = f"{where}the" if where else "The"
-    return [f"{start} default {what} of each method against its limit, measured at the base case: {'; '.join(parts)}."]
+    return [f"{start} default {what} of each method against its limit, measured at {_place(base)}: {'; '.join(parts)}."]
 
 
 def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
@@ -120,15 +127,16 @@ def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
     limited, below = Limit(int(first["limited_by"])), not float(first["border_low"]) >= float(first["border_predicted"])
     text = [_WHY[limited]] if limited in _WHY and not (below and limited is Limit.TOLERANCE) else []
     if below:
-        text.append(f"at the {_place(first)} {_first_failure(first)}")
+        text.append(f"at {_place(first)} {_first_failure(first)}")
     reason = "; ".join(text)
     return f"{first['method'].item()}: {seen}{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
 
 
 def _place(row: xr.Dataset) -> str:
-    """The base case, or the factor that differs from it."""
+    """The factor that differs from the base case, or all factors."""
     varied = str(row["varied"].item())
-    return "base case" if varied == "base" else _level(row, varied)
+    own = [str(name) for name in row.coords if name not in ("method", "case", "numerics", "varied")]
+    return ", ".join(_level(row, name) for name in ([varied] if varied in own else own)) or "the base case"
 
 
 def _first_failure(row: xr.Dataset) -> str:

@@ -61,8 +61,8 @@ def _too_slow(point: JointValues[FloatArray]) -> str:
     ways = " or ".join(f"{name} to at least {rounded_up(value)}" for name, value in least.items() if value is not None)
     return (
         "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
-        f"rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; the quasi-static thrust is "
-        "that of a low speed, and a straight joint has none"
+        f"rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; take a low speed for the "
+        "quasi-static thrust; a straight joint has none"
     )
 
 
