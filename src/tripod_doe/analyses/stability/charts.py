@@ -48,6 +48,8 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         else whole
     )
     methods = [str(name) for name in part["method"].values]
+    tried = (_classes(part) >= 0).any(axis=(0, 1))
+    part = part.isel(numerics=tried)
     classes = _classes(part)
     columns = min(_COLUMNS, len(methods))
     with panels(len(methods), columns, 2.9 if columns > 1 else 4.6, 2.5) as (figure, axes):

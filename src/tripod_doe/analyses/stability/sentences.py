@@ -52,16 +52,12 @@ def find_in_stability(borders: xr.Dataset, name: str = "") -> list[str]:
     )
     where = f"{_scene(name)}: " if _scene(name) else ""
     met = decided & np.isfinite(borders["border_high"].values)
-    agreeing = f"{int((agrees[met] == Agreement.YES).sum())} of {int(met.sum())} measured stability limits"
+    counted = f"{int((agrees[met] == Agreement.YES).sum())} of {int(met.sum())} measured stability limits"
+    agreeing = f"{counted} agree with the predicted ones within a factor of {level(borders.attrs['factor'])}{spread}; "
     beyond = int((agrees[~met] == Agreement.YES).sum())
-    none = (
-        f"; in {beyond} other {'case' if beyond == 1 else 'cases'} all runs are right, as predicted" if beyond else ""
-    )
-    sentences = [
-        *_defaults(borders, where),
-        f"{where}{agreeing} agree with the predicted ones within a factor of {level(borders.attrs['factor'])}{spread}"
-        f"{none}; a run counts as right within {level(100 * borders.attrs['limit'])} % of the reference.",
-    ]
+    none = f"in {beyond} {'other ' * bool(met.any())}{'case' if beyond == 1 else 'cases'} all runs are right, as predicted; "
+    right = f"a run counts as right within {level(100 * borders.attrs['limit'])} % of the reference."
+    sentences = [*_defaults(borders, where), where + agreeing * bool(met.any()) + none * bool(beyond) + right]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
     error = borders["error"].values[kind == RunKind.WRONG]
