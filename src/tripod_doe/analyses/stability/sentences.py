@@ -55,7 +55,8 @@ def find_in_stability(borders: xr.Dataset, name: str = "") -> list[str]:
     counted = f"{int((agrees[met] == Agreement.YES).sum())} of {int(met.sum())} measured stability limits"
     agreeing = f"{counted} agree with the predicted ones within a factor of {level(borders.attrs['factor'])}{spread}; "
     beyond = int((agrees[~met] == Agreement.YES).sum())
-    none = f"in {beyond} {'other ' * bool(met.any())}{'case' if beyond == 1 else 'cases'} all runs are right, as predicted; "
+    others = f"{'other ' * bool(met.any())}{'case' if beyond == 1 else 'cases'}"
+    none = f"in {beyond} {others} all runs are right, as predicted; "
     right = f"a run counts as right within {level(100 * borders.attrs['limit'])} % of the reference."
     sentences = [*_defaults(borders, where), where + agreeing * bool(met.any()) + none * bool(beyond) + right]
     kind = borders["run_kind"].values
