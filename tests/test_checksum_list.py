@@ -1,10 +1,12 @@
 """Text files of results: their checksums are written with them, and held before anything reads or delivers them."""
 
+import itertools
 import json
 import os
 import subprocess
 import threading
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -89,6 +91,41 @@ def test_a_pipe_in_place_of_the_list_is_refused(tmp_path, capsys):
         refuse_changed(tmp_path / "a.toml")
     assert main(["check", str(tmp_path)]) == 3
     assert "a pipe" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_a_kill_at_any_moment_damages_no_file(tmp_path, monkeypatch, count):
+    """Regression: after a kill between a file and its list, the file was "damaged or edited"."""
+    path, other = tmp_path / "base.toml", tmp_path / "other.toml"
+    write_listed(path, "old")
+    replace, calls = os.replace, itertools.count(1)
+
+    def killed(*places):
+        if next(calls) == count:
+            raise KeyboardInterrupt
+        replace(*places)
+
+    with monkeypatch.context() as patched, suppress(KeyboardInterrupt):
+        patched.setattr(os, "replace", killed)
+        write_listed(path, "new")
+    refuse_changed(path)
+    text = path.read_text()
+    assert text == ("new" if count > 2 else "old")
+    write_listed(other, "")
+    refuse_changed(path)
+    flip(path, text)
+    with pytest.raises(CubeError):
+        refuse_changed(path)
+
+
+def test_a_damaged_file_is_known_at_once(tmp_path):
+    """Regression: each look at the list of runs waited a second for the steps of a damaged one."""
+    path = write_listed(tmp_path / "steps.json", "[1]")
+    flip(path, "[1")
+    began = time.process_time(), time.monotonic()
+    assert is_changed(path)
+    assert time.process_time() - began[0] < 0.5
+    assert time.monotonic() - began[1] < 0.9
 
 
 def test_a_file_is_not_called_changed_while_it_is_written(tmp_path):

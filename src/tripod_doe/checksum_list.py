@@ -1,26 +1,29 @@
 """Checksums of the text files of results, in a list in their folder that ``sha256sum --check`` reads, too.
 
-A file and the list are replaced one after the other, so a reader may meet the file of one moment beside the list of
-another; it looks again before it calls a file damaged.
+The next list is written before the file, and replaces the list after it: at each moment, and after a kill at any, the
+file fits one of both. A file that fits none of them, while nothing is written, is damaged.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from tripod_doe.atomic_files import replace_file, replace_text
-from tripod_doe.errors import CubeError, option
+from tripod_doe.errors import CubeError, StorageError, option
 from tripod_doe.regular_files import refuse_irregular
 
 LIST = "checksums.sha256"
 """File of a folder of results."""
 
+_NEXT = f".{LIST}.next"  # the list that takes its place
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\n/]+)")
 _LARGEST = 1_000_000  # bytes of a list that are read
-_SETTLED, _PAUSE = 1.0, 0.05  # seconds without a change before a file is called damaged, and between two looks
+_PATIENCE = 1.0  # seconds for a look during which nothing is written
 
 
 def write_listed(path: Path, content: str | bytes) -> Path:
@@ -30,25 +33,42 @@ def write_listed(path: Path, content: str | bytes) -> Path:
         StorageError: If one of them cannot be written.
     """
     data = content.encode() if isinstance(content, str) else content
+    upcoming = _upcoming(path.parent) | {path.name: hashlib.sha256(data).hexdigest()}
+    listed = replace_text(path.with_name(_NEXT), "".join(f"{upcoming[name]}  {name}\n" for name in sorted(upcoming)))
     with replace_file(path) as fresh:
         fresh.write_bytes(data)
-    sums = checksums(path.parent) | {path.name: hashlib.sha256(data).hexdigest()}
-    replace_text(path.with_name(LIST), "".join(f"{sums[name]}  {name}\n" for name in sorted(sums)))
+    try:
+        os.replace(listed, path.with_name(LIST))
+    except OSError as error:
+        raise StorageError(f"{path.with_name(LIST)}: cannot write this file: {error.strerror}") from error
     return path
+
+
+def _upcoming(folder: Path) -> dict[str, str]:
+    """The checksums of a folder, with that of a file that a kill kept from the list."""
+    sums = checksums(folder)
+    for name, digest in _sums(folder / _NEXT).items():
+        path = folder / name
+        if digest != sums.get(name) and path.is_file() and _digest(path) == digest:
+            sums[name] = digest
+    return sums
 
 
 def checksums(folder: Path) -> dict[str, str]:
     """The checksums in the list of a folder, by the names of their files; lines that are damaged are left out."""
-    return {match[2]: match[1] for line in _lines(folder) if (match := _LINE.fullmatch(line))}
+    return _sums(folder / LIST)
 
 
 def damaged_lines(folder: Path) -> int:
     """Number of lines of the list of a folder that hold no checksum."""
-    return sum(_LINE.fullmatch(line) is None for line in _lines(folder))
+    return sum(_LINE.fullmatch(line) is None for line in _lines(folder / LIST))
 
 
-def _lines(folder: Path) -> list[str]:
-    path = folder / LIST
+def _sums(path: Path) -> dict[str, str]:
+    return {match[2]: match[1] for line in _lines(path) if (match := _LINE.fullmatch(line))}
+
+
+def _lines(path: Path) -> list[str]:
     refuse_irregular(path, CubeError)
     try:
         with path.open("rb") as stream:
@@ -62,27 +82,34 @@ def _lines(folder: Path) -> list[str]:
 
 def is_changed(path: Path) -> bool:
     """Whether a file does not fit its checksum; one that is missing, or has no checksum, is not changed."""
-    version, since = _version(path), time.monotonic()
-    while time.monotonic() < since + _SETTLED:
-        expected = checksums(path.parent).get(path.name)
-        if expected is None:
+    end = time.monotonic() + _PATIENCE
+    while True:
+        version, known = _version(path), checksums(path.parent).get(path.name)
+        if known is None:
             return False
         refuse_irregular(path, CubeError)
         try:
-            if hashlib.sha256(path.read_bytes()).hexdigest() == expected:
+            if _digest(path) in (known, _sums(path.with_name(_NEXT)).get(path.name)):
                 return False
         except OSError:  # what reads it states the reason
             return False
-        time.sleep(_PAUSE)
-        if _version(path) != version:
-            version, since = _version(path), time.monotonic()
-    return True
+        if _version(path) == version or time.monotonic() > end:
+            return True
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _version(path: Path) -> list[tuple[int, int]]:
-    """What changes when a file or the list beside it is replaced."""
-    states = [place.stat() for place in (path, path.with_name(LIST)) if place.exists()]
-    return [(state.st_ino, state.st_mtime_ns) for state in states]
+    """What changes when a file or a list beside it is replaced."""
+    versions = []
+    for place in (path, path.with_name(LIST), path.with_name(_NEXT)):
+        with suppress(OSError):  # there is none, or none any more
+            state = place.stat()
+            versions.append((state.st_ino, state.st_mtime_ns))
+    return versions
 
 
 def refuse_changed(path: Path) -> None:

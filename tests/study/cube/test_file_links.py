@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import tracemalloc
 
 import netCDF4
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.errors import CubeError
+from tripod_doe.cli import main
+from tripod_doe.errors import CubeError, InputError
+from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
 from tripod_doe.study.cube.netcdf import opened_file, write_dataset
 from tripod_doe.study.query.arrays import opened_arrays
@@ -164,6 +167,50 @@ def test_a_file_that_announces_more_than_it_can_hold_is_refused(tmp_path, read, 
         group.createVariable("y", "f8", ("x", "z"), zlib=True, chunksizes=(1000, 1000))[0, 0] = 1.0
     with pytest.raises(CubeError, match=r"announces 8 TB of values in a file of .* kB"):
         read(path)
+
+
+def sparse_cube(path, points):
+    """A cube of which hardly any value was written."""
+    with netCDF4.Dataset(path, "w") as stored:
+        stored.createDimension("point", points)
+        stored.createDimension("order", 100)
+        stored.createVariable("order", "i4", ("order",))[:] = np.arange(100)
+        outcome = stored.createVariable("outcome", "i1", ("point",), zlib=True)
+        outcome.setncatts(OUTCOME_ATTRIBUTES)
+        outcome[:] = 0
+        force = stored.createVariable("force", "f8", ("point", "order"), chunksizes=(1000, 100), fill_value=np.nan)
+        force[0] = np.arange(100.0)
+    return path
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda path: td.open_cube(path),
+        lambda path: td.diff(path, path),
+        lambda path: main(["query", str(path), "--variable", "force"]),
+        lambda path: td.query(path, "force"),
+    ],
+)
+def test_what_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_path, monkeypatch, ask, capsys):
+    """Regression: a file of 18 kB that announced 8 GB took all of the memory; a part of it is read as before."""
+    path = sparse_cube(tmp_path / "cube.nc", 200_000)
+    monkeypatch.setattr("tripod_doe.study.memory._free_memory", lambda: 140_000_000)
+    assert td.query(path, "force", {"order": 3})["force"].shape == (200_000, 1)
+    tracemalloc.start()
+    try:
+        with pytest.raises((InputError, SystemExit)) as refused:
+            raise SystemExit(ask(path))
+        assert "needs about" in str(refused.value) + capsys.readouterr().err
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_more_points_than_memory_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("tripod_doe.study.memory._free_memory", lambda: 1_000_000)
+    with pytest.raises(InputError, match=r"a list of 100,000 points needs about 1.6 MB of memory"):
+        td.open_cube(sparse_cube(tmp_path / "cube.nc", 100_000), chunks="auto")
 
 
 def test_values_that_pack_well_are_read(tmp_path):

@@ -161,8 +161,8 @@ class Guard:
                     await _send_in_pieces(send, message)
 
                 left = left_of(scope)
-                if left is None or not left.is_set():  # a client that has left gets no answer on its turn
-                    await app(scope, receive, noted)
+                gone = left is not None and left.is_set()  # on its turn, uvicorn drops any answer to it
+                await (Response(status_code=400) if gone else app)(scope, receive, noted)
         except BaseExceptionGroup as group:
             if not begun or group.split(BrokenResourceError)[1] is not None:
                 raise  # else the client has left while an event was sent to it

@@ -26,8 +26,10 @@ from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
 from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, remedy, shared_file
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box, slabs
+from tripod_doe.study.memory import refuse_too_many_points, refuse_too_much_memory
 
-_SLAB_BYTES = 32_000_000
+_SLAB_BYTES, _COPIES = 32_000_000, 2
+_POINT_BYTES = 16  # at least, of a point while its outcome is checked
 _TABLES = {"fixed_parameters", "package_versions"}
 _WORDS = {"flag_meanings", "long_name", "role", "units"}
 """Attributes of variables that pages and tables read."""
@@ -44,9 +46,12 @@ def read_dataset(path: Path) -> xr.Dataset:
 
     Raises:
         CubeError: If the file is missing, damaged or of another study than its directory.
+        InputError: If its values, and copies of them while they are used, do not fit into the free memory.
     """
     refuse_unfit(path, whole=True)
     with lazy_dataset(path) as stored, reading(path):
+        in_parts = "ask for parts of it, by a query or with chunks"
+        refuse_too_much_memory(_COPIES * stored.nbytes, f"{path}: a reader of all its values", in_parts)
         return stored.load()
 
 
@@ -130,7 +135,10 @@ def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
             table = False
         if not table:
             raise CubeError(f"{path}: the attribute {name} holds no table in JSON; {remedy(path)}")
-    if "outcome" in stored and not np.isin(stored["outcome"].values, list(Outcome)).all():
+    if "outcome" not in stored:
+        return
+    refuse_too_many_points(stored["outcome"].size, _POINT_BYTES)
+    if not np.isin(stored["outcome"].values, list(Outcome)).all():
         raise CubeError(f"{path}: it holds an outcome that does not exist; {remedy(path)}")
 
 

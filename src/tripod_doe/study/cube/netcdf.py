@@ -38,7 +38,7 @@ _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
 CHUNK_BYTES = 2_000_000
 """Bytes of a chunk of a variable."""
 
-_DENSEST, _MISSING = 1100, 16_000_000_000
+_DENSEST, _MISSING = 1100, 4_000_000_000
 """Most bytes of values in a byte of a file (deflate packs 1,032), and most bytes of missing values, which take none."""
 
 CHECKSUM = {"fletcher32": True, "contiguous": False}

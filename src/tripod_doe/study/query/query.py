@@ -21,6 +21,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import csv_cell
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import MOST_VALUES, Expression
+from tripod_doe.study.memory import refuse_too_much_memory
 from tripod_doe.study.named_arrays import NamedArray
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.query.selection import Chosen, Selection, labels_text, selections, taken
@@ -30,6 +31,7 @@ if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
 _SLAB_CELLS = 4_000_000  # cells of a variable that are read together
+_VALUE_BYTES = 140  # of a value of an answer while it becomes text
 
 Columns = dict[str, NDArray[Any]]
 
@@ -61,7 +63,9 @@ def query(
     """
     if isinstance(cube, str | Path):
         with opened_cube(cube) as data:
-            return query(data, variable, select, nearest, where, beside).load()
+            answer = query(data, variable, select, nearest, where, beside)
+            _refuse_large_answer(math.prod(answer[variable].shape), answer.nbytes)
+            return answer.load()
     data = cube
     chosen = _choose(cube_arrays(data), variable, select, nearest, beside)
     answer = data[list(chosen.variables)].isel(chosen.rows)
@@ -84,8 +88,19 @@ def records(
     Returns:
         The coordinates by name, the variables and the outcome; flags by their meanings.
     """
-    parts = [part.columns(where) for part in _choose(cube, variable, select, nearest, beside).parts()]
+    chosen = _choose(cube, variable, select, nearest, beside)
+    columns = len(chosen.variables) + len(chosen.coordinates) + len(chosen.target.dims)
+    cells, parts = 0 if where else math.prod(chosen.shape), list[Columns]()
+    _refuse_large_answer(cells, _VALUE_BYTES * cells * columns)
+    for part in chosen.parts():
+        parts.append(part.columns(where))
+        cells = sum(part[variable].size for part in parts)
+        _refuse_large_answer(cells, _VALUE_BYTES * cells * columns)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _refuse_large_answer(cells: int, needed: int) -> None:
+    refuse_too_much_memory(needed, f"an answer of {cells:,} cells", "select fewer cells")
 
 
 def cell_count(
