@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
+import threading
+from types import SimpleNamespace
 
 import pytest
 from service_client import ADDRESS, API, READ_TOKEN, TOKEN, in_own_loop
@@ -324,6 +326,61 @@ def test_strangers_wait_for_each_other_and_the_owner_for_none(tmp_path):
     in_own_loop(asked())
     assert served == [f"{API}/health"]
     assert len(answered) == 300
+
+
+def test_refusals_of_a_crowd_wait_for_each_other(tmp_path):
+    """Regression: 900 connections of a reader, nearly all refused at once, took the loop from everybody else."""
+    settings = Settings(tmp_path, token=TOKEN, read_token=READ_TOKEN)
+    begun = []
+
+    async def endless(scope, receive, send):
+        await asyncio.Event().wait()
+
+    async def asked():
+        guard = Guard(endless, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: None)
+
+        async def send(message):
+            if message["type"] == "http.response.start":
+                begun.append(message["status"])
+
+        headers = [(b"host", b"127.0.0.1:8811"), (b"authorization", f"Bearer {READ_TOKEN}".encode())]
+        scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"", "headers": headers}
+        waiting = [asyncio.create_task(guard(dict(scope), None, send)) for _ in range(332)]
+        await asyncio.sleep(0)
+        assert len(begun) <= 4
+        for _ in range(300):
+            await asyncio.sleep(0)
+        assert begun == [503] * 300
+        for each in waiting:
+            each.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+
+    in_own_loop(asked())
+
+
+def test_who_has_left_is_not_worked_for(tmp_path, caplog):
+    """Regression: for each client that left before its turn, uvicorn logged an error."""
+    settings = Settings(tmp_path, token=TOKEN)
+    statuses, served = [], []
+
+    async def answer(scope, receive, send):
+        served.append(scope["path"])
+
+    async def asked():
+        guard = Guard(answer, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: None)
+        connection = SimpleNamespace(left=threading.Event(), missed_by_nobody={})
+        connection.left.set()
+
+        async def send(message):
+            statuses.append(message.get("status"))
+
+        headers = [(b"host", b"127.0.0.1:8811"), (b"authorization", f"Bearer {TOKEN}".encode())]
+        scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"", "headers": headers}
+        await guard(scope | {"state": {"connection": connection}}, None, send)
+
+    in_own_loop(asked())
+    assert statuses[:1] == [400]
+    assert not served
 
 
 def test_a_reader_fills_neither_connections_nor_streams(tmp_path):

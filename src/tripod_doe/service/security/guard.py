@@ -137,11 +137,9 @@ class Guard:
                 receive = _again(await self._body(scope, headers, receive))
             self._refuse_crowd(scope)
         except RefusedError as refusal:
-            answer = self._refused(refusal)
-            if scope["access"] is None:
-                await self._answer(answer, scope, receive, send)
-            else:
-                await answer(scope, receive, send)
+            if (access := scope["access"]) is not None and access.name != OWNER:
+                scope["access"] = None  # refusals of readers wait as those of strangers: a crowd is mostly refused
+            await self._answer(self._refused(refusal), scope, receive, send)
             return
         await self._answer(self._app, scope, receive, send)
 
