@@ -8,7 +8,13 @@ from tripod_doe.cli.parser import DONE, Command, Parser, add_selection
 from tripod_doe.cli.view import add_against, moved_points
 from tripod_doe.errors import InputError
 
-_FILES = {"pdf": "summary.pdf", "html": "summary.html", "xlsx": "tables.xlsx", "figures": "figures"}
+_FILES = {
+    "pdf": "summary.pdf",
+    "html": "summary.html",
+    "xlsx": "tables.xlsx",
+    "figures": "figures",
+    "what-if": "what_if.html",
+}
 _ENDINGS = {".pdf": "pdf", ".html": "html", ".xlsx": "xlsx"}
 
 
@@ -18,14 +24,15 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--format",
         choices=tuple(_FILES),
         help="what to write in place of the report: one page for print or a browser (question, three sentences, one "
-        "picture), all tables with their units as a workbook, or each figure as SVG and PNG",
+        "picture), all tables with their units as a workbook, each figure as SVG and PNG, or the page that asks a "
+        "surrogate what if",
     )
     parser.add_argument(
         "--output",
         metavar="FILE",
         type=Path,
         help="where to write that: a file whose ending may stand for --format, or a folder for figures (default: "
-        "DIR/report/summary.pdf, summary.html, tables.xlsx, figures)",
+        "DIR/report/summary.pdf, summary.html, tables.xlsx, figures, what_if.html)",
     )
     parser.add_argument(
         "--motion",
@@ -43,7 +50,7 @@ def _run(options: argparse.Namespace) -> int:
 
     named = _ENDINGS.get(options.output.suffix.lower()) if options.output else None
     form = options.format or named
-    if options.output and (form is None or (named and named != form)):
+    if options.output and (form is None or (named and named != {"what-if": "html"}.get(form, form))):
         ask = "end the name in .pdf, .html or .xlsx, or give --format" if form is None else f"but --format is {form}"
         raise InputError(f"--output {options.output}: {ask}")
     if not options.motion and (options.select or options.against):
@@ -65,7 +72,7 @@ def _hand_on(directory: Path, form: str, output: Path | None) -> int:
     """Write a part of a report, and print where it is."""
     from tripod_doe.atomic_files import refuse_links, replace_file
     from tripod_doe.checksum_list import write_listed
-    from tripod_doe.reports.one_page import figures_of, one_page
+    from tripod_doe.reports.one_page import figures_of, one_page, what_if_alone
     from tripod_doe.reports.workbook import tables_of
     from tripod_doe.study.result_directory.open_cube import FIT_FILE
 
@@ -79,6 +86,8 @@ def _hand_on(directory: Path, form: str, output: Path | None) -> int:
         files = figures_of(directory)
     elif form == "xlsx":
         files = {"": tables_of(directory)}
+    elif form == "what-if":
+        files = {"": what_if_alone(directory).encode()}
     else:
         page = one_page(directory)
         files = {"": page.pdf() if form == "pdf" else page.html().encode()}

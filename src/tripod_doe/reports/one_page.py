@@ -1,9 +1,11 @@
 """One page for decision makers: the question, three sentences and one picture, as HTML or for print."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.errors import InputError
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.files import Paragraph, pdf_page, png_file, svg_file
 from tripod_doe.page_parts.main_results import asked, finished
@@ -60,14 +62,13 @@ def one_page(directory: Path) -> OnePage:
         answer = answered(cube, analyses)
         done, total = int(finished(cube).sum()), int(asked(cube).sum())
         attributes = {name: str(value) for name, value in cube.attrs.items()}
-    origin = f"{attributes.get('source', 'tripod_doe')}. Study {attributes.get('study_hash', '')}"
     return OnePage(
         about.name or attributes.get("title") or "Study",
         attributes.get("question", ""),
         answer.sentences,
         answer.picture,
         attributes.get("model_notes", "").splitlines()[:1],
-        f"{done:,} of {count_of(total, 'point')} finished. {origin}".strip(),
+        f"{done:,} of {count_of(total, 'point')} finished. {_origin(attributes)}".strip(),
         _about(about),
     )
 
@@ -81,6 +82,31 @@ def _about(annotation: Annotation) -> list[str]:
     if "\n".join(shown) != note:
         shown[-1] += " \u2026"
     return ["; ".join(who)] * bool(who) + shown
+
+
+def _origin(attributes: Mapping[str, str]) -> str:
+    return f"{attributes.get('source', 'tripod_doe')}. Study {attributes.get('study_hash', '')}"
+
+
+def what_if_alone(directory: Path) -> str:
+    """The part of a report that answers "what if", as a page by itself.
+
+    Raises:
+        CubeError: If the cube or an analysis is missing or damaged.
+        InputError: If the results have no surrogate that can be asked.
+    """
+    pages = what_if_pages(read_analyses(directory) if is_shown(directory) else {})
+    if not pages:
+        raise InputError(f"{directory}: no surrogate that can be asked: the study needs [analysis.surrogate]")
+    with opened_cube(directory) as cube:
+        attributes = {name: str(value) for name, value in cube.attrs.items()}
+    return render(
+        "what_if_page.html",
+        title=read_annotation(directory).name or attributes.get("title") or "Study",
+        question=attributes.get("question", ""),
+        pages=pages,
+        source=_origin(attributes),
+    )
 
 
 def figures_of(directory: Path) -> dict[str, bytes]:

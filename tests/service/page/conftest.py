@@ -91,7 +91,10 @@ values = ["equilibrium", "kinetostatic"]
 outputs = ["thrust_amplitude"]
 """
 SIZE = {"width": 1280, "height": 900}
-STUDIES = {"coast": COAST, "sampled": SAMPLED, "shares": SHARES, "rungs": RUNGS}
+LOADED = COAST.replace("Coast and drive", "Loaded").replace(
+    "[keep]", "[base]\noutput_inertia_kg_m2 = 0.02\ngroove_sliding_friction = 0.09\n[keep]"
+)
+STUDIES = {"coast": COAST, "sampled": SAMPLED, "shares": SHARES, "rungs": RUNGS, "loaded": LOADED}
 
 
 class Served:
@@ -171,6 +174,11 @@ def sampled(served):
 @pytest.fixture(scope="session")
 def shares(served):
     return served.id_of(SHARES)
+
+
+@pytest.fixture(scope="session")
+def loaded(served):
+    return served.id_of(LOADED)
 
 
 @pytest.fixture(scope="session")

@@ -144,13 +144,28 @@ def test_an_answer_that_comes_late_does_not_replace_a_newer_one(long_list, page)
     page.unroute_all()
 
 
-def test_two_runs_side_by_side(served, page, coast, rungs):
-    page.goto(f"{served.home}/diff?a={coast}&b={rungs}")
+def test_two_runs_side_by_side(served, page, coast, rungs, sampled, loaded):
+    served.ask("PATCH", f"/api/v1/runs/{rungs}", {"name": "Coast and drive"})  # equal names are told apart
+    for address in (f"runs/{sampled}", f"compare?run={coast}"):
+        page.goto(f"{served.home}/{address}")
+        assert f"Coast and drive ({rungs[:6]})" in page.locator("select option").all_inner_texts()
+    served.ask("PATCH", f"/api/v1/runs/{rungs}", {"name": ""})
+    page.goto(f"{served.home}/runs/{coast}")
+    page.get_by_role("link", name="Compare with another run").click()
+    page.locator("select[name=b]").select_option(rungs)
+    page.get_by_role("button", name="Show").click()
     assert "they share 0." in page.locator("#points").inner_text()
     assert page.get_by_role("row", name="factors.model.values").is_visible()
     page.locator("select[name=b]").select_option(coast)
     page.get_by_role("button", name="Show").click()
     assert "All results are equal there. The studies are equal." in page.locator("#points").inner_text()
+    page.goto(f"{served.home}/diff?a={coast}&b={loaded}")
+    page.wait_for_selector(DRAWN)
+    assert page.locator("#figure .main-svg").first.is_visible()
+    assert "No picture" not in page.locator("#figure-note").inner_text()
+    page.locator("#results a").first.click()
+    page.wait_for_selector(DRAWN)
+    assert page.locator("[name=minus]").input_value() == coast
 
 
 def test_controls_make_the_address_and_the_address_makes_the_view(served, page, coast):

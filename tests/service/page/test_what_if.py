@@ -7,6 +7,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.cli import main
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 STUDY = """
@@ -81,6 +82,24 @@ def test_sliders_move_the_curves_and_the_numbers_are_those_of_python(offline, re
     assert offline.locator(".what-if table.nearest tbody tr").count() == 3
     shares = offline.locator(".what-if table.scatter tbody tr").nth(0).locator("td").all_inner_texts()
     assert all(share.endswith("%") for share in shares)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 800)])
+def test_by_itself_its_sliders_are_on_the_first_screen_and_the_largest_order_is_first(chromium, report, width, height):
+    assert main(["report", str(report), "--format", "what-if"]) == 0
+    context = chromium.new_context(offline=True, viewport={"width": width, "height": height})
+    page = context.new_page()
+    page.goto((report / "report" / "what_if.html").as_uri())
+    sliders = page.locator(".what-if input[type=range]")
+    assert [sliders.nth(at).bounding_box()["y"] < height for at in range(3)] == [True] * 3
+    assert page.locator(".what-if table.answers tbody th").first.inner_text() == "third order"
+    before = page.locator(".what-if output").nth(1).inner_text()
+    sliders.nth(1).focus()
+    page.keyboard.press("End")
+    assert page.locator(".what-if output").nth(1).inner_text() != before
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    context.close()
 
 
 @pytest.mark.slow

@@ -201,7 +201,7 @@ def _bytes(values: NDArray[Any], kind: type) -> str:
 
 
 def _quantities(surrogate: WhatIf) -> list[Quantity]:
-    """The orders of the force that count, or the first outputs."""
+    """The orders of the force that count, the largest over the computed points first, and the first outputs."""
     values, errors, components = surrogate.values, surrogate.surrogates.errors, surrogate.components
     orders = surrogate.waves
     count = len(orders)
@@ -213,7 +213,8 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
         asked = [order in _ALWAYS for order in orders]
         large = np.flatnonzero((sizes >= _SEEN * sizes.max()) | asked)
         most = _MOST - len(beside)
-        large = np.sort(large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:most])
+        large = large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:most]
+        large = large[np.argsort(-sizes[large], kind="stable")]
         choice = [((int(at), int(at) + count), _order_label(orders[at]), components[at].unit) for at in large]
     choice += [((at,), each.label, each.unit) for at, each in beside]
     near = _nearest(surrogate.places, surrogate.places, itself=True)

@@ -50,6 +50,14 @@ def summary(run_id: str, form: Form, service: AnyService, step: str | None = Non
     return Response(data, media_type=_HANDED_ON[form], headers=named)
 
 
+@router.get("/what-if", response_class=Response, responses=gives("text/html"))
+def what_if(run_id: str, service: AnyService, step: str | None = None) -> Response:
+    """The page that asks the surrogates of a run what if, by itself: sliders, curves and bands."""
+    path = str(service.results(run_id, step))
+    data = service.ask_large("workers.worker_functions:handed_on", path=path, form="what-if")
+    return HTMLResponse(data, headers=IN_SANDBOX)
+
+
 @router.get("/pages/{key}/{place:path}", response_class=Response, responses=gives(*_KINDS.values()))
 def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     """A page or a cube that a report links to; the report knows the key, which opens nothing else."""

@@ -244,12 +244,14 @@ def query(
 
 
 def handed_on(path: str, form: str) -> bytes:
-    """A result directory on one page (pdf, html), or its tables as a workbook (xlsx)."""
-    from tripod_doe.reports.one_page import one_page
+    """A result directory on one page (pdf, html), its tables as a workbook (xlsx), or its page that asks what if."""
+    from tripod_doe.reports.one_page import one_page, what_if_alone
     from tripod_doe.reports.workbook import tables_of
 
     if form == "xlsx":
         return tables_of(Path(path))
+    if form == "what-if":
+        return what_if_alone(Path(path)).encode()
     page = one_page(Path(path))
     return page.pdf() if form == "pdf" else page.html().encode()
 
