@@ -11,7 +11,7 @@ import secrets
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from http.client import HTTPException
@@ -21,13 +21,20 @@ from urllib.error import HTTPError, URLError
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 from urllib.request import Request
 
+import numpy as np
+
 from tripod_doe.errors import CubeError, InputError, TripodDoeError
 from tripod_doe.http_opener import LOOPBACK, opener_for
+from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
+from tripod_doe.study.result_directory.stored_study import read_responses
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tripod_doe.measurements.measurement import Measurement
+    from tripod_doe.study.execution.task import Task
 
 _API = "/api/v1"
 _FILE_KEYS = ("study", "table", "file", "files", "measurement")  # whose values are names of files
@@ -100,18 +107,30 @@ class Service:
         return self.ask("POST", "/plans", {**submission(study), "timing": timing})
 
     def simulate(self, scene: str = "joint", **parameters: Any) -> xr.Dataset:
-        """Simulate one point there; see `tripod_doe.simulate`."""
-        import xarray as xr
+        """Simulate one point there, or one for every combination of the values in arrays; see `tripod_doe.simulate`."""
+        from tripod_doe.study.simulate import simulated_by
 
-        record = self.ask("POST", "/simulate", {"scene": scene, **parameters})
-        outputs = {n: output for n, output in load_simulator(scene).outputs.items() if record.get(n) is not None}
-        data = {
-            name: (output.dims, _floats(record[name]), {"units": output.unit, "long_name": output.meaning})
-            for name, output in outputs.items()
-        }
-        texts = {name: record[name] for name in ("outcome", "outcome_detail")}
-        attributes = {name: record[name] for name in ("parameters", "cost", "model_notes")}
-        return xr.Dataset(data | texts, record["coordinates"], attributes)
+        return simulated_by(self._compute, scene, parameters)
+
+    def _compute(self, task: Task) -> tuple[BlockResult, float, float]:
+        """The points of a task, one request each; CPU and wall seconds."""
+        simulator = load_simulator(task.scene)
+        block, seconds = BlockResult.blank(task.count), np.zeros(2)
+        for row in range(task.count):
+            values = dict(task.base) | {name: column[row].item() for name, column in task.columns.items()}
+            record = self.ask("POST", "/simulate", {"scene": task.scene, **values})
+            block.end(row, Outcome[record["outcome"].upper()], record["outcome_detail"])
+            for name in task.keep:
+                if record.get(name) is not None:
+                    block.put(name, simulator.outputs[name].dims, row, np.array(_floats(record[name]), float))
+            own = simulator.effective(values)
+            for name, value in record["parameters"].items():
+                if isinstance(value, float) and own.get(name) != value:  # the run chose it
+                    block.settle(name, row, value)
+            cost = record["cost"]
+            block.steps[row], block.force_evaluations[row] = cost["steps"], cost["force_evaluations"]
+            seconds += cost["cpu_seconds"], cost["wall_seconds"]
+        return block, float(seconds[0]), float(seconds[1])
 
     def runs(self, text: str = "", *, tag: Sequence[str] = (), most: int | None = None) -> list[ServiceRun]:
         """Runs, the newest first: all, or those whose name, question, note, tags or factors hold the words of a text.
@@ -238,9 +257,44 @@ class ServiceRun:
         """Run failed points again."""
         return self._take(self._ask("POST", "/retry-failed"))
 
-    def extend(self, study: StudyLike) -> ServiceRun:
-        """Run a study that grew on its results."""
-        return self._take(self._ask("POST", "/extend", submission(study)))
+    def extend(self, study: StudyLike, *, wait: bool = True, progress: bool = True) -> ServiceRun:
+        """Run a study that grew on its results, and wait for its end, unless told otherwise."""
+        run = self._take(self._ask("POST", "/extend", submission(study)))
+        return run.wait(progress=progress) if wait else run
+
+    def derive(self, file: StudyLike | None = None, drop: Collection[str] = (), *, wait: bool = True) -> ServiceRun:
+        """Add variables by formula to its results, or drop some; see `tripod_doe.derive`.
+
+        Args:
+            file: TOML file with tables ``[responses.NAME]``, or these tables as a dict.
+            drop: Names of variables that are removed.
+            wait: Whether to wait until the results are written again.
+        """
+        if isinstance(file, Mapping):
+            tables = file.get("responses", file)
+        else:
+            tables = {} if file is None else read_responses(Path(file))
+        run = self._take(self._ask("POST", "/derive", {"responses": tables, "drop": list(drop)}))
+        return run.wait(progress=False) if wait else run
+
+    def compare(
+        self,
+        measurement: Measurement | str | Path,
+        select: Mapping[str, Any] | Sequence[str] = (),
+        nearest: bool = False,
+        **settings: Any,
+    ) -> xr.Dataset:
+        """Compare a measured thrust force with a point of its cube, which is fetched; the measurement stays here.
+
+        Args:
+            measurement: The measurement, or its file.
+            select, nearest: The point, as for `query`.
+            settings: As `tripod_doe.compare` takes them.
+        """
+        from tripod_doe.analyses.comparison.comparison import compare
+        from tripod_doe.analyses.comparison.model_point import model_point
+
+        return compare(measurement, model_point(self.open_cube(), _selection(select), nearest), **settings)
 
     def annotate(self, **changes: Any) -> ServiceRun:
         """Change its name, owner, tags or note."""
@@ -266,8 +320,7 @@ class ServiceRun:
         where: str | None = None,
     ) -> xr.Dataset:
         """Choose cells of one variable; see `tripod_doe.query`."""
-        texts = [f"{n}={_choice(v)}" for n, v in select.items()] if isinstance(select, Mapping) else list(select)
-        asked = {"variable": variable, "select": texts, "where": where, "format": "netcdf"}
+        asked = {"variable": variable, "select": _selection(select), "where": where, "format": "netcdf"}
         return _dataset(self._ask("GET", "/query", query=asked | ({"nearest": "true"} if nearest else {})))
 
     def open_cube(self) -> xr.Dataset:
@@ -339,6 +392,10 @@ def _attach(value: Any, folder: Path, files: dict[str, str], key: str = "") -> N
 def _is_plain(name: str, folder: Path) -> bool:
     """Whether a name is one of a file of the folder that is not hidden."""
     return Path(name).name == name and not name.startswith(".") and (folder / name).is_file()
+
+
+def _selection(select: Mapping[str, Any] | Sequence[str]) -> list[str]:
+    return [f"{n}={_choice(v)}" for n, v in select.items()] if isinstance(select, Mapping) else list(select)
 
 
 def _choice(value: Any) -> str:

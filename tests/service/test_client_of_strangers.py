@@ -1,11 +1,13 @@
-"""What `td.connect` makes of a server that is not what it seems."""
+"""What `td.connect` makes of a server: the verbs of the package, and a server that is not what it seems."""
 
 from __future__ import annotations
 
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
+import numpy as np
 import pytest
+import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.client import submission
@@ -51,3 +53,54 @@ def test_a_text_that_is_spelled_as_a_file_sends_no_file(tmp_path):
 def test_a_token_that_goes_over_the_network_in_the_clear_warns():
     with pytest.warns(UserWarning, match="unencrypted"), pytest.raises(TripodDoeError):
         td.connect("http://name.invalid", token="secret")
+
+
+def test_points_of_a_service_are_those_of_this_process(serve_for_all):
+    """Exact: every combination of the values, also the point that jams."""
+    service = td.connect(serve_for_all.address, token=serve_for_all.token)
+    asked = {"bearing_radial_clearance_mm": [0.01, -0.05], "joint_angle_deg": [4, 9], "model": "equilibrium"}
+    there, here = service.simulate(**asked), td.simulate(**asked)
+    assert here["outcome"].values.any()
+    xr.testing.assert_identical(there.drop_attrs(deep=False), here.drop_attrs(deep=False))
+    assert there.attrs["parameters"] == here.attrs["parameters"]
+    assert there.attrs["model_notes"] == here.attrs["model_notes"]
+    for wrong in ({"joint_angle": [4]}, {"joint_angle_deg": []}, {"joint_angle_deg": [[1, 2]]}, {"model": [object()]}):
+        with pytest.raises(TripodDoeError):
+            service.simulate(**wrong)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("pages_not_made")
+def test_a_run_of_a_service_grows_and_is_compared_as_in_python(serve_for_all, tmp_path):
+    study = {
+        "study": {"name": "grows from Python"},
+        "base": {"model": "equilibrium", "torque_n_m": 70},
+        "factors": {"joint_angle_deg": {"values": [4, 9]}},
+        "keep": {"outputs": ["thrust_amplitude", "thrust_phase_deg", "thrust"]},
+    }
+    run = td.connect(serve_for_all.address, token=serve_for_all.token).run(study, progress=False)
+    study["factors"]["joint_angle_deg"]["values"].append(12)
+    assert run.extend(study, progress=False).points == {"total": 3, "finished": 3, "failed": 0, "missing": 0}
+    (tmp_path / "r.toml").write_text('[responses.twice]\nformula = "2 * thrust_amplitude[3]"\nunit = "N"\n')
+    assert run.derive(tmp_path / "r.toml").state == "finished"
+    cube = run.open_cube()
+    assert "twice" in cube
+    assert "twice" not in run.derive(drop=["twice"]).open_cube()
+    measured = tmp_path / "m.csv"
+    rows = [
+        f"{angle},{float(force)}" for angle, force in enumerate(np.tile(5 * np.sin(np.radians(3 * np.arange(360))), 3))
+    ]
+    measured.write_text("\n".join(["rotation_deg,thrust_n", *rows]))
+    expected = td.compare(measured, td.model_point(cube, ["joint_angle_deg=9"]))
+    xr.testing.assert_equal(run.compare(measured, {"joint_angle_deg": 9}), expected)
+    for wrong in ({}, {"joint_angle_deg": 5}, {"speed": 9}):
+        with pytest.raises(TripodDoeError):
+            run.compare(measured, wrong)
+    for wrong in (
+        {"import": {"formula": "__import__('os')"}},
+        {"x": {"formula": "thrust[" * 500}},
+        {"x": {}},
+        {"x": 3},
+    ):
+        with pytest.raises(TripodDoeError):
+            run.derive(wrong)

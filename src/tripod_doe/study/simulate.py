@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -156,6 +156,13 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
         >>> result["thrust_amplitude"].sel(order=3).round(1).values.tolist()
         [7.7, 14.4]
     """
+    return simulated_by(run_task, scene, parameters)
+
+
+def simulated_by(
+    compute: Callable[[Task], tuple[BlockResult, float, float]], scene: str, parameters: Mapping[str, Any]
+) -> xr.Dataset:
+    """Points as `simulate` gives them, computed by a function as `run_task` is one."""
     import xarray as xr
 
     simulator = load_simulator(scene)
@@ -172,7 +179,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     first = simulator.effective(values | {name: column[0] for name, column in columns.items()})
     shapes = {name: simulator.outputs[name].shape(first) for name in keep}
     refuse_too_many_points(count, sum(8 * math.prod(shape) for shape in shapes.values()))
-    result, cpu, wall = run_task(Task(scene, None, None, simulator.source_hash, values, columns, count, keep))
+    result, cpu, wall = compute(Task(scene, None, None, simulator.source_hash, values, columns, count, keep))
     return _labelled(simulator, over, result, shapes, first).assign_attrs(
         parameters=_shared(simulator, values, columns, result),
         cost={

@@ -74,13 +74,13 @@ def with_responses(directory: Path, file: Path | None, drop: Collection[str] = (
     if not (directory / STORED).is_file():
         raise InputError(f"{directory}: no {STORED} here; name a result directory")
     stored, origin = read_text(directory / STORED, "study"), str(file or directory / STORED)
-    added = {} if file is None else _added(file)
+    added = {} if file is None else read_responses(file)
     text = text_with_responses(stored, added, drop)
     folder = ResultFolder(directory, False, None, _record(directory, parse_file(text, origin)))
     return parse_study(text, origin, folder), added
 
 
-def _added(file: Path) -> dict[str, Any]:
+def read_responses(file: Path) -> dict[str, Any]:
     """The tables of a file that holds responses alone."""
     added = parse_toml(read_text(file, "file of responses"), str(file))
     if wrong := [key for key in added if key != "responses"] or ([] if added.get("responses") else ["responses"]):
