@@ -155,7 +155,7 @@ def test_terminal_page_and_csv_have_one_verdict_per_order(rig, tmp_path, capsys)
         with (tmp_path / file / "overview.csv").open() as stream:
             verdicts = {int(row["order"]): row["verdict"] for row in csv.DictReader(stream)}
         table = [line.split() for line in text.splitlines()[-13:]]
-        assert {int(row[0]): " ".join(row[6:-4]) for row in table} == verdicts
+        assert {int(row[0]): " ".join(row[6:-5]) for row in table} == verdicts
         differing = [order for order, verdict in verdicts.items() if verdict == DIFFERS]
         first = text.splitlines()[0]
         named = differing or [order for order, verdict in verdicts.items() if verdict == AGREES]

@@ -11,6 +11,7 @@ import pytest
 from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.known_errors.error_estimate import known_errors
+from tripod_doe.joint.known_errors.other_orders import deviations_of_orders
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import point_values
@@ -64,6 +65,25 @@ def test_the_interval_of_one_record_is_as_wide_as_it_must_be(balances):
     off = np.abs(predicted - HELD_OUT[["amplitude_3"]].to_numpy())
     assert (off <= 1.96 * stated).sum() >= 22
     assert (off > 1.96 * 0.003 * predicted).sum() >= 4  # the floor of a deviation by itself would be too short
+
+
+def test_second_orders_and_phases_are_within_their_stated_errors(balances):
+    """Measured: 21 of 24 second orders within 95 %, two just beyond, and with the errors stated before 20, which left phases
+    out; 20 of 20 phases of the second order that are stated, 22 of 24 of the third.
+    """
+    hits, phases = [], {2: [], 3: []}
+    for (second, third), (_, row) in zip(balances[0], HELD_OUT.iterrows(), strict=True):
+        amplitude = np.zeros(13)
+        amplitude[2], amplitude[3] = abs(second) * row["amplitude_2"], abs(third) * row["amplitude_3"]
+        sizes, turned = deviations_of_orders("kinetostatic", amplitude)
+        hits.append(abs(amplitude[2] - row["amplitude_2"]) <= 1.96 * sizes[2])
+        for order, ratio in ((2, second), (3, third)):
+            if np.isfinite(turned[order]):
+                phases[order].append(abs(np.degrees(np.angle(ratio))) <= 1.96 * turned[order])
+    assert sum(hits) >= 21
+    assert len(phases[2]) >= 10
+    for each in phases.values():
+        assert np.mean(each) >= 0.85
 
 
 def test_stated_limits_and_ranges_hold_where_nothing_was_measured(balances):

@@ -154,10 +154,10 @@ def compare(
         measurement = read_measurement(measurement)
     beside = _beside(measurement, point, reference_angle_deg, speeds_rpm)
     factor = float(stdtrit(beside.count - 1, (1 + confidence) / 2)) / np.sqrt(beside.count)
-    unsure, origin = model_uncertainty(point, np.abs(beside.model), confidence)
+    unsure, turned, origin = model_uncertainty(point, np.abs(beside.model), confidence)
     shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
     level, shown = _without_drift(measurement, beside)
-    variables = _order_variables(beside, unsure, factor, shared, confidence)
+    variables = _order_variables(beside, (unsure, turned), factor, shared, confidence)
     variables |= _angle_variables(measurement.rotation_deg + beside.shift, shown, point, beside, factor)
     attrs = _provenance(measurement, point) | {
         "alignment": beside.alignment,
@@ -298,10 +298,11 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
 
 
 def _order_variables(
-    beside: _Beside, model_unsure: FloatArray, factor: float, angle_error_deg: float, confidence: float
+    beside: _Beside, of_model: tuple[FloatArray, FloatArray], factor: float, angle_error_deg: float, confidence: float
 ) -> dict[str, Any]:
     """Amplitudes, phases and differences with their uncertainties, over ``order``."""
     each, mean, model = beside.each, beside.mean, beside.model
+    model_unsure, turned = of_model
     amplitude, phase = amplitude_and_phase(mean)
     direction = np.exp(-1j * np.radians(phase))
     along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
@@ -319,7 +320,7 @@ def _order_variables(
     agrees[ORDERS == 0] = NOT_COMPARED
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference = np.round(difference, _DECIMALS) + 0.0
-    difference[~(known & model_told)] = np.nan
+    difference[~(known & model_told & np.isfinite(turned))] = np.nan  # no difference that model errors may have made
     phase, sure = (np.where(known, np.round(angle, _DECIMALS), np.nan) for angle in (phase, sure))
     rows = {
         "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
@@ -332,7 +333,11 @@ def _order_variables(
         "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from scatter and sampled tachometer edges"),
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
         "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
-        "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
+        "phase_difference_uncertainty_deg": (
+            np.hypot(sure, turned),
+            "degree",
+            "uncertainty of measurement and model together",
+        ),
         "agrees": (
             agrees,
             "1",

@@ -13,6 +13,7 @@ from tripod_doe.analyses.diff.definitions import fixed_parameters
 from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
+from tripod_doe.joint.known_errors.other_orders import deviations_of_orders
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.order_tracking import CELLS
@@ -137,24 +138,38 @@ def parameters_of(point: xr.Dataset) -> dict[str, Any]:
     return known if "torque_n_m" in known else {}
 
 
-def model_uncertainty(point: xr.Dataset, amplitude: FloatArray, confidence: float) -> tuple[FloatArray, str]:
-    """Half widths of the intervals of the model's amplitudes, N, shape (order,), and where its error comes from.
+def model_uncertainty(
+    point: xr.Dataset, amplitude: FloatArray, confidence: float
+) -> tuple[FloatArray, FloatArray, str]:
+    """Half widths of the intervals of the model's amplitudes and phases, and where its error comes from.
 
     The error on record against the finest model, what a run still changes between its revolutions, and its numerical
     error count as normal deviations. Of a model without records the last two alone count, and no origin is stated.
+
+    Returns:
+        Amplitudes (N) and phases (deg), shape (order,) each, a phase NaN where its error is not known; and the origin.
     """
     from scipy.special import ndtri  # quantiles of the normal distribution
 
     deviation, origin, known = own_uncertainty(point), "", parameters_of(point)
+    turned = np.zeros(ORDERS.size)
     if known:
         simulator = load_simulator("joint")
         values = simulator.effective(known)
         columns = {name: np.array([math.nan if value is None else value]) for name, value in values.items()}
-        rotating = ORDERS[1:].tolist()  # the mean force is not compared
-        predicted = amplitude[None, 1:].astype(complex)
-        error = model_error(simulator, columns, rotating, predicted, "recorded")
-        deviation, origin = np.append(np.nan, np.hypot(error.whole[0], deviation[1:])), error.source
-    return np.asarray(float(ndtri((1 + confidence) / 2)) * deviation, float), origin
+        others = deviations_of_orders(str(values["model"]), amplitude)
+        asked = [3] if others else ORDERS[1:].tolist()  # the mean force is not compared
+        error = model_error(simulator, columns, asked, amplitude[None, asked].astype(complex), "recorded")
+        whole, origin = np.full(ORDERS.size, np.nan), error.source
+        whole[asked] = error.whole[0]
+        if others:
+            whole, turned = np.where(np.isnan(others[0]), whole, others[0]), others[1]
+            origin += "; of other orders and of phases, that of 145 random joints"
+        else:
+            turned = np.degrees(np.arctan2(whole, amplitude))
+        deviation = np.hypot(whole, deviation)
+    wide = float(ndtri((1 + confidence) / 2))
+    return np.asarray(wide * deviation, float), np.asarray(wide * turned, float), origin
 
 
 def complex_orders(orders: xr.Dataset) -> ComplexArray:

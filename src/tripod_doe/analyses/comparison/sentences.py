@@ -25,6 +25,7 @@ ORDER_HEADS = (
     "+- deg",
     "model deg",
     "difference deg",
+    "+- deg",
 )
 """Heads of the table of orders."""
 
@@ -225,11 +226,15 @@ def order_rows(comparison: xr.Dataset) -> list[list[str]]:
             )
         )
         sure = of_order["measured_phase_uncertainty_deg"]
-        angle, angle_of_model, ahead = (_rounded(of_order[name], sure) for name in _PHASES)
+        both = of_order["phase_difference_uncertainty_deg"]
+        angle, angle_of_model, ahead = (
+            _rounded(of_order[name], own) for name, own in zip(_PHASES, (sure, sure, both), strict=True)
+        )
+        unsure = _rounded(both, both) if math.isfinite(of_order["phase_difference_deg"]) else "-"
         if of_order["model_amplitude"] <= nothing:
-            angle_of_model = ahead = "-"
+            angle_of_model = ahead = unsure = "-"
         verdict = VERDICTS[int(of_order["agrees"])]
-        turned = [angle, _rounded(sure, sure), angle_of_model, ahead]
+        turned = [angle, _rounded(sure, sure), angle_of_model, ahead, unsure]
         rows.append([str(order), *measured, *model, apart[0], verdict, *turned])
     return rows
 
