@@ -164,7 +164,7 @@ def model_uncertainty(
         whole[asked] = error.whole[0]
         if others:
             whole, turned = np.where(np.isnan(others[0]), whole, others[0]), others[1]
-            origin += "; of other orders and of phases, that of 145 random joints"
+            origin += "; other orders and phases from 145 random joints"
         else:
             turned = np.degrees(np.arctan2(whole, amplitude))
         deviation = np.hypot(whole, deviation)
