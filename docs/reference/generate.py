@@ -9,6 +9,7 @@ import inspect
 import json
 import re
 import tempfile
+import tomllib
 from argparse import SUPPRESS, Action
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -33,6 +34,26 @@ Flags accept `-` and `_`. Answers go to standard output, progress and messages t
 1 internal error; 2 wrong call or input, nothing started; 3 done, but points or steps failed that were not expected;
 130 interrupted.
 """
+
+
+_HTTP = """\
+`tripod-doe serve` answers under `/api/v1`, with the token as `Authorization: Bearer TOKEN`.
+Bodies and answers are JSON unless a route names another form.
+`/api/v1/openapi.json` is this page for programs. Limits and faults: [The service over HTTP](service.md).
+
+The calls below begin with these lines; token and port stand in the line that `tripod-doe serve` prints:
+
+```sh
+SERVER=http://127.0.0.1:8811/api/v1
+TOKEN="Authorization: Bearer paste-the-token-here"
+JSON="Content-Type: application/json"
+RUN=6dd525f463c94dd8      # an id that POST /runs answered; OTHER is another one
+```
+
+A file goes into a body with `jq`: `jq -n --rawfile study my_joint.toml '{$study}' |` before a `curl` with `-d @-`.
+In the answers shown, `"..."` stands for a long text or object, and a list shows its first entry.
+"""
+_EXAMPLES: dict[str, dict[str, Any]] = tomllib.loads((_HERE / "http_examples.toml").read_text(encoding="utf-8"))
 
 
 def commands() -> str:
@@ -199,37 +220,76 @@ def _docstring(thing: Any) -> str:
 
 
 def http() -> str:
-    """Every route of the interface."""
+    """Every route of the interface, with a call and the formats of its body and its answer."""
     with tempfile.TemporaryDirectory() as folder:
         app = create_app(Settings(Path(folder), token="token", workers=0))
         description = app.openapi()
-    parts = ["# HTTP\n", _NOTE]
-    parts.append(
-        "`tripod-doe serve` answers under `/api/v1`, with the token as `Authorization: Bearer TOKEN`.\n"
-        "Bodies and answers are JSON unless a route names another form.\n"
-        "`/api/v1/openapi.json` is this page for programs. What a run and an error look like, limits and faults:\n"
-        "[The service over HTTP](service.md).\n"
-    )
+    parts = ["# HTTP\n", _NOTE, _HTTP]
     for path, methods in description["paths"].items():
         for method, route in methods.items():
-            parts.append(f"## {method.upper()} {path.removeprefix('/api/v1')}\n")
+            name = f"{method.upper()} {path.removeprefix('/api/v1')}"
+            parts.append(f"## {name}\n")
             said = route.get("description") or route.get("summary", "")
             parts.append(_cell(re.sub(r"``([^`]+)``", r"`\1`", said)) + "\n")
             given = [
-                (f"`{item['name']}`", item["in"], item.get("description") or item["schema"].get("description", ""))
+                (f"`{item['name']}`", item["in"], *_format(item["schema"], item.get("description", "")))
                 for item in route.get("parameters", ())
                 if item["in"] != "path" or "description" in item
             ]
             body = route.get("requestBody", {"content": {"application/json": {"schema": {}}}})
             fields = body["content"]["application/json"]["schema"].get("properties", {})
-            given += [(f"`{name}`", "body", field.get("description", "")) for name, field in fields.items()]
-            parts.append(_table(("parameter", "in", "meaning"), [map(_cell, row) for row in given]) if given else "")
-            codes = sorted(code for code in route["responses"] if code.isdigit())
-            good, bad = ([code for code in codes if (code < "400") == well] for well in (True, False))
-            parts.append(
-                f"Answers {', '.join(good)}; refusals {', '.join(bad)}.\n" if bad else f"Answers {', '.join(good)}.\n"
-            )
+            given += [(f"`{field}`", "body", *_format(entry)) for field, entry in fields.items()]
+            if given:
+                parts.append(
+                    _table(("parameter", "in", "type", "default", "meaning"), [map(_cell, row) for row in given])
+                )
+            parts.append(f"```sh\n{_EXAMPLES[name]['curl'].strip()}\n```\n")
+            parts += _answers(route["responses"], _EXAMPLES[name])
+    parts.append("## Objects\n")
+    for name, schema in description["components"]["schemas"].items():
+        if fields := schema.get("properties"):
+            rows = [(f"`{field}`", *_format(entry)) for field, entry in fields.items()]
+            parts.append(f"### {name}\n\n{schema.get('description', '')}\n")
+            parts.append(_table(("field", "type", "default", "meaning"), [map(_cell, row) for row in rows]))
     return "\n".join(parts)
+
+
+def _answers(responses: Mapping[str, Any], example: Mapping[str, Any]) -> Iterator[str]:
+    """The answer of a route with its format, an example of an object without fields of its own, and the refusals."""
+    codes = sorted(code for code in responses if code.isdigit())
+    good, bad = ([code for code in codes if (code < "400") == well] for well in (True, False))
+    content = responses[good[-1]].get("content", {})
+    forms = [
+        _type(entry.get("schema", {})) if form == "application/json" else f"`{form}`" for form, entry in content.items()
+    ]
+    forms = [form or "JSON" for form in forms]
+    shown = f": {', '.join(forms)}" if forms else ""
+    called = f" This call is refused for the run above: {example['status']}." if example.get("status", 0) >= 400 else ""
+    yield f"Answers {', '.join(good)}{shown}. Refusals: {', '.join(bad)}, with [Errors](#errors).{called}\n"
+    if "answer" in example:
+        yield f"```json\n{example['answer'].strip()}\n```\n"
+
+
+def _format(entry: Mapping[str, Any], said: str = "") -> tuple[str, str, str]:
+    """Type, default and meaning of a field."""
+    return _type(entry), _default(entry), said or entry.get("description", "")
+
+
+def _type(entry: Mapping[str, Any]) -> str:
+    """The type of a value of JSON in words; an object with fields of its own leads to them."""
+    if reference := entry.get("$ref"):
+        name = reference.rpartition("/")[2]
+        return "text" if name == "State" else f"[{name}](#{name.lower()})"
+    if words := entry.get("enum"):
+        return ", ".join(f"`{word}`" for word in words)
+    if parts := entry.get("anyOf"):
+        return " or ".join(dict.fromkeys(filter(None, map(_type, parts))))
+    kind = entry.get("type", "")
+    if kind == "array":
+        return f"list of {_type(entry.get('items', {})) or 'value'}s".replace("texts", "text").replace(")s", ")")
+    if kind == "object" and isinstance(inside := entry.get("additionalProperties"), Mapping) and _type(inside):
+        return f"object of {_type(inside)}s".replace("texts", "text")
+    return {"string": "text", "integer": "whole number", "boolean": "true or false"}.get(kind, kind)
 
 
 def _first_sentence(thing: Any) -> str:

@@ -58,7 +58,7 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     if counts:
         none = [dim for dim, count in counts.items() if count == 0]
         text = (
-            f"no point has this {none[0]}; {option('nearest', True)} takes the nearest value"
+            f"no point has this {none[0]}: {_levels(cube[none[0]])}; {option('nearest', True)} takes the nearest value"
             if none
             else "choose one point: " + " ".join(option("select", f"{dim}={_levels(chosen[dim])}") for dim in counts)
         )

@@ -162,8 +162,8 @@ class Points(BaseModel):
 
     total: int
     finished: int
-    failed: int
-    missing: int
+    failed: int = Field(description="ended with an outcome that the study does not expect")
+    missing: int = Field(description="not ended yet")
 
 
 class RunRecord(BaseModel):
@@ -180,12 +180,12 @@ class RunRecord(BaseModel):
     kind: Literal["study", "workflow", "fit", "optimisation"]
     question: str
     state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]
-    message: str
+    message: str = Field(description="why it failed or stopped, what it does after its last point, or what it found")
     points: Points
-    outcomes: dict[str, int]
-    cpu_seconds: float
-    eta_seconds: float | None
-    created: str
+    outcomes: dict[str, int] = Field(description="points by outcome")
+    cpu_seconds: float = Field(description="CPU time of all points (s)")
+    eta_seconds: float | None = Field(description="time until the last point (s); null without a pace")
+    created: str = Field(description="when it was submitted, in UTC")
     updated: str
     binned: str = Field(description="when it was put into the bin; empty outside")
 
