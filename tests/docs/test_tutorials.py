@@ -56,6 +56,7 @@ def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
         ("took ... s\n", "took 3.2 s\n", True),
         ("order=3: 0.0021\n", "order=3: 0.0023\n", True),
         ("(1.5e-5)\n", "(1.6e-5)\n", True),
+        ("a\n", "compiling kernels of rollers, once per version\ncompiled in 216 s\na\n", True),  # an empty cache
     ],
 )
 def test_what_counts_as_the_same_output(shown, printed, same):
