@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 import re
 import time
@@ -14,6 +15,7 @@ import xarray as xr
 from moocore import hypervolume
 
 import tripod_doe as td
+from tripod_doe.analyses.optimisation.candidates import base_of
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.workflow import optimise
@@ -47,6 +49,9 @@ def hole(x, load=1.0):
 
 def even(x):
     return {"even": -2.0, "level": 0.0}
+
+def box(x, y, z):
+    return {"edges": x + y + z, "volume": x * y * z}
 
 def slope(x, s=0.0):
     return {"f": (x - 1) ** 2 + s}
@@ -291,9 +296,14 @@ def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
         assert all("jammed" in str(reason) for reason in candidates["reason"].values[many])
     base = (tmp_path / "out" / "base.toml").read_text()
     assert f"needle_count = {int(best['needle_count'])}" in base
+    assert 'model = "kinetostatic"' in base  # as the front was judged
+    assert base_of(summary.front, 0) == base
     page = (tmp_path / "out" / "report" / "index.html").read_text()
     assert "Thrust force of start and best" in page
     assert "not known" not in page
+    assert base.strip() in html.unescape(page)
+    assert "<th>third (N)</th>" in re.sub("<th[^>]*>", "<th>", page)
+    assert "pitch_radius_mm at its" not in page
 
 
 @pytest.mark.usefixtures("charts_not_drawn")
@@ -590,6 +600,32 @@ def test_a_level_changes_by_decibels(solve):
     assert start.endswith("4.86 dB).")
     assert any("came within 0.1 dB of its last value" in line and "the last 0.1 dB cost" in line for line in lines)
     assert not any("%" in line for line in lines)
+
+
+@pytest.mark.usefixtures("charts_not_drawn")
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_bent_limit_is_followed(solve, tmp_path, seed):
+    """Exact: of all boxes of volume 1 the cube has the shortest edges, 3. Regression: steps of one variable at a time cannot
+    leave the limit, and ended far above it."""
+    variables = {name: {"low": 0.2, "high": 5} for name in "xyz"}
+    limits = {"filled": {"output": "volume", "low": 1}}
+    search = {"evaluations": 150, "seed": seed}
+    best = solve("box", variables, {"edges_": {"output": "edges"}}, constraints=limits, search=search)
+    assert float(best.front["edges_"][0]) == pytest.approx(3, rel=1e-3)
+    assert float(best.front["filled"][0]) >= 1
+
+
+def test_a_limit_in_decibels_binds_by_decibels(solve):
+    """Exact: 20 lg of 7 is 16.9 dB. 1 % of it would be 0.17 dB."""
+    responses = {"loud": {"formula": "20 * log10(10 * weight)", "unit": "dB"}}
+    aims, variables = {"s": {"output": "stress"}}, {"x": {"values": [0.2, 0.3, 0.6]}}
+    for far, words in ((0.005, "at its limit"), (0.05, "within 0.1 dB of its limit"), (0.15, None)):
+        limits = {"loudness": {"output": "loud", "high": 20 * math.log10(7) + far}}
+        summary = solve(
+            "hole", variables, aims, f"out{far}", constraints=limits, responses=responses, search={"evaluations": 10}
+        )
+        touched = f"Binding: loudness {words}." if words else "Binding"
+        assert (touched in " ".join(summary.lines)) == bool(words)
 
 
 def test_a_search_that_has_not_come_to_rest_says_so(solve):

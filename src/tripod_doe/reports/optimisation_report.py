@@ -41,12 +41,11 @@ def write_optimisation_page(
     head, front = problem.request.file.optimisation, solved.front
     aims = front.judged.objectives * problem.signs
     middle = knee(aims) if len(aims) else -1
-    fixed = problem.request.file.base
     shown = list(dict.fromkeys([middle, *shown_rows(len(aims))])) if len(aims) else []
     bases = [
         (
             f"Candidate {at}{' (the knee)' if at == middle and len(aims) > 1 else ''}",
-            pasted(base_values(problem, unit), fixed),
+            pasted(base_values(problem, unit), problem.confirmed_base),
         )
         for at, unit in ((at, front.units[at]) for at in shown)
     ]

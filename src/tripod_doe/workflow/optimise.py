@@ -26,7 +26,18 @@ from tripod_doe.analyses.optimisation.result import (
     found_candidates,
     front_dataset,
 )
-from tripod_doe.analyses.optimisation.search import Polish, Search, first_generation, last_share, leading, population_of
+from tripod_doe.analyses.optimisation.search import (
+    FAILED,
+    NARROWEST,
+    WIDEST,
+    Search,
+    first_generation,
+    last_share,
+    leading,
+    population_of,
+    refine,
+    steps_around,
+)
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.quantities import number
@@ -67,6 +78,10 @@ class OptimisationSummary:
         return self.front.sizes["candidate"] > 0
 
 
+class _NoneLeftError(Exception):
+    """No candidate is left to try."""
+
+
 class _Run:
     """A running search."""
 
@@ -84,6 +99,7 @@ class _Run:
         self._best = np.full(len(problem.signs), np.inf)  # best feasible value of each objective, to minimise
         self._feasible = 0
         self._shown = time.monotonic()
+        self._searches = 0  # begun so far
         self.ended: list[float] = []  # best first objective, to minimise, of each completed search
 
     @property
@@ -136,7 +152,11 @@ class _Run:
                 self._units.append(units[at])
                 self._generation.append(generation)
         self._tell(generation)
-        return np.array([self._rows.get(key, -1) for key in keys])
+        return self._known(units)
+
+    def _known(self, units: FloatArray) -> IntArray:
+        """The row of each candidate, -1 if it was not judged."""
+        return np.array([self._rows.get(unit.tobytes(), -1) for unit in units])
 
     def judged_at(self, rows: IntArray) -> Judged:
         """Candidates at these rows, in this order; reads only the generations that contain them."""
@@ -165,24 +185,30 @@ class _Run:
             print(f"optimise: {text}, {self.points.count:,} points", file=sys.stderr)
 
     def search(self) -> float:
-        """Try candidates until none is left, or all are known; return the last step of a polish."""
+        """Try candidates until none is left or new; return the step at which the best one is at rest, or NaN."""
         self._stages.begin("search")
-        kept = int(last_share(len(self.problem.signs), self.is_corrected) * self.table.evaluations)
-        generation, known = 0, -1
+        share = last_share(self.problem.variables, len(self.problem.signs), self.is_corrected)
+        is_polished = len(self.problem.signs) == 1 and not self.is_corrected
+        kept = int(share * self.table.evaluations)
+        generation, known, quiet = 0, -1, np.nan
         while self.left > kept and len(self._units) > known:  # until all candidates are known
             known = len(self._units)
             generation = self._search_once(generation, kept)
-        return self._polish(generation) if len(self.problem.signs) == 1 and not self.is_corrected else np.nan
+            if is_polished:
+                quiet = self._polish(generation, self.judged_at)
+                kept = int(share * self.left)
+        return quiet
 
     def _search_once(self, generation: int, kept: int) -> int:
         """Search until only `kept` candidates are left to try, or no new one comes; return the generation."""
-        problem, table, again = self.problem, self.table, len(self.ended)
+        problem, table, again = self.problem, self.table, self._searches
+        self._searches += 1
         population = population_of(table.evaluations, table.population)
         start = problem.start_unit if not again else None
         first = first_generation(problem.variables, population, table.seed + again, start)
         search = Search(problem.variables, problem.signs, len(problem.constraints), first, table.seed + again)
         generation, best = self._evolve(search, generation, kept, self.judged_at)
-        if search.is_over or not again:
+        if search.is_over:
             self.ended.append(best)
         return generation
 
@@ -230,36 +256,61 @@ class _Run:
         def judgement(rows: IntArray) -> Judged:
             return correction.at(rows, np.array([self._units[row] for row in rows]), self.judged_at(rows))
 
-        self._evolve(search, int(archive.generation[-1]) + 1, kept, judgement)
+        single = len(problem.signs) == 1
+        generation, _ = self._evolve(
+            search, int(archive.generation[-1]) + 1, kept + single * (self.left - kept) // 2, judgement
+        )
+        if single:
+            self._polish(generation, judgement, kept)
 
-    def _polish(self, generation: int) -> float:
-        """Step around the best candidate of a single objective; return the step at which none was better, or NaN."""
-        archive = self.archive()
-        best = front_rows(archive.judged.objectives * self.problem.signs, archive.judged.feasible)
-        if not best.size:
+    def _polish(self, generation: int, judgement: Callable[[IntArray], Judged], kept: int = 0) -> float:
+        """Refine the best candidate of a single objective; return the step at which none around it is better, or NaN.
+
+        Args:
+            judgement: How candidates are judged, by their rows.
+            kept: Number of candidates that are left for later.
+        """
+        judged = judgement(np.arange(len(self._units)))
+        found = front_rows(judged.objectives * self.problem.signs, judged.feasible)
+        if not found.size:
             return np.nan
-        polish, value = Polish(self.problem.variables, archive.units[best[0]]), self._value(best[0])
-        quiet = np.nan
-        while self.left > 0:
-            generation += 1
-            units = polish.ask()
-            rows = self.try_out(units, generation) if len(units) else np.empty(0, int)
-            if (rows < 0).any():
-                break
-            values = np.array([self._value(row) for row in rows.tolist()])
-            is_better = values.size > 0 and values.min() < value
-            if is_better:
-                value = float(values.min())
-            else:
-                quiet = polish.step
-            if not polish.tell(units[int(np.argmin(values))] if is_better else None):
-                break
-        return quiet
+        whole = np.isfinite(judged.objectives[:, 0])
+        aims = judged.objectives[whole, 0] * self.problem.signs[0]
+        worst, scale = float(aims.max()), float(np.abs(aims).max()) or 1.0
+        best, radius = int(found[0]), WIDEST
+        values: dict[int, float] = {}
 
-    def _value(self, row: int) -> float:
-        """The single objective of a candidate, to minimise; infinite where it is not feasible."""
-        judged = self.judged_at(np.array([row]))
-        return float(judged.objectives[0, 0] * self.problem.signs[0]) if judged.feasible[0] else np.inf
+        def tried(units: FloatArray) -> Judged:
+            rows = self.try_out(units, generation) if self.left > kept else self._known(units)
+            if (rows < 0).any():
+                raise _NoneLeftError
+            new = judgement(rows)
+            aims = np.where(new.feasible, new.objectives[:, 0] * self.problem.signs[0], np.inf)
+            values.update(zip(rows.tolist(), aims.tolist(), strict=True))
+            return new
+
+        def judge(unit: FloatArray) -> tuple[float, FloatArray]:
+            one = tried(unit[None])
+            value, limits = float(one.objectives[0, 0] * self.problem.signs[0]), one.violations[0]
+            if not np.isfinite([value, *limits]).all():
+                return worst / scale, np.append(np.zeros(limits.size), FAILED + one.failed[0])
+            return value / scale, np.append(limits, -1.0)
+
+        try:
+            tried(self._units[best][None])
+            while True:
+                generation += 1
+                refine(self.problem.variables, self._units[best], radius, judge)
+                best = min(values, key=lambda row: values[row])
+                steps = [unit for _, unit in steps_around(self.problem.variables, self._units[best], NARROWEST)]
+                if steps:
+                    tried(self.problem.variables.snapped(np.array(steps)))
+                better = min(values, key=lambda row: values[row])
+                if values[better] >= values[best]:
+                    return NARROWEST
+                best, radius = better, WIDEST / 4
+        except _NoneLeftError:
+            return np.nan
 
     def solved(self, polished: float) -> Solved:
         """The front, confirmed by the requested model and by another sample."""
@@ -407,7 +458,7 @@ def optimise(
     write_dataset(stamp_history(candidates, action), directory / "candidates.nc")
     if len(solved.front.units):
         best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
-        write_listed(directory / "base.toml", pasted(base_values(problem, best), request.file.base))
+        write_listed(directory / "base.toml", pasted(base_values(problem, best), problem.confirmed_base))
     found = found_candidates(problem, front)
     stages.end(found)
     write_optimisation_page(directory, problem, solved, failures, waves)

@@ -2,10 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tripod_doe.analyses.optimisation.measures import limit_scale
 from tripod_doe.analyses.optimisation.neighbours import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
@@ -13,6 +14,10 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import spoken, unit_text
 from tripod_doe.quantities import interval, level, levels_apart, number, with_unit
 
+NEAR_LEVEL = 0.1
+"""dB from which on a level is near another one, about as much as 1 %."""
+
+_NEAR = 0.01  # of a range, or of a limit: from here on it binds
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
 
 
@@ -72,6 +77,37 @@ def front_places(problem: Problem, solved: Solved) -> dict[str, int]:
     return places_of(solved.front.judged.objectives * problem.signs, list(problem.objectives))
 
 
+def binding(problem: Problem, unit: FloatArray, violation: FloatArray) -> list[str]:
+    """The bounds and limits that a candidate touches, in words.
+
+    Args:
+        violation: Of its constraints, relative to their limits, shape (constraint,).
+    """
+    texts = []
+    for value, variable in zip(unit.tolist(), problem.variables.chosen, strict=True):
+        if variable.levels and not all(isinstance(level, int | float) for level in variable.levels):
+            continue
+        edge = 0.5 / len(variable.levels) if variable.levels else _NEAR
+        name = spoken_name(problem, variable.name)
+        if value <= edge:
+            texts.append(f"{name} at its lower bound")
+        elif value >= 1 - edge:
+            texts.append(f"{name} at its upper bound")
+    return texts + touched_limits(problem, violation)
+
+
+def touched_limits(problem: Problem, violation: FloatArray) -> list[str]:
+    """The limits that a candidate touches, in words; of a level in dB by decibels, as a part of it means nothing."""
+    texts = []
+    for (name, table), far in zip(problem.constraints.items(), violation.tolist(), strict=True):
+        near, words = _NEAR, f"{100 * _NEAR:g} %"
+        if is_level(problem, table.output):
+            far, near, words = far * limit_scale(table), NEAR_LEVEL, f"{NEAR_LEVEL:g} dB"
+        if far > -near:
+            texts.append(f"{name} {'at' if far > -near / 10 else f'within {words} of'} its limit")
+    return texts
+
+
 def counted_reasons(reasons: Sequence[str]) -> list[tuple[str, int]]:
     """Reasons with their counts, the most frequent first; those that differ in numbers only are one."""
     counts: Counter[str] = Counter()
@@ -83,9 +119,30 @@ def counted_reasons(reasons: Sequence[str]) -> list[tuple[str, int]]:
     return [(first[kind], count) for kind, count in counts.most_common()]
 
 
+def is_level(problem: Problem, output: str) -> bool:
+    """Whether a quantity is a level in dB: its zero is a reference, so that a part of it means nothing."""
+    return unit_of(problem, output).startswith("dB")
+
+
 def objective_is_level(problem: Problem, at: int) -> bool:
-    """Whether an objective is a level in dB: its zero is a reference, so that a part of it means nothing."""
-    return unit_of(problem, list(problem.objectives.values())[at].output).startswith("dB")
+    """Whether an objective is a level in dB."""
+    return is_level(problem, list(problem.objectives.values())[at].output)
+
+
+def head_texts(problem: Problem, names: Mapping[str, str]) -> list[str]:
+    """Heads of columns with units.
+
+    Args:
+        names: The output of each.
+    """
+    units = {name: unit_of(problem, output) for name, output in names.items()}
+    return [f"{name} ({unit})" if unit else name for name, unit in units.items()]
+
+
+def judged_outputs(problem: Problem) -> dict[str, str]:
+    """The output of each objective and constraint, by its name."""
+    aims = {name: table.output for name, table in problem.objectives.items()}
+    return aims | {name: table.output for name, table in problem.constraints.items()}
 
 
 def objective_change(problem: Problem, at: int, change: float) -> str:

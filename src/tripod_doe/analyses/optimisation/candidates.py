@@ -7,7 +7,7 @@ import xarray as xr
 from pydantic import ValidationError
 
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
-from tripod_doe.analyses.optimisation.problem import pasted
+from tripod_doe.analyses.optimisation.problem import confirmed_base, pasted
 from tripod_doe.errors import CubeError, InputError
 from tripod_doe.page_parts.main_results import unit_text
 from tripod_doe.quantities import number
@@ -68,7 +68,8 @@ def base_of(front: xr.Dataset, candidate: int) -> str:
     if not 0 <= candidate < count:
         raise InputError(f"candidate = {candidate}: the front has {count:,}, counted from 0")
     values: dict[str, Any] = {name: front[name].values[candidate].item() for name in names_of(front, "variable")}
-    return pasted(values, file_of(front).base)
+    models = (str(front.attrs.get(key, "")) for key in ("search_model", "model"))
+    return pasted(values, confirmed_base(file_of(front).base, *models))
 
 
 def file_of(candidates: xr.Dataset) -> OptimisationFile:

@@ -229,6 +229,11 @@ def _of_objective(
     return value, _error(at, table.over, weights, quantile, table.over != "min")
 
 
+def limit_scale(table: ConstraintTable) -> float:
+    """The size of a limit, to which violations are relative."""
+    return max(abs(each) for each in (table.low, table.high) if each is not None) or 1.0
+
+
 def _of_constraint(
     at: PointValues, table: ConstraintTable, weights: FloatArray, quantile: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -239,8 +244,7 @@ def _of_constraint(
             continue
         over = table.over or ("max" if high else "min")
         value = _quantile(_over(at.values, over, weights), quantile, high)
-        scale = max(abs(each) for each in (table.low, table.high) if each is not None) or 1.0
-        far = (value - limit) / scale if high else (limit - value) / scale
+        far = (value - limit if high else limit - value) / limit_scale(table)
         sides.append((value, _error(at, over, weights, quantile, over != "min"), far))
     if len(sides) == 1:
         return sides[0]

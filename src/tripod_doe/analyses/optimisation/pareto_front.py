@@ -9,11 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.optimisation.measures import Judged
-from tripod_doe.analyses.optimisation.variables import Variables
 from tripod_doe.array_types import FloatArray, IntArray
-
-_NEAR = 0.01  # of a range, or of a limit: from here on it binds
-_TOUCHED = 0.001  # of a limit: from here on a value is at it
 
 
 @dataclass(frozen=True)
@@ -82,26 +78,3 @@ def apart(places: FloatArray, count: int, first: Sequence[int] = (0,)) -> IntArr
             break
         chosen.append(int(np.argmax(distance)))
     return np.array(chosen, int)
-
-
-def binding(unit: FloatArray, violation: FloatArray, variables: Variables, constraints: list[str]) -> list[str]:
-    """Names of the bounds and limits that a candidate touches, in words."""
-    texts = []
-    for value, variable in zip(unit.tolist(), variables.chosen, strict=True):
-        if variable.levels and not all(isinstance(level, int | float) for level in variable.levels):
-            continue
-        edge = 0.5 / len(variable.levels) if variable.levels else 0.0
-        if value <= edge + _NEAR * (not variable.levels):
-            texts.append(f"{variable.name} at its lower bound")
-        elif value >= 1 - edge - _NEAR * (not variable.levels):
-            texts.append(f"{variable.name} at its upper bound")
-    return texts + touched_limits(violation, constraints)
-
-
-def touched_limits(violation: FloatArray, constraints: list[str]) -> list[str]:
-    """Names of the limits that a candidate touches, in words."""
-    return [
-        f"{name} {'at' if far > -_TOUCHED else f'within {100 * _NEAR:g} % of'} its limit"
-        for name, far in zip(constraints, violation.tolist(), strict=True)
-        if far > -_NEAR
-    ]

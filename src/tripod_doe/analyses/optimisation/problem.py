@@ -61,6 +61,11 @@ class Problem:
         return np.array([1.0 if table.goal == "minimise" else -1.0 for table in self.objectives.values()])
 
     @property
+    def confirmed_base(self) -> dict[str, Value]:
+        """[base] of the file with the model whose answers the front holds."""
+        return confirmed_base(self.request.file.base, self.model, self.confirm)
+
+    @property
     def start_unit(self) -> FloatArray:
         """Start of the search on the unit cube, shape (variable,)."""
         return np.array([each.unit(self.start[each.name]) for each in self.variables.chosen])
@@ -306,6 +311,11 @@ def _check_quantities(problem: Problem) -> None:
                     raise request.fail(where, f"order = {entry.order}: the orders are {known[0]} to {known[-1]}")
             elif entry.order is not None and simulator.outputs:
                 raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, ())}")
+
+
+def confirmed_base(base: Mapping[str, Value], model: str, confirm: str) -> dict[str, Value]:
+    """[base] of a file, with the model that confirms in place of that of the search."""
+    return {**base, **({_MODEL: confirm} if confirm != model else {})}
 
 
 def pasted(values: Mapping[str, Value], fixed: Mapping[str, Value]) -> str:

@@ -34,7 +34,7 @@ class Solved:
     around: Neighbours | None = None  # of the ends and the knee of the front; None where the front is empty
     # of those that were judged once more where none is feasible: the one nearest to it, and what it breaks
     nearest: tuple[FloatArray, str] | None = None
-    polished: float = np.nan  # step of the last polish that found nothing better, as part of a range
+    polished: float = np.nan  # step around the best candidate at which none is better, as part of a range
 
 
 @makes_kind("optimisation")

@@ -5,6 +5,7 @@ feasible by how far they are from it, so that no objective has to be made up for
 and it brings SQLAlchemy and Alembic; SciPy's differential evolution has one objective, and calls the function itself.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,18 @@ from tripod_doe.array_types import FloatArray, IntArray
 
 _FEWEST, _MOST = 20, 100  # candidates of a generation
 _GENERATIONS = 100  # of a search, where that leaves enough candidates in each: more are better than larger ones
-_FAILED = 10.0  # violation of a candidate that cannot be computed: more than limits have
 _IDLE = 10  # generations with hardly a new candidate, or with equal ones, after which a search is over
 _EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
-_POLISHED = 0.15  # share of the candidates with which a single objective is polished
-_CORRECTED = 0.5  # share of the candidates that a single objective searches on the model as a better one corrects it
-_WIDEST, _NARROWEST = 0.05, 1e-3  # step of the polish, as part of a range
+_REFINED = 0.5  # share of the candidates with which a single objective is refined, or searched as corrected
+_STEPPED = 0.15  # the same where variables have levels only
+_MARGIN = 1e-5  # of a limit, by which a refined candidate keeps it: a last one beyond by rounding would be lost
+
+
+FAILED = 10.0
+"""Violation of a candidate that cannot be computed: more than limits have."""
+
+WIDEST, NARROWEST = 0.1, 1e-3
+"""Steps around a candidate with which it begins to be refined, and at which it is at rest, as parts of a range."""
 
 
 def population_of(evaluations: int, given: int | None) -> int:
@@ -77,7 +84,7 @@ class Search:
         stand_in = 0.0 if self._worst is None else self._worst
         aims = np.where(whole[:, None], aims, stand_in)  # never compared: feasibility comes first
         violations = np.where(whole[:, None], judged.violations, 0.0)
-        unfinished = np.where(whole, -1.0, _FAILED + judged.failed)
+        unfinished = np.where(whole, -1.0, FAILED + judged.failed)
         limits = np.column_stack([violations, unfinished])
         Evaluator().eval(StaticProblem(self._problem, F=aims, G=limits), self._asked)
         self._algorithm.tell(infills=self._asked)
@@ -155,38 +162,49 @@ def steps_around(variables: Variables, unit: FloatArray, step: float) -> list[tu
     return moves
 
 
-class Polish:
-    """Steps in one variable at a time from the best candidate, halved where none is better: for a single objective.
+def refine(
+    variables: Variables, best: FloatArray, radius: float, judge: Callable[[FloatArray], tuple[float, FloatArray]]
+) -> None:
+    """Try candidates around the best one that change all ranges at once, levels held: they follow limits that bend.
+
+    COBYQA of SciPy (Ragonneau 2022) models the objective and the limits by quadratics of the candidates before.
 
     Args:
         best: Where it starts, on the unit cube.
-
-    Attributes:
-        step: Width of the steps, as part of a range.
+        radius: Of the first candidates about it, as part of a range.
+        judge: The objective to minimise and the violations of a candidate, about 1 in size; what it raises ends this.
     """
+    from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-    def __init__(self, variables: Variables, best: FloatArray) -> None:
-        self._variables, self.best, self.step = variables, best, _WIDEST
+    ranges = np.flatnonzero([not variable.levels for variable in variables.chosen])
+    if not ranges.size:
+        return
+    last: tuple[bytes, tuple[float, FloatArray]] = (b"", (np.nan, np.empty(0)))
 
-    def ask(self) -> FloatArray:
-        """Candidates around the best one, shape (candidate, variable); levels go to their neighbours."""
-        moves = [unit for _, unit in steps_around(self._variables, self.best, self.step)]
-        return self._variables.snapped(np.array(moves)) if moves else np.empty((0, self.best.size))
+    def asked(place: FloatArray) -> tuple[float, FloatArray]:
+        nonlocal last
+        unit = best.copy()
+        unit[ranges] = np.clip(place, 0, 1)
+        if last[0] != unit.tobytes():
+            last = unit.tobytes(), judge(unit)
+        return last[1]
 
-    def tell(self, better: FloatArray | None) -> bool:
-        """The best of these candidates if it is better, else None; returns whether to go on."""
-        if better is not None:
-            self.best = better
-            return True
-        self.step /= 2
-        return self.step >= _NARROWEST
+    minimize(
+        lambda place: asked(place)[0],
+        best[ranges],
+        method="COBYQA",
+        bounds=Bounds(0, 1),
+        constraints=NonlinearConstraint(lambda place: asked(place)[1], -np.inf, -_MARGIN),
+        options={"initial_tr_radius": radius, "final_tr_radius": NARROWEST / 4},
+    )
 
 
-def last_share(objectives: int, is_corrected: bool) -> float:
-    """Share of the candidates that are kept for the end: of one objective, to polish it, or to search it as corrected.
+def last_share(variables: Variables, objectives: int, is_corrected: bool) -> float:
+    """Share of the candidates left that are kept: of one objective, to refine it, or to search it as corrected.
 
     The front of several has candidates on both sides of a limit; of one, all are drawn to where it was.
     """
     if objectives > 1:
         return 0.0
-    return _CORRECTED if is_corrected else _POLISHED
+    has_ranges = any(not variable.levels for variable in variables.chosen)
+    return _REFINED if is_corrected or has_ranges else _STEPPED

@@ -3,7 +3,9 @@
 import numpy as np
 
 from tripod_doe.analyses.optimisation.candidate_text import (
+    NEAR_LEVEL,
     aim_text,
+    binding,
     change_text,
     counted_reasons,
     front_places,
@@ -13,14 +15,13 @@ from tripod_doe.analyses.optimisation.candidate_text import (
     spoken_name,
     step_text,
 )
-from tripod_doe.analyses.optimisation.pareto_front import binding, knee, touched_limits
+from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.page_parts.main_results import listed
 from tripod_doe.quantities import count_of, number
 
 _LAST = 0.01  # part of the objective that counts as the last per cent
-_LAST_LEVEL = 0.1  # dB, about as much
 
 
 def find_in_optimisation(problem: Problem, solved: Solved) -> list[str]:
@@ -48,7 +49,7 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
         return equal
     sentences = [f"The {extreme} {name} of {of} is {aim_text(problem, 0, value, error)}, at {where}."]
     sentences += _against_start(problem, solved, 0)
-    touched = binding(solved.front.units[0], judged.violations[0], problem.variables, list(problem.constraints))
+    touched = binding(problem, solved.front.units[0], judged.violations[0])
     if touched:
         sentences.append(f"Binding: {listed(touched)}.")
     sentences += _at_rest(problem, solved, of)
@@ -76,7 +77,10 @@ def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
     """Whether steps around the best candidate of a single objective improve it, or whether they came to no end."""
     levels = [bool(variable.levels) for variable in problem.variables.chosen]
     if problem.confirm != problem.model:
-        return ["The best candidate was not refined by small steps: a joint nearby may be better."]
+        return [
+            f"Small steps around the best candidate were not all judged by {problem.confirm}: a joint nearby may be "
+            "better."
+        ]
     if not np.isfinite(solved.polished):
         return [
             f"The search ended with its {of} before small steps around the best one came to rest: a joint nearby may "
@@ -85,16 +89,15 @@ def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
     ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(levels))
     ways += ["to its next value"] * any(levels)
     rest = f"No change of a single variable {', or '.join(ways)} improves the candidate on which the search ended"
-    touched = touched_limits(solved.front.judged.violations[0], list(problem.constraints))
-    along = "; along a limit, two variables changed together may still improve it"
-    return [f"{rest}{along * (levels.count(False) > 1 and bool(touched))}."]
+    together = ", nor did changes of several ranges at once, along limits that bind (COBYQA)"
+    return [f"{rest}{together * (levels.count(False) > 1)}."]
 
 
 def _nearness(problem: Problem, value: float) -> tuple[float, str, str]:
     """How near to a value of the objective counts as there: in its unit, in words, and in words as a last part."""
     if objective_is_level(problem, 0):
-        words = objective_change(problem, 0, _LAST_LEVEL).removeprefix("+")
-        return _LAST_LEVEL, words, words
+        words = objective_change(problem, 0, NEAR_LEVEL).removeprefix("+")
+        return NEAR_LEVEL, words, words
     return _LAST * abs(value), "1 %", "per cent"
 
 

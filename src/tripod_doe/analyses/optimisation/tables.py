@@ -5,15 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripod_doe.analyses.optimisation.candidate_text import (
+    binding,
     change_text,
     counted_reasons,
     front_places,
+    head_texts,
     joint_text,
+    judged_outputs,
     spoken_name,
     step_text,
-    unit_of,
 )
-from tripod_doe.analyses.optimisation.pareto_front import binding, front_rows
+from tripod_doe.analyses.optimisation.pareto_front import front_rows
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
@@ -36,7 +38,7 @@ def shown_rows(count: int) -> list[int]:
 def front_table(problem: Problem, solved: Solved) -> Table:
     """The candidates of the front: variables, objectives and constraints with their errors."""
     front = solved.front
-    heads = ["candidate", *problem.objectives, *problem.constraints, *problem.variables.names]
+    heads = ["candidate", *head_texts(problem, judged_outputs(problem)), *_variable_heads(problem)]
     judged = front.judged
     apart = _digits(judged.objectives)
     table = []
@@ -67,7 +69,7 @@ def ends_table(problem: Problem, solved: Solved) -> Table:
         return [], []
     table = []
     for what, row in front_places(problem, solved).items():
-        touched = binding(front.units[row], front.judged.violations[row], problem.variables, list(problem.constraints))
+        touched = binding(problem, front.units[row], front.judged.violations[row])
         table.append([what, str(row), joint_text(problem, front.units[row]), listed(touched) or "nothing"])
     return ["where", "candidate", "joint", "binds"], table
 
@@ -92,15 +94,7 @@ def sensitivity_table(problem: Problem, solved: Solved) -> Table:
         for at in sorted(mine.tolist(), key=lambda k: (-largest[int(own.variable[k])], k)):
             changes = [change_text(value) for value in (*aims[at], *kept[at])]
             rows.append([what, step_text(problem, solved, at), *changes, reasons[at] or "yes"])
-    outputs = [
-        *(table.output for table in problem.objectives.values()),
-        *(table.output for table in problem.constraints.values()),
-    ]
-    units = [unit_of(problem, output) for output in outputs]
-    heads = [
-        f"{name}{f' ({unit})' if unit else ''}"
-        for name, unit in zip([*names, *problem.constraints], units, strict=True)
-    ]
+    heads = head_texts(problem, judged_outputs(problem))
     return ["where", "step", *heads, "feasible"], rows
 
 
@@ -113,21 +107,24 @@ def start_table(problem: Problem, solved: Solved) -> Table:
     units = [solved.archive.units[0], *(front.units[row] for row in shown.values())]
     rows = []
     bases = [base_values(problem, unit) for unit in units]
-    for name in problem.variables.names:
-        unit = unit_text(problem.simulator.parameters[name].unit)
+    for name, head in zip(problem.variables.names, _variable_heads(problem), strict=True):
         cells = [level(float(b[name])) if isinstance(b[name], int | float) else str(b[name]) for b in bases]
-        rows.append([f"{spoken_name(problem, name)}{f' ({unit})' if unit else ''}", *cells])
-    for names, own, start in (
-        ({n: t.output for n, t in problem.objectives.items()}, front.judged.objectives, solved.start.objectives),
-        ({n: t.output for n, t in problem.constraints.items()}, front.judged.constraints, solved.start.constraints),
+        rows.append([head, *cells])
+    values = np.column_stack([front.judged.objectives, front.judged.constraints])[list(shown.values())]
+    start = np.column_stack([solved.start.objectives, solved.start.constraints])[:1]
+    for head, column in zip(
+        head_texts(problem, judged_outputs(problem)), np.concatenate([start, values]).T, strict=True
     ):
-        for at, (name, output) in enumerate(names.items()):
-            unit = unit_of(problem, output)
-            values = [float(start[0, at]), *(float(own[row, at]) for row in shown.values())]
-            rows.append([f"{name}{f' ({unit})' if unit else ''}", *(number(value, 4) for value in values)])
+        rows.append([head, *(number(float(value), 4) for value in column)])
     state = "feasible" if solved.start.feasible[0] else solved.start.reasons[0]
     rows.append(["state", state, *["feasible"] * len(shown)])
     return ["", "start", *shown], rows
+
+
+def _variable_heads(problem: Problem) -> list[str]:
+    """Heads of all that a candidate sets, in words with units."""
+    units = {name: unit_text(problem.simulator.parameters[name].unit) for name in problem.variables.names}
+    return [f"{spoken_name(problem, name)}{f' ({unit})' if unit else ''}" for name, unit in units.items()]
 
 
 def left_out_table(solved: Solved, failures: Sequence[Failure]) -> Table:
