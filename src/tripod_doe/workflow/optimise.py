@@ -40,7 +40,6 @@ from tripod_doe.analyses.optimisation.search import (
 )
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.checksum_list import write_listed
-from tripod_doe.quantities import number
 from tripod_doe.reports.optimisation_report import optimisation_lines, write_optimisation_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
@@ -54,7 +53,6 @@ from tripod_doe.workflow.steps_file import Stages
 _ROUNDS = 3  # rounds of candidates that a correction proposes, after the first round
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
-_MOST_LINES = 12  # candidates that the terminal shows
 _MOST_GENERATIONS = 30  # generations written for programs that watch the run
 _WAVEFORMS = ("thrust", "thrust_amplitude")
 
@@ -318,16 +316,8 @@ class _Run:
         aims = archive.judged.objectives * problem.signs
         rows = front_rows(aims, archive.judged.feasible)
         if problem.confirm == problem.model and not self.sample:
-            front = archive.take(rows)
-            return Solved(
-                archive,
-                front,
-                front.judged,
-                archive.judged.take(np.array([0])),
-                0,
-                polished=polished,
-                ended=tuple(self.ended),
-            )
+            front, start = archive.take(rows), archive.judged.take(np.array([0]))
+            return Solved(archive, front, front.judged, start, 0, polished=polished, ended=tuple(self.ended))
         self._stages.begin(
             "confirmation", f"the best candidates once more{f' by {problem.confirm}' * bool(problem.confirm)}"
         )
@@ -505,22 +495,3 @@ def _nominal(problem: Problem) -> Sample:
     return {
         name: np.zeros(1) if name in relative else np.median(column, keepdims=True) for name, column in sample.items()
     }
-
-
-def front_lines(front: xr.Dataset) -> list[str]:
-    """Lines for the terminal, one for each of some candidates of a front."""
-    objectives = str(front.attrs["objectives"]).split(", ")
-    variables = str(front.attrs["variables"]).split(", ")
-    count = front.sizes["candidate"]
-    shown = np.unique(np.linspace(0, count - 1, _MOST_LINES).round().astype(int)).tolist() if count else []
-    lines = [] if count <= _MOST_LINES else [f"{len(shown)} of the {count:,} candidates of the front:"]
-    for at in shown:
-        one = front.isel(candidate=at)
-        aims = ", ".join(f"{name} {number(float(one[name]), 4)}" for name in objectives)
-        chosen = ", ".join(f"{name} {_word(one[name].item())}" for name in variables)
-        lines.append(f"candidate {at}: {aims}; {chosen}")
-    return lines
-
-
-def _word(value: float | str) -> str:
-    return value if isinstance(value, str) else number(float(value), 5)

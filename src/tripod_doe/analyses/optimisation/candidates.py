@@ -17,6 +17,7 @@ FINDINGS = "findings"
 """Attribute of a front with its sentences, one a line."""
 
 _MOST_ROWS = 200
+_MOST_LINES = 12  # candidates that the terminal shows
 
 
 def findings_in(candidates: xr.Dataset, name: str = "") -> list[str]:
@@ -78,3 +79,22 @@ def file_of(candidates: xr.Dataset) -> OptimisationFile:
         return OptimisationFile.model_validate(parse_toml(str(candidates.attrs["optimisation"]), "optimise.toml"))
     except (KeyError, InputError, ValidationError) as error:
         raise CubeError("the attribute optimisation holds no file of an optimisation: the result is damaged") from error
+
+
+def front_lines(front: xr.Dataset) -> list[str]:
+    """Lines for the terminal, one for each of some candidates of a front."""
+    objectives = str(front.attrs["objectives"]).split(", ")
+    variables = str(front.attrs["variables"]).split(", ")
+    count = front.sizes["candidate"]
+    shown = np.unique(np.linspace(0, count - 1, _MOST_LINES).round().astype(int)).tolist() if count else []
+    lines = [] if count <= _MOST_LINES else [f"{len(shown)} of the {count:,} candidates of the front:"]
+    for at in shown:
+        one = front.isel(candidate=at)
+        aims = ", ".join(f"{name} {number(float(one[name]), 4)}" for name in objectives)
+        chosen = ", ".join(f"{name} {_word(one[name].item())}" for name in variables)
+        lines.append(f"candidate {at}: {aims}; {chosen}")
+    return lines
+
+
+def _word(value: float | str) -> str:
+    return value if isinstance(value, str) else number(float(value), 5)
