@@ -1,11 +1,11 @@
 """The best joint of a grid of a million, by brute force and by a search for a small part of the price.
 
 Two radii, the number of needles and their diameter, of which the bearing follows: least third order of the thrust force at
-one operating point within a diameter and a pressure of the needles, by `equilibrium`. Brute force computes the joints of
-every fifth radius, and then all joints up to five radii, one needle and one diameter from the fifty best; with --every 1 the
-whole grid.
+one operating point within a diameter and a pressure of the needles, by `equilibrium`. A larger pitch radius lowers the third
+order and the pressure, which is counted on a part of the grid; so the best joint has the largest pitch radius that the
+diameter allows, and all joints of this edge are computed. With --whole all joints of the grid.
 
-Run as: python benchmarks/grid_of_joints.py [--steps 100] [--every 5] [--candidates 2000] [--seeds 3]
+Run as: python benchmarks/grid_of_joints.py [--steps 100] [--whole] [--candidates 2000] [--seeds 3]
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ DIAMETERS = [round(1.5 + 0.1 * step, 1) for step in range(10)]
 LARGEST, PRESSURE = 77.0, 1900.0
 """Diameter over the rollers, mm, and pressure of the needles, MPa, of which none may have more."""
 _BLOCK = 4_000
-_BEST = 50  # joints around which all others are computed
+_EVERY = (4, 12, 3, 3)  # every so many pitch radii, roller radii, needles and diameters on which steps are counted
 
 FILE = """
 [optimisation]
@@ -102,33 +102,41 @@ def grid_of(pitches: Sequence[float], rollers: Sequence[float]) -> Rows:
     return [joint for joint in product(pitches, rollers, NEEDLES, DIAMETERS) if 2 * (joint[0] + joint[1]) <= LARGEST]
 
 
-def around(joint: Joint, axes: Sequence[Sequence[float]], reach: Sequence[int]) -> Rows:
-    """Joints of a grid up to some steps from one of them."""
-    near = []
-    for value, axis, steps in zip(joint, axes, reach, strict=True):
-        at = axis.index(value)
-        near.append(axis[max(at - steps, 0) : at + steps + 1])
-    return [each for each in product(*near) if 2 * (each[0] + each[1]) <= LARGEST]
+def edge_of(joints: Rows) -> Rows:
+    """Joints with the largest pitch radius for their roller radius, needles and diameter."""
+    largest: dict[tuple[float, ...], float] = {}
+    for pitch, *others in joints:
+        largest[tuple(others)] = max(pitch, largest.get(tuple(others), 0.0))
+    return [(pitch, *others) for others, pitch in largest.items()]  # type: ignore[misc]
 
 
-def brute(pitches: Sequence[float], rollers: Sequence[float], every: int) -> float:
-    """The least third order of the grid; prints what was computed.
+def count_steps(pitches: Sequence[float], rollers: Sequence[float]) -> None:
+    """Print at how many steps of a part of the grid a larger pitch radius raises the third order, or loses a limit."""
+    parts = [axis[::every] for axis, every in zip((pitches, rollers, NEEDLES, DIAMETERS), _EVERY, strict=True)]
+    joints = [joint for joint in product(*parts) if 2 * (joint[0] + joint[1]) <= LARGEST]
+    thirds = dict(zip(joints, answers(joints).tolist(), strict=True))
+    following = dict(zip(parts[0], parts[0][1:], strict=False))
+    ends = [(third, thirds.get((following.get(joint[0], 0.0), *joint[1:]))) for joint, third in thirds.items()]
+    steps = [(one, other) for one, other in ends if other is not None and math.isfinite(one)]
+    worse = sum(other >= one for one, other in steps)
+    print(f"{len(steps):,} steps to a larger pitch radius: {worse} raise the third order or lose a limit", flush=True)
 
-    Args:
-        every: Of the radii, every so many are computed, then all joints around the best of these; 1 for the whole grid.
-    """
-    started, axes = time.process_time(), (pitches, rollers, NEEDLES, DIAMETERS)
-    joints = grid_of(pitches[::every], rollers[::every])
+
+def brute(pitches: Sequence[float], rollers: Sequence[float], is_whole: bool) -> float:
+    """The least third order of the grid; prints what was computed."""
+    started = time.process_time()
+    every = grid_of(pitches, rollers)
+    if not is_whole:
+        count_steps(pitches, rollers)
+    joints = every if is_whole else edge_of(every)
     thirds = answers(joints)
-    if every > 1:
-        best = [joints[at] for at in np.argsort(thirds)[:_BEST]]
-        near = {each for joint in best for each in around(joint, axes, (every, every, 1, 1))} - set(joints)
-        joints, thirds = [*joints, *near], np.concatenate([thirds, answers(list(near))])
     at = int(thirds.argmin())
     names = "pitch radius {:g} mm, roller radius {:g} mm, {:g} needles of {:g} mm".format(*joints[at])
+    total = math.prod(map(len, (pitches, rollers, NEEDLES, DIAMETERS)))
     print(
-        f"brute force: {math.prod(map(len, axes)):,} joints, {len(joints):,} computed, {np.isfinite(thirds).sum():,} keep the "
-        f"limits; least third order {thirds[at]:.5f} N: {names}; {time.process_time() - started:.0f} CPU-s",
+        f"brute force: {total:,} joints, {len(every):,} within the diameter, {len(joints):,} computed, "
+        f"{np.isfinite(thirds).sum():,} keep the limits; least third order {thirds[at]:.5f} N: {names}; "
+        f"{time.process_time() - started:.0f} CPU-s",
         flush=True,
     )
     return float(thirds[at])
@@ -160,14 +168,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=100, help="values of each of the two radii")
     parser.add_argument("--candidates", type=int, nargs="+", default=[2_000], help="candidates of the searches")
     parser.add_argument("--seeds", type=int, default=3, help="searches with each number of candidates")
-    parser.add_argument(
-        "--every", type=int, default=5, help="every so many radii are computed first; 1 for the whole grid"
-    )
+    parser.add_argument("--whole", action="store_true", help="compute all joints, not those of the edge")
     options = parser.parse_args(arguments)
     pitches = np.linspace(19.0, 26, options.steps).round(4).tolist()
     rollers = np.linspace(14.0, 18.5, options.steps).round(4).tolist()
     td.simulate(**BASE)  # compiled
-    best = brute(pitches, rollers, options.every)
+    best = brute(pitches, rollers, options.whole)
     print(
         "| candidates | seed | third order, N | above the best of the grid | CPU s |\n| --- | --- | --- | --- | --- |"
     )
