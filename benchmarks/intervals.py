@@ -23,6 +23,7 @@ from scipy.stats import norm
 
 from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
+from tripod_doe.analyses.main_effects.regression import Estimate, fit_factor
 from tripod_doe.analyses.multifidelity.estimates import estimate
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
@@ -193,6 +194,27 @@ def of_regressions(seed: int) -> Hits:
             yield from ((f"effects, {name}, 64 points of {kind}", bool(hit)) for hit in hits.values)
 
 
+def of_slopes(seed: int) -> Hits:
+    """Changes over the range of a factor, as sentences on trends state them, beside those of as many points as wanted."""
+    for name in ("ishigami", "heavy", "product"):
+        function, width = FUNCTIONS[name]
+        for at, truth in enumerate(_long_slopes(name)):
+            own = _slope(function, width, at, 64, seed)
+            yield f"slopes, {name}, 64 points", abs(own.value - truth) <= own.half
+
+
+def _slope(function: Callable[[np.ndarray], np.ndarray], width: int, at: int, samples: int, seed: int) -> Estimate:
+    cube = _unit_cube(f'kind = "latin-hypercube"\nsamples = {samples}', function, width, seed)
+    columns = {name: cube[name].values for name in _NAMES[:width]}
+    return fit_factor(columns, _NAMES[at], cube["y"].values, 0.0).trend
+
+
+@lru_cache
+def _long_slopes(name: str) -> list[float]:
+    function, width = FUNCTIONS[name]
+    return [_slope(function, width, at, 20_000, 1).value for at in range(width)]
+
+
 @lru_cache
 def _long_regression(name: str) -> xr.DataArray:
     function, width = FUNCTIONS[name]
@@ -291,7 +313,7 @@ def of_records(seed: int) -> Hits:
 
 
 SOURCES = (
-    of_indices, of_effects, of_derivatives, of_regressions, of_distributions, of_surrogates, of_models, of_records,
+    of_indices, of_effects, of_derivatives, of_regressions, of_slopes, of_distributions, of_surrogates, of_models, of_records,
 )  # fmt: skip
 
 
