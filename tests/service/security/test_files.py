@@ -234,3 +234,16 @@ def test_hidden_files_are_not_delivered(tmp_path, place):
     path.parent.mkdir(parents=True)
     path.symlink_to(tmp_path / "secret.html")
     assert file_within(tmp_path / "report", place) is None
+
+
+def test_nothing_is_written_through_a_link_in_place_of_a_run(api, coast, settings, tmp_path):
+    """Regression: a note went into the directory to which the link led."""
+    place, away = settings.folder / coast, tmp_path / "away"
+    place.rename(away)
+    place.symlink_to(away)
+    try:
+        assert api.patch(f"/runs/{coast}", {"note": "elsewhere"}).status_code == 403
+        assert "elsewhere" not in "".join(path.read_text() for path in away.glob("about.toml"))
+    finally:
+        place.unlink()
+        away.rename(place)

@@ -358,6 +358,42 @@ def test_refusals_of_a_crowd_wait_for_each_other(tmp_path):
     in_own_loop(asked())
 
 
+def test_a_crowd_of_the_owner_delays_no_reader_and_slow_answers_no_others(tmp_path):
+    """Regression: 900 requests at once by one holder delayed all others by many seconds."""
+    settings = Settings(tmp_path, token=TOKEN, read_token=READ_TOKEN)
+    begun = []
+
+    async def slow(scope, receive, send):
+        begun.append(scope["access"].name)
+        if scope["access"].name == "owner":
+            await asyncio.Event().wait()
+
+    async def asked():
+        guard = Guard(slow, settings, Accesses(settings, Shares(tmp_path)), Sessions(), lambda *words: None)
+
+        async def send(message):
+            pass
+
+        def ask(token):
+            headers = [(b"host", b"127.0.0.1:8811"), (b"authorization", f"Bearer {token}".encode())]
+            scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"", "headers": headers}
+            return asyncio.create_task(guard(scope, None, send))
+
+        crowd = [ask(TOKEN) for _ in range(40)]
+        await ask(READ_TOKEN)
+        assert begun == ["owner"] * 8 + ["reader"]
+        for _ in range(200):
+            await asyncio.sleep(0.01)
+            if len(begun) == 41:
+                break
+        for each in crowd:
+            each.cancel()
+        await asyncio.gather(*crowd, return_exceptions=True)
+
+    in_own_loop(asked())
+    assert begun.count("owner") == 40
+
+
 def test_who_has_left_is_not_worked_for(tmp_path, caplog):
     """Regression: for each client that left before its turn, uvicorn logged an error."""
     settings = Settings(tmp_path, token=TOKEN)
@@ -405,7 +441,8 @@ def test_a_reader_fills_neither_connections_nor_streams(tmp_path):
             return asyncio.create_task(guard(scope, None, send))
 
         waiting = [*(ask(READ_TOKEN) for _ in range(50)), ask(TOKEN)]
-        await asyncio.sleep(0.01)
+        for _ in range(100):
+            await asyncio.sleep(0)
         for each in waiting:
             each.cancel()
         await asyncio.gather(*waiting, return_exceptions=True)

@@ -272,13 +272,15 @@ class Supervisor:
         """Change the annotation of a run: name, owner, tags, note.
 
         Raises:
-            RefusedError: 404 if there is no such run.
+            RefusedError: 404 if there is no such run; 403 if its directory is a symbolic link.
             InputError: If a value cannot be used.
         """
         with self._lock:
             run = self.find(run_id)
             annotation = annotated(run.annotation, changes)
-            write_annotation(self.directory(run_id), annotation)
+            if (directory := self.directory(run_id)).is_symlink():
+                raise RefusedError(403, f"{directory.name}: a symbolic link, and nothing is written through it")
+            write_annotation(directory, annotation)
             return self._put(with_annotation(run, annotation))
 
     def delete(self, run_id: str, from_bin: bool = False) -> None:

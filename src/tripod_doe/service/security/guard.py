@@ -39,6 +39,7 @@ _ANYWHERE = ("0.0.0.0", "::")
 _AT_ONCE, _READERS_AT_ONCE = 8, 24  # answers to one link or reader, and to all of them: of 40 threads, some stay free
 _MOST_WAITING = 32  # requests of one link or reader that wait or are answered, and its streams of events
 _STRANGERS_AT_ONCE = 4  # answers to those without access: each takes a moment of the loop in which the owner waits
+_OWNERS_AT_ONCE, _MOMENT = 8, 0.05  # answers to the owner that begin together, and seconds for which one counts
 _STRANGER = ("", False)
 _PIECE = (
     65_536  # bytes of an answer that are written together: only as much of it is kept for a client that does not read
@@ -111,6 +112,7 @@ class Guard:
         self._turns: defaultdict[str, asyncio.Semaphore] = defaultdict(lambda: asyncio.Semaphore(_AT_ONCE))
         self._readers = asyncio.Semaphore(_READERS_AT_ONCE)
         self._strangers = asyncio.Semaphore(_STRANGERS_AT_ONCE)
+        self._owners = asyncio.Semaphore(_OWNERS_AT_ONCE)
         self._open: Counter[tuple[str, bool]] = Counter()  # open requests per reader; event streams counted separately
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -183,12 +185,17 @@ class Guard:
 
     @asynccontextmanager
     async def _turn(self, scope: Scope) -> AsyncIterator[Callable[[], None]]:
-        """Let readers, and strangers, wait for each other: they take no thread or moment that the owner needs.
+        """Let all requests of the owner, of a reader, and of strangers wait for each other: a crowd delays its own.
 
+        Readers take no thread that the owner needs. One of the owner's that waits for a worker holds up no other.
         Gives what is to be called when the answer begins: a stranger who does not read it holds up no other.
         """
         if (mine := _share_of(scope)) is None:
-            yield _nothing
+            await self._owners.acquire()
+            with ExitStack() as held:
+                held.callback(self._owners.release)
+                asyncio.get_running_loop().call_later(_MOMENT, held.close)
+                yield held.close
             return
         if mine == _STRANGER:
             with giving_way(scope):
