@@ -318,14 +318,15 @@ class ServiceRun:
         select: Mapping[str, Any] | Sequence[str] = (),
         nearest: bool = False,
         where: str | None = None,
+        step: str | None = None,
     ) -> xr.Dataset:
-        """Choose cells of one variable; see `tripod_doe.query`."""
-        asked = {"variable": variable, "select": _selection(select), "where": where, "format": "netcdf"}
+        """Choose cells of one variable; see `tripod_doe.query`. `step` names one of a workflow or a search."""
+        asked = {"variable": variable, "select": _selection(select), "where": where, "step": step, "format": "netcdf"}
         return _dataset(self._ask("GET", "/query", query=asked | ({"nearest": "true"} if nearest else {})))
 
-    def open_cube(self) -> xr.Dataset:
-        """Its cube; while it runs, with the points that are finished."""
-        return _dataset(self._ask("GET", "/cube.nc"))
+    def open_cube(self, step: str | None = None) -> xr.Dataset:
+        """Its cube, or that of a step: of a search, the step ``points``; while it runs, with the points so far."""
+        return _dataset(self._ask("GET", "/cube.nc", query={"step": step}))
 
     def analysis(self, name: str) -> xr.Dataset:
         """The result of one of its analyses."""

@@ -71,6 +71,24 @@ def test_points_of_a_service_are_those_of_this_process(serve_for_all):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("pages_not_made")
+def test_a_search_by_a_service_gives_its_candidates_and_its_points(serve_for_all, tmp_path):
+    (tmp_path / "bore.toml").write_text(
+        '[optimisation]\nname = "Bore"\n[base]\nmodel = "equilibrium"\n[variables.needle_pitch_diameter_mm]\nlow = 16.2\n'
+        'high = 18\n[objectives.third]\noutput = "thrust_amplitude"\norder = 3\n[search]\nevaluations = 20\n'
+    )
+    service = td.connect(serve_for_all.address, token=serve_for_all.token)
+    run = service.run(tmp_path / "bore.toml", progress=False)
+    assert run.analysis("candidates").sizes["candidate"] == 20
+    assert run.analysis("front").sizes["candidate"] == 1
+    points = run.open_cube("points")
+    assert points.sizes["point"] == run.points["total"]
+    assert run.query("thrust_amplitude", {"order": 3}, step="points").sizes["point"] == points.sizes["point"]
+    with pytest.raises(TripodDoeError, match="points"):
+        run.open_cube()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("pages_not_made")
 def test_a_run_of_a_service_grows_and_is_compared_as_in_python(serve_for_all, tmp_path):
     study = {
         "study": {"name": "grows from Python"},

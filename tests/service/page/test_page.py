@@ -115,6 +115,10 @@ def test_last_weeks_run_among_200_in_three_actions(long_list, page):
     clock.send("Emulation.setTimezoneOverride", {"timezoneId": f"Etc/GMT{-hours:+}"})
     page.goto(long_list.door)
     assert "200 runs, page 1 of 4" in page.locator("#count").inner_text()
+    page.get_by_role("link", name="next").click()
+    page.get_by_text("page 2 of 4 previous next").wait_for()
+    assert page.locator("table.runs tbody tr").count() == 50
+    page.get_by_role("link", name="previous").click()
     page.get_by_label("Submitted from").click(position={"x": 12, "y": 12})  # its first part, the month
     page.keyboard.type(f"{datetime.now(timezone(timedelta(hours=hours))) - timedelta(days=7):%m%d%Y}")
     page.locator("#count").get_by_text("8 runs").wait_for()
@@ -163,6 +167,8 @@ def test_two_runs_side_by_side(served, page, coast, rungs, sampled, loaded):
     page.wait_for_selector(DRAWN)
     assert page.locator("#figure .main-svg").first.is_visible()
     assert "No picture" not in page.locator("#figure-note").inner_text()
+    shadows = page.evaluate("getComputedStyle(document.querySelector('.scroll')).backgroundAttachment")
+    assert shadows == "local, local, scroll, scroll"  # a box says that there is more
     page.locator("#results a").first.click()
     page.wait_for_selector(DRAWN)
     assert page.locator("[name=minus]").input_value() == coast
