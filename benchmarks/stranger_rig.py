@@ -5,7 +5,7 @@ everything else is written here. The rig has a reversed force sensor with a prel
 German one with a header, decimal commas and Latin-1; one that writes UTF-16 and tabs; one with quotes and milliseconds),
 and tachometers of 1, 6 and 60 pulses whose contacts bounce and miss.
 
-Run as: python benchmarks/stranger_rig.py FOLDER [--model needles] [--records 15] [--seed 1]
+Run as: python benchmarks/stranger_rig.py FOLDER [--model needles] [--records 15] [--seed 1] [--joint 1]
 """
 
 from __future__ import annotations
@@ -35,6 +35,12 @@ POINTS = [
     (9, 150, 800), (10, 280, 500), (10.5, 110, 1100), (11, 220, 650), (12, 80, 450), (12.5, 170, 900), (13, 260, 350),
     (14, 140, 750),
 ]  # fmt: skip
+MIDDLE = {
+    "groove_sliding_friction": (0.045, 0.12),
+    "needle_sliding_friction": (0.03, 0.08),
+    "initial_skew_1_deg": (-0.6, 0.6),
+    "initial_skew_2_deg": (-0.6, 0.6),
+}
 RATE = 5000.0
 SECONDS = 2.6
 RUNNER = [sys.executable, "-m", "tripod_doe"]
@@ -109,6 +115,13 @@ def quoted(path: Path, point, rows, dice) -> None:
     path.write_text("\n".join([*lines, ""]), encoding="utf-8-sig")
 
 
+def hide(joint: int) -> None:
+    """Draw another hidden joint by its number, and write it on standard output."""
+    dice = random.Random(f"joint {joint}")
+    HIDDEN.update({name: round(dice.uniform(low, high), 4) for name, (low, high) in MIDDLE.items()})
+    print(json.dumps(HIDDEN))
+
+
 def make(folder: Path, model: str, records: int, seed: int) -> None:
     """Write the records."""
     dice = random.Random(seed)
@@ -126,5 +139,8 @@ if __name__ == "__main__":
     parser.add_argument("--model", default="needles")
     parser.add_argument("--records", type=int, default=15)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--joint", type=int, help="another hidden joint, drawn by this number and printed")
     given = parser.parse_args()
+    if given.joint is not None:
+        hide(given.joint)
     make(given.folder, given.model, given.records, given.seed)

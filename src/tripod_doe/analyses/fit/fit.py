@@ -100,20 +100,22 @@ def solve(
     else:
         begins = explore(Problem(layout, misfit, between), Problem(layout, misfit, between, loss), _LOOKS, starts, seed)
     tell("search")
-    begun = [problem.begin(each.place) for each in begins]
-    costs = [each for each in begun if each is not None]
-    descents = distinct([problem.descend(each) for each in sorted(costs, key=lambda each: each.cost)[:starts]])
+    descents = distinct([problem.descend(each) for each in _begun(problem, begins)[:starts]])
     if not descents:
         raise InputError(f"none of {failed} starting points has an answer for all records; narrow the ranges")
     bad = _bad_records(problem, descents[0], per_record) if judged else ~used
     size = ErrorSize()
-    for _ in range(_WEIGHINGS):
+    for weighing in range(_WEIGHINGS):
         rows = rows if weigh is None else weigh(descents[0])
         if sized:
             size = estimate_error_size(rows, ~bad, layout.priors(), descents[0])
         own = rows.with_errors_times(size.of(rows.order))
         plain = Problem(layout, Misfit(own, ~bad, layout.priors()), predict)
         again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
+        if weighing == 0 and between is not None and (weigh is not None or sized):
+            # of the first weights the minimum near the hidden values may be none
+            look = Problem(layout, plain.misfit, between)
+            again = distinct([*again, *_begun(plain, explore(look, look, _LOOKS, starts, seed))])
         descents = distinct([plain.descend(each) for each in _within_reach(again, plain.misfit.data)])
     corrections, at_rest = 0, True
     if finer is not None:
@@ -121,6 +123,12 @@ def solve(
         plain, descents, corrections, at_rest = _corrected(plain, descents, predict, finer)
     fitted = _with_profiles(plain, descents, bad, failed, size, tell)
     return replace(fitted, corrections=corrections, at_rest=at_rest)
+
+
+def _begun(problem: Problem, descents: list[Descent]) -> list[Descent]:
+    """States of a problem at places where another one has minima, the best first; without those where a point fails."""
+    states = [problem.begin(each.place) for each in descents]
+    return sorted((each for each in states if each is not None), key=lambda each: each.cost)
 
 
 def _within_reach(descents: list[Descent], data: int) -> list[Descent]:
