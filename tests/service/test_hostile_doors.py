@@ -83,6 +83,12 @@ SHARED = [
     ("DELETE", f"{RUN}/shares/{BIG}", ""),
 ]
 HANDED_ON = [
+    *(
+        ("GET", f"{RUN}/what-if{words}", "")
+        for words in ("", "?step=..", "?step=..%2f..", "?step=%00", f"?step={LONG}")
+    ),
+    ("GET", f"{API}/runs/..%2f../what-if", ""),
+    ("POST", f"{RUN}/what-if", "{}"),
     ("GET", f"{API}/runs?page={BIG}", ""),
     ("GET", f"{API}/runs?page=-1", ""),
     ("GET", f"{API}/runs?sort=__class__", ""),

@@ -97,7 +97,7 @@ def what_if_alone(directory: Path) -> str:
     """
     pages = what_if_pages(read_analyses(directory) if is_shown(directory) else {})
     if not pages:
-        raise InputError(f"{directory}: no surrogate that can be asked: the study needs [analysis.surrogate]")
+        raise InputError("no surrogate that can be asked: the study needs [analysis.surrogate]")
     with opened_cube(directory) as cube:
         attributes = {name: str(value) for name, value in cube.attrs.items()}
     return render(

@@ -12,7 +12,7 @@ from copy import copy
 from pathlib import Path
 from typing import Any, cast
 
-from tripod_doe.errors import StorageError, near_match
+from tripod_doe.errors import StorageError, near_match, printable
 from tripod_doe.names import path_within
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
@@ -356,7 +356,7 @@ class Service:
         run, directory = self.runs.find(run_id), self.directory(run_id)
         if run.kind == "study":
             if step:
-                raise RefusedError(404, f"step: {step[:100]}: this run is a study; it has no steps")
+                raise RefusedError(404, f"step: {printable(step[:100])}: this run is a study; it has no steps")
             return directory
         steps = run.plan["steps"]
         if step is None:
@@ -365,7 +365,7 @@ class Service:
         if run.kind == "optimisation" and step in _ANSWERS[run.kind]:
             return directory / f"{step}.nc"
         if step not in steps:
-            raise RefusedError(404, f"step: {step[:100]}: no step of this run ({', '.join(steps)})")
+            raise RefusedError(404, f"step: {printable(step[:100])}: no step of this run ({', '.join(steps)})")
         return path_within(directory, "steps", step)
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
