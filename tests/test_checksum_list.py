@@ -6,6 +6,7 @@ import os
 import subprocess
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import pytest
@@ -144,3 +145,16 @@ def test_a_file_is_not_called_changed_while_it_is_written(tmp_path):
             assert not is_changed(path)
     finally:
         writer.join()
+
+
+def test_writers_of_one_folder_wait_for_each_other(tmp_path):
+    """Regression: half of the calls failed, and whole files counted as changed."""
+
+    def write(name):
+        for count in range(20):
+            write_listed(tmp_path / name, f"{name} {count}")
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(write, "abcd"))
+    assert sorted(checksums(tmp_path)) == list("abcd")
+    assert not any(is_changed(tmp_path / name) for name in "abcd")

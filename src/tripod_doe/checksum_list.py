@@ -6,11 +6,13 @@ file fits one of both. A file that fits none of them, while nothing is written, 
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import re
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tripod_doe.atomic_files import replace_file, replace_text
@@ -33,15 +35,33 @@ def write_listed(path: Path, content: str | bytes) -> Path:
         StorageError: If one of them cannot be written.
     """
     data = content.encode() if isinstance(content, str) else content
-    upcoming = _upcoming(path.parent) | {path.name: hashlib.sha256(data).hexdigest()}
-    listed = replace_text(path.with_name(_NEXT), "".join(f"{upcoming[name]}  {name}\n" for name in sorted(upcoming)))
-    with replace_file(path) as fresh:
-        fresh.write_bytes(data)
-    try:
-        os.replace(listed, path.with_name(LIST))
-    except OSError as error:
-        raise StorageError(f"{path.with_name(LIST)}: cannot write this file: {error.strerror}") from error
+    with _one_writer(path.parent):
+        upcoming = _upcoming(path.parent) | {path.name: hashlib.sha256(data).hexdigest()}
+        lines = "".join(f"{upcoming[name]}  {name}\n" for name in sorted(upcoming))
+        listed = replace_text(path.with_name(_NEXT), lines)
+        with replace_file(path) as fresh:
+            fresh.write_bytes(data)
+        try:
+            os.replace(listed, path.with_name(LIST))
+        except OSError as error:
+            raise StorageError(f"{path.with_name(LIST)}: cannot write this file: {error.strerror}") from error
     return path
+
+
+@contextmanager
+def _one_writer(folder: Path) -> Iterator[None]:
+    """Wait until no other process or thread writes listed files of a folder; the lock ends with its process."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
+    try:
+        with suppress(OSError):  # a network filesystem without locks: one writer is the rule
+            fcntl.flock(place, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(place)
 
 
 def _upcoming(folder: Path) -> dict[str, str]:

@@ -391,8 +391,9 @@ def _attach(value: Any, folder: Path, files: dict[str, str], key: str = "") -> N
 
 
 def _is_plain(name: str, folder: Path) -> bool:
-    """Whether a name is one of a file of the folder that is not hidden."""
-    return Path(name).name == name and not name.startswith(".") and (folder / name).is_file()
+    """Whether a name is one of a file in the folder itself: not hidden, and no link, which may lead to any file."""
+    place = folder / name
+    return Path(name).name == name and not name.startswith(".") and place.is_file() and not place.is_symlink()
 
 
 def _selection(select: Mapping[str, Any] | Sequence[str]) -> list[str]:

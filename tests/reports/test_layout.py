@@ -207,9 +207,9 @@ def borders_of():
         empty = np.full((2, 2), np.nan)
         data = xr.Dataset(
             {
-                "run_kind": ((*case, "run"), runs),
-                "error": ((*case, "run"), np.full((2, 2, 3), 0.001)),
-                "run_outcome": ((*case, "run"), np.zeros((2, 2, 3), int)),
+                "run_kind": ((*case, "numerics"), runs),
+                "error": ((*case, "numerics"), np.full((2, 2, 3), 0.001)),
+                "run_outcome": ((*case, "numerics"), np.zeros((2, 2, 3), int)),
                 "border_low": (case, empty),
                 "border_high": (case, empty),
                 "border_predicted": (case, empty),
@@ -220,7 +220,7 @@ def borders_of():
                 "method": ["rk4", "bdf2"],
                 "varied": ("case", ["base", "load_n"]),
                 "load_n": ("case", [1.0, 2.0]),
-                "numerics": ("run", [1e-8, 1e-7, 1e-6]),
+                "numerics": ("numerics", [1e-8, 1e-7, 1e-6]),
             },
             attrs={"numerics": "step_s", "limit": 0.02, "analysis_kind": "stability"},
         )

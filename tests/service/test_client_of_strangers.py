@@ -48,6 +48,9 @@ def test_a_text_that_is_spelled_as_a_file_sends_no_file(tmp_path):
     assert list(submission(study)["files"]) == ["points.csv"]
     study.write_text(study.read_text().replace("points.csv", ".env"))
     assert submission(study)["files"] == {}
+    (tmp_path / "t.csv").symlink_to(tmp_path / ".env")
+    study.write_text(study.read_text().replace(".env", "t.csv"))
+    assert submission(study)["files"] == {}, "a link in a stranger's folder may lead to any file"
 
 
 def test_a_token_that_goes_over_the_network_in_the_clear_warns():

@@ -65,7 +65,7 @@ def write_optimisation_page(
         ends=ends_table(problem, solved),
         sensitivity=sensitivity_table(problem, solved),
         start=start_table(problem, solved),
-        left_out=left_out_table(solved, failures),
+        left_out=left_out_table(solved),
         bases=bases,
     )
     write_listed(directory / "report" / "index.html", page)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import struct
 import tracemalloc
 
 import netCDF4
@@ -16,7 +17,7 @@ from tripod_doe.cli import main
 from tripod_doe.errors import CubeError, InputError
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
-from tripod_doe.study.cube.netcdf import opened_file, write_dataset
+from tripod_doe.study.cube.netcdf import dataset_of, opened_file, write_dataset
 from tripod_doe.study.query.arrays import opened_arrays
 
 SECRET = b"the token of the owner"
@@ -238,3 +239,29 @@ def test_nothing_is_read_where_hdf5_cannot_be_asked(tmp_path, monkeypatch):
     with pytest.raises(td.CubeError, match="install netCDF4"):
         td.open_cube(path)
     hdf5_library.cache_clear()
+
+
+def test_a_chunk_that_fills_the_memory_is_refused(tmp_path):
+    """Regression: one value of a chunk of 4 GB, 62 kB in its file, took 4 GB of memory."""
+    with netCDF4.Dataset(tmp_path / "a.nc", "w") as stored:
+        stored.createDimension("point", None)
+        thrust = stored.createVariable("thrust", "f8", ("point",), zlib=True, chunksizes=(20_000_000,))
+        thrust[:4] = 1.0
+    with pytest.raises(CubeError, match=r"has a chunk of 160 MB"):
+        dataset_of(tmp_path / "a.nc")
+
+
+def test_texts_that_share_their_letters_are_refused(tmp_path):
+    """Regression: 20,000 texts of a file of 2.5 MB named one text of 1 MB, and took 20 GB of memory."""
+    path = tmp_path / "a.nc"
+    with netCDF4.Dataset(path, "w") as stored:
+        stored.createDimension("point", 1500)
+        texts = stored.createVariable("model", str, ("point",))
+        texts[:] = np.array(["a" * 1_000_000] + ["b"] * 1499, object)
+    dataset_of(path).close()
+    content = bytearray(path.read_bytes())
+    first = content.index(struct.pack("<I", 1_000_000))  # the reference: length, place of the heap, number in it
+    content[first + 16 : first + 16 * 1500] = content[first : first + 16] * 1499
+    path.write_bytes(content)
+    with pytest.raises(CubeError, match="more letters of texts than fit"):
+        dataset_of(path)

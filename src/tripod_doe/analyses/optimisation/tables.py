@@ -1,7 +1,5 @@
 """Tables of an optimisation: the front, its ends, the steps from there, the start, and what was left out."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from tripod_doe.analyses.optimisation.candidate_text import (
@@ -21,7 +19,6 @@ from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import listed, unit_text
 from tripod_doe.quantities import digits_apart, interval, level, number
-from tripod_doe.study.failure_summary import Failure
 
 _MOST_ROWS = 40
 
@@ -127,7 +124,7 @@ def _variable_heads(problem: Problem) -> list[str]:
     return [f"{spoken_name(problem, name)}{f' ({unit})' if unit else ''}" for name, unit in units.items()]
 
 
-def left_out_table(solved: Solved, failures: Sequence[Failure]) -> Table:
+def left_out_table(solved: Solved) -> Table:
     """Reasons of the candidates that are not feasible, with their counts."""
     rows = [[reason, f"{count:,}"] for reason, count in counted_reasons(solved.archive.judged.reasons)[:_MOST_ROWS]]
     return ["reason (numbers of the first one)", "candidates"], rows

@@ -41,6 +41,9 @@ CHUNK_BYTES = 2_000_000
 _DENSEST, _MISSING = 1100, 4_000_000_000
 """Most bytes of values in a byte of a file (deflate packs 1,032), and most bytes of missing values, which take none."""
 
+_LARGEST_CHUNK, _TEXTS = 128_000_000, 1_000_000_000
+"""Most bytes of a chunk, which is unpacked as a whole even for one value, and of texts that are read at once."""
+
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
 
@@ -128,26 +131,59 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     """Open a netCDF file for any reader; the caller holds the lock.
 
     Raises:
-        CubeError: If HDF5 would read other files for it, or it announces far more values than it holds.
+        CubeError: If HDF5 would read other files for it, or it announces far more than it can hold: values, a chunk,
+            or texts that share their letters.
     """
     import netCDF4
 
     refuse_outside(path)
     stored = netCDF4.Dataset(path, mode)
-    announced, own = announced_bytes(stored), os.path.getsize(path)
-    if announced > _MISSING + _DENSEST * own:
+    if excess := _excess(stored, os.path.getsize(path)):
         stored.close()
-        raise CubeError(
-            f"{path}: announces {size(announced)} of values in a file of {size(own)}: its end is lost, or it was made "
-            "to fill the memory of its reader"
-        )
+        raise CubeError(f"{path}: {excess}: its end is lost, or it was made to fill the memory of its reader")
     return stored
+
+
+def _excess(stored: netCDF4.Dataset, own: int) -> str:
+    """What a file of this size announces beyond what it can hold, in words."""
+    announced, chunk = announced_bytes(stored), _largest_chunk(stored)
+    if announced > _MISSING + _DENSEST * own:
+        return f"announces {size(announced)} of values in a file of {size(own)}"
+    if chunk > _LARGEST_CHUNK:
+        return f"has a chunk of {size(chunk)}; the largest that is read has {size(_LARGEST_CHUNK)}"
+    texts = [variable for variable in _all_variables(stored) if variable.dtype is str and variable.ndim]
+    if any(_has_more_letters(variable, own) for variable in texts):
+        return f"announces more letters of texts than fit in a file of {size(own)}"
+    return ""
+
+
+def _all_variables(group: netCDF4.Dataset | netCDF4.Group) -> Iterator[netCDF4.Variable[Any]]:
+    yield from group.variables.values()
+    for inner in group.groups.values():
+        yield from _all_variables(inner)
+
+
+def _largest_chunk(stored: netCDF4.Dataset) -> int:
+    chunks = ((variable.chunking(), _width(variable)) for variable in _all_variables(stored))
+    return max((math.prod(chunk) * width for chunk, width in chunks if isinstance(chunk, list)), default=0)
+
+
+def _has_more_letters(texts: netCDF4.Variable[Any], own: int) -> bool:
+    """Whether texts are longer than their file, in which each has letters of its own."""
+    rows, row = texts.shape[0], math.prod(texts.shape[1:])
+    if rows * row * own <= _TEXTS:  # harmless even if each were as long as the file
+        return False
+    step, letters = max(1, _TEXTS // max(1, row * own)), 0
+    for start in range(0, rows, step):
+        letters += sum(map(len, np.ravel(texts[start : start + step])))
+        if letters > own:
+            return True
+    return False
 
 
 def announced_bytes(stored: netCDF4.Dataset | netCDF4.Group) -> int:
     """Bytes of all variables of a file and its groups by their shapes, written or not."""
-    own = sum(math.prod(variable.shape) * _width(variable) for variable in stored.variables.values())
-    return own + sum(map(announced_bytes, stored.groups.values()))
+    return sum(math.prod(variable.shape) * _width(variable) for variable in _all_variables(stored))
 
 
 def _width(variable: netCDF4.Variable[Any]) -> int:
