@@ -117,7 +117,9 @@ class Service:
         simulator = load_simulator(task.scene)
         block, seconds = BlockResult.blank(task.count), np.zeros(2)
         for row in range(task.count):
-            values = dict(task.base) | {name: column[row].item() for name, column in task.columns.items()}
+            values = dict(task.base) | {
+                name: column[row : row + 1].tolist()[0] for name, column in task.columns.items()
+            }
             record = self.ask("POST", "/simulate", {"scene": task.scene, **values})
             block.end(row, Outcome[record["outcome"].upper()], record["outcome_detail"])
             for name in task.keep:
@@ -403,9 +405,9 @@ def _selection(select: Mapping[str, Any] | Sequence[str]) -> list[str]:
 def _choice(value: Any) -> str:
     """A selection as a query has it: a value, a list or a range."""
     if isinstance(value, slice):
-        return f"{value.start}:{value.stop}"
-    items = value if isinstance(value, list | tuple) else [value]
-    return ",".join(str(item.item() if hasattr(item, "item") else item) for item in items)
+        return f"{'' if value.start is None else value.start}:{'' if value.stop is None else value.stop}"
+    items = np.ravel(np.asarray(value, object)).tolist()
+    return ",".join(str(item.item() if isinstance(item, np.generic) else item) for item in items)
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.client import submission
+from tripod_doe.client import _selection, submission
 from tripod_doe.errors import TripodDoeError
 
 
@@ -53,6 +53,11 @@ def test_a_text_that_is_spelled_as_a_file_sends_no_file(tmp_path):
     assert submission(study)["files"] == {}, "a link in a stranger's folder may lead to any file"
 
 
+def test_selections_are_those_of_a_query():
+    chosen = {"a": slice(None, 50), "b": np.array([300, 600]), "c": "needles", "d": slice(1.5, None)}
+    assert _selection(chosen) == ["a=:50", "b=300,600", "c=needles", "d=1.5:"]
+
+
 def test_a_token_that_goes_over_the_network_in_the_clear_warns():
     with pytest.warns(UserWarning, match="unencrypted"), pytest.raises(TripodDoeError):
         td.connect("http://name.invalid", token="secret")
@@ -61,7 +66,8 @@ def test_a_token_that_goes_over_the_network_in_the_clear_warns():
 def test_points_of_a_service_are_those_of_this_process(serve_for_all):
     """Exact: every combination of the values, also the point that jams."""
     service = td.connect(serve_for_all.address, token=serve_for_all.token)
-    asked = {"bearing_radial_clearance_mm": [0.01, -0.05], "joint_angle_deg": [4, 9], "model": "equilibrium"}
+    models = ["equilibrium", "kinetostatic"]
+    asked = {"bearing_radial_clearance_mm": [0.01, -0.05], "joint_angle_deg": [4, 9], "model": models}
     there, here = service.simulate(**asked), td.simulate(**asked)
     assert here["outcome"].values.any()
     xr.testing.assert_identical(there.drop_attrs(deep=False), here.drop_attrs(deep=False))

@@ -238,6 +238,25 @@ def test_directories_of_the_command_line_appear_change_and_go_while_the_server_r
     assert shown(own, 0) == []
 
 
+def test_other_results_in_the_same_place_are_another_run(coast, settings, own_folder):
+    """Regression: links to the former run opened them, also after a variable was derived here, under its name."""
+    own, folder = own_folder
+    ignored = shutil.ignore_patterns("upload", ".alive")
+    shutil.copytree(settings.folder / coast, folder / "by_hand", ignore=ignored)
+    (first,) = shown(own, 1, "finished")
+    responses = {"responses": {"twice": {"formula": "2 * thrust_rms", "unit": "N"}}}
+    assert own.post(f"/runs/{first['id']}/derive", responses).status_code < 300
+    assert shown(own, 1, "finished")[0]["id"] == first["id"]
+    (folder / "by_hand").rename(settings.folder.parent / "away")
+    shutil.copytree(settings.folder / coast, folder / "by_hand", ignore=ignored)
+    until = time.monotonic() + 30
+    while (other := shown(own, 1, "finished")[0]["id"]) == first["id"]:
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    assert own.get(f"/runs/{first['id']}").status_code == 404
+    assert own.get(f"/runs/{other}/upload").json()["study"] == textwrap.dedent(COAST)
+
+
 def test_a_run_of_a_function_is_shown_and_never_imported(own_folder, monkeypatch):
     """The service reads its results; what would run the function is refused."""
     own, folder = own_folder

@@ -103,6 +103,11 @@ def _revolutions(rotation_deg: FloatArray) -> FloatArray:
     """Bounds of the whole revolutions of a record, from its first sample on."""
     if rotation_deg.size < 2:
         raise InputError(f"the record has {rotation_deg.size} samples with an angle; two whole revolutions are needed")
+    if not rotation_deg[-1] - rotation_deg[0] <= 360.0 * rotation_deg.size:  # also if it is not a number
+        raise InputError(
+            f"the record has {rotation_deg.size:,} samples and covers {(rotation_deg[-1] - rotation_deg[0]) / 360:.3g} "
+            f"revolutions, more than one a sample: check its rotation angle, or {option('pulses_per_revolution')}"
+        )
     # the last sample stands for the step behind it: 0, 1, ... 719 deg are two revolutions; and where pulses bound a
     # record, its first and its last sample lie up to a step within whole revolutions
     span, steps = rotation_deg[-1] - rotation_deg[0], np.diff(rotation_deg)

@@ -199,6 +199,13 @@ def test_a_gap_raises_the_noise_as_the_normal_equations_say():
     assert growth.max() < 2.5
 
 
+@pytest.mark.parametrize("step", [1e7, 1e300, np.nan])
+def test_angles_of_more_revolutions_than_samples_are_refused_at_once(step):
+    """Regression: 3,000 samples over 8e7 revolutions took minutes, and over 1e300 deg ended in an internal error."""
+    with pytest.raises(td.InputError, match="more than one a sample"):
+        track_orders(np.arange(3000) * step, np.ones(3000))
+
+
 def test_resampling_keeps_the_waveform():
     """Order k loses sin(x)/x, x = pi k/360; straight lines between 0.4 deg samples lose (k h)^2/12, h in rad."""
     rotation = np.arange(-33.3, 1500, 0.4)

@@ -167,7 +167,7 @@ class WhatIfPage:
                 "values": _bytes(surrogate.values[:, : 2 * len(waves)], np.float32),
                 "errors": _bytes(surrogate.relative_errors()[:, : 2 * len(waves)], np.float32),
             }
-        return Markup(json.dumps(content).replace("</", "<\\/"))
+        return Markup(json.dumps(content).replace("<", "\\u003c"))  # no text opens a comment or ends the script
 
 
 def what_if_pages(analyses: Mapping[str, xr.Dataset]) -> list[WhatIfPage]:

@@ -19,7 +19,7 @@ class Extremes:
 
     def __init__(self, find: Callable[[Run, int], Mapping[str, Any] | None]) -> None:
         self._find = find
-        self._known: dict[tuple[str, int], tuple[int, float, Mapping[str, Any] | None]] = {}
+        self._known: dict[tuple[str, int], tuple[tuple[int, str], float, Mapping[str, Any] | None]] = {}
         self._lock = threading.Lock()
 
     def known(self, runs: list[Run], order: int) -> dict[str, Mapping[str, Any]]:
@@ -28,7 +28,7 @@ class Extremes:
         return {run_id: entry[2] for run_id, entry in found.items() if entry and entry[2]}
 
     def update(self, runs: list[Run], order: int, there: list[Run]) -> bool:
-        """Read the cubes of runs that have more points than at the last call; return whether anything is new.
+        """Read the cubes of runs that have changed since the last call; return whether anything is new.
 
         Args:
             runs: Runs to update.
@@ -40,7 +40,7 @@ class Extremes:
         try:
             stale = [run for run in runs if self._is_stale(run, order)]
             for run in stale:
-                self._known[run.id, order] = (run.counts.finished, time.monotonic(), self._find(run, order))
+                self._known[run.id, order] = (_state(run), time.monotonic(), self._find(run, order))
             ids = {run.id for run in there}
             for key in [key for key in self._known if key[0] not in ids]:
                 del self._known[key]
@@ -51,5 +51,10 @@ class Extremes:
     def _is_stale(self, run: Run, order: int) -> bool:
         if run.kind != "study" or not run.counts.finished:
             return False
-        count, at, _ = self._known.get((run.id, order), (0, -_PAUSE, None))
-        return count != run.counts.finished and (run.state.at_rest or time.monotonic() - at > _PAUSE)
+        state, at, _ = self._known.get((run.id, order), (None, -_PAUSE, None))
+        return state != _state(run) and (run.state.at_rest or time.monotonic() - at > _PAUSE)
+
+
+def _state(run: Run) -> tuple[int, str]:
+    """What changes with the cube of a run."""
+    return run.counts.finished, run.updated

@@ -68,18 +68,27 @@ class FoundDirectories:
             run = known.get(name)
             if self._ended.is_set():
                 return
-            if run is None or (run.is_left_alone and run.state.at_rest):
+            if run is None or (run.place and run.state.at_rest):
                 self._look_at(self._folder / name, run)
 
     def _look_at(self, path: Path, run: Run | None) -> None:
-        """Show a directory that is new, or that has changed since its run was shown."""
+        """Show a directory that is new, or that has changed since its run was shown.
+
+        A run in whose place there are the results of another one is forgotten: links to it lead nowhere then.
+        """
         signature = _signature(path)
         if signature is None or signature == self._seen.get(path.name):
             return
-        if run is None or max(signature[2:]) > 1e9 * datetime.fromisoformat(run.updated).timestamp():
+        journal, newest = signature[0], max(signature[3:])
+        is_another = run is not None and run.inode not in (0, journal)
+        if run is None or is_another or newest > 1e9 * datetime.fromisoformat(run.updated).timestamp():
             try:
                 check_delivered(path, found=True)
-                self._runs.adopt(path, self._plan(path))
+                plan = self._plan(path)
+                # a new file may get the inode of a deleted one, so the name of the study counts, too
+                if run is not None and (is_another or plan["name"] != run.name):
+                    self._runs.forget([run])
+                self._runs.adopt(path, plan)
             except (AllBusyError, ServerEndsError):
                 return  # the next look tries again
             except (RefusedError, TripodDoeError, WorkerFailedError, OSError) as error:
@@ -96,7 +105,7 @@ def _signature(path: Path) -> Signature | None:
     if not all(changed[:2]):
         return None
     top = os.lstat(path)
-    return top.st_mode, top.st_uid, *changed
+    return os.lstat(journal_path(path)).st_ino, top.st_mode, top.st_uid, *changed
 
 
 def _changed(path: Path) -> int:

@@ -113,15 +113,16 @@ class Supervisor:
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
         """Show a directory of the folder that the command line filled, or is filling, perhaps once more."""
-        study = {"state": State.RUNNING, **_planned(plan)}
+        journal = journal_path(directory).stat()
+        study = {"state": State.RUNNING, "inode": journal.st_ino, **_planned(plan)}
         with self._lock:
             run = self.by_place().get(directory.name)
             if run is None:
-                written = stamp(datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC))
+                written = stamp(datetime.fromtimestamp(journal.st_mtime, UTC))
                 study |= {"created": written, "updated": written, "place": directory.name}
                 run = self._put(Run(secrets.token_hex(8), **study))
-            elif run.is_left_alone and run.state.at_rest:
-                self._put(run.changed(message="", **study))
+            elif run.place and run.state.at_rest:
+                self._put(run.changed(message="", taken=False, **study))
         self._look_at(run.id)
 
     def all(self) -> list[Run]:
