@@ -257,6 +257,23 @@ def test_other_results_in_the_same_place_are_another_run(coast, settings, own_fo
     assert own.get(f"/runs/{other}/upload").json()["study"] == textwrap.dedent(COAST)
 
 
+def test_a_run_that_the_command_line_went_on_with_has_its_points(own_folder, tmp_path):
+    """Regression: the list kept the counts and extremes of the smaller study, for ever."""
+    own, folder = own_folder
+    run_id = own.submit(COAST)
+    shown(own, 1, "finished")
+    larger = tmp_path / "larger.toml"
+    larger.write_text(textwrap.dedent(COAST).replace("150, 4000", "150, 1000, 4000"))
+    td.run(larger, out=folder / run_id, workers=0, progress=False)
+    until = time.monotonic() + 30
+    while own.get(f"/runs/{run_id}").json()["points"]["finished"] == 4:
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    (run,) = shown(own, 1, "finished")
+    assert (run["id"], run["points"]["total"]) == (run_id, 12)
+    assert "1000" in own.get(f"/runs/{run_id}/upload").json()["study"]
+
+
 def test_a_run_of_a_function_is_shown_and_never_imported(own_folder, monkeypatch):
     """The service reads its results; what would run the function is refused."""
     own, folder = own_folder

@@ -10,6 +10,7 @@ from typing import Any
 
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.result_directory import page_of
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
@@ -68,7 +69,7 @@ class FoundDirectories:
             run = known.get(name)
             if self._ended.is_set():
                 return
-            if run is None or (run.place and run.state.at_rest):
+            if run is None or (run.state.at_rest and run.kind == "study" and not run.binned):
                 self._look_at(self._folder / name, run)
 
     def _look_at(self, path: Path, run: Run | None) -> None:
@@ -79,9 +80,8 @@ class FoundDirectories:
         signature = _signature(path)
         if signature is None or signature == self._seen.get(path.name):
             return
-        journal, newest = signature[0], max(signature[3:])
-        is_another = run is not None and run.inode not in (0, journal)
-        if run is None or is_another or newest > 1e9 * datetime.fromisoformat(run.updated).timestamp():
+        is_another = run is not None and run.inode not in (0, signature[0])
+        if run is None or is_another or _is_continued(path, run, signature):
             try:
                 check_delivered(path, found=True)
                 plan = self._plan(path)
@@ -97,6 +97,18 @@ class FoundDirectories:
                 if not self._ended.is_set():
                     log.exception("%s is not shown", path.name)
         self._seen[path.name] = signature
+
+
+def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
+    """Whether the command line went on in the directory of a run at rest.
+
+    In a run that the service made, by another study than the one that was submitted: times alone change in a copy.
+    """
+    shown = 1e9 * datetime.fromisoformat(run.updated).timestamp()
+    if run.place:
+        return max(signature[3:]) > shown
+    submitted = path / UPLOAD / main_file("study")
+    return signature[3] > shown and submitted.is_file() and submitted.read_bytes() != (path / "study.toml").read_bytes()
 
 
 def _signature(path: Path) -> Signature | None:

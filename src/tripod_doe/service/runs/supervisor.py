@@ -121,8 +121,8 @@ class Supervisor:
                 written = stamp(datetime.fromtimestamp(journal.st_mtime, UTC))
                 study |= {"created": written, "updated": written, "place": directory.name}
                 run = self._put(Run(secrets.token_hex(8), **study))
-            elif run.place and run.state.at_rest:
-                self._put(run.changed(message="", taken=False, **study))
+            elif run.state.at_rest and run.id not in self._changing:
+                self._put(run.changed(message="", place=directory.name, taken=False, **study))
         self._look_at(run.id)
 
     def all(self) -> list[Run]:
