@@ -512,12 +512,12 @@ def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
     with td.open_cube(tmp_path / "out") as cube:
         told = find(cube)
         fine = cube["y"].values[cube["level"].values == "fine"]
-    of = "of the 40 points by fine, which counts as the truth."
+    of = "the 40 points by fine, which counts as the truth."
     assert f"Ranges of results, effects of factors and their figures refer to {of}" in told
     assert told[0].startswith(f"y lies between {fine.min():.3g} (at x ")
     assert not [sentence for sentence in told if "over level" in sentence.lower()]
     page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
-    assert f"<p>O{of[1:]}</p>" in page
+    assert f"<p>Of {of}</p>" in page
 
 
 def test_a_quantile_says_how_far_the_points_bound_it():

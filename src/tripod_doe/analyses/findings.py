@@ -55,7 +55,8 @@ def find(cube: xr.Dataset) -> list[str]:
         sentences += _responses(shown) + _missing_effects(shown) + subset_sentences(part)
         if design_kind(cube) == "multifidelity":
             sentences.append(
-                f"Ranges of results, effects of factors and their figures refer to {points_in_words(shown)}."
+                f"Ranges of results, effects of factors and their figures refer to "
+                f"{points_in_words(shown).removeprefix('of ')}."
             )
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")

@@ -14,7 +14,14 @@ from tripod_doe.errors import InputError
 from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.balance_models import some_vibrate
 from tripod_doe.joint.geometry.feasibility import infeasible
-from tripod_doe.joint.known_errors.error_estimate import FINEST, QUANTITY, WITHOUT_VIBRATION, errors_at, similar_errors
+from tripod_doe.joint.known_errors.error_estimate import (
+    FINEST,
+    QUANTITY,
+    WITHOUT_ITS_VIBRATION,
+    WITHOUT_VIBRATION,
+    errors_at,
+    similar_errors,
+)
 from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
@@ -123,7 +130,8 @@ class JointSimulator(Simulator):
                 outside[rows] = beyond
                 departures.append(Departure(model.name, left, outside, quantities[left.quantity][beyond]))
         models_of = np.asarray(points["model"], object)
-        return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures)
+        stated = (WITHOUT_ITS_VIBRATION,)
+        return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures, stated)
 
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
         """Relative numerical error of the third order, if the run reports it; zero for a zero order."""

@@ -27,6 +27,7 @@ class ModelErrors:
     limit: FloatArray  # 90th percentile of the error at these similar points, shape (point,)
     unknown: NDArray[np.object_]  # why the error is unknown, shape (point,); empty if it is known
     departures: Sequence[Departure] = ()  # valid ranges of these models, each with the points outside
+    stated: Sequence[str] = ()  # texts of `unknown` that a verdict states as they are
 
     def of(self, rows: NDArray[np.bool_]) -> ModelErrors:
         """The errors at some of the points."""

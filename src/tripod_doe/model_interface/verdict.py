@@ -91,6 +91,9 @@ def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdic
         (0, Trust.SURE, errors.models == finest),
     ):
         trust[chosen], reason[chosen] = level, code
+    for text in errors.stated:
+        reasons.append(text)
+        reason[(errors.unknown == text) & (reason == 5)] = len(reasons) - 1
     for departure in errors.departures:
         ends = allowed_range(departure.left.low, departure.left.high, departure.left.unit)
         reasons.append(f"model {departure.model} holds for {departure.left.quantity} {ends} only")

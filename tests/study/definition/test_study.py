@@ -36,7 +36,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
             HEAD + '[base]\nmodel = "equilibrum"',
             r"did you mean 'equilibrium'\? allowed: equilibrium, kinetostatic, rollers, needles",
         ),
-        (HEAD + "[base]\nzzz = 5", "zzz = 5: unknown parameter; allowed: joint_angle_deg, torque_n_m"),
+        (HEAD + "[base]\nzzz = 5", "zzz = 5: unknown parameter; the most similar of 55 names: "),
         (HEAD + "[base]\nstep_s = 1e-5\n" + FACTOR, r"\[base\]: step_s = 1e-05: not used by newton \(kinetostatic\)"),
         (HEAD + FACTOR + "[base]\njoint_angle_deg = 5", "both a base value and a factor"),
         (HEAD + FACTOR + "[factors.joint_angle_deg]\nvalues=[1]", "not valid TOML"),

@@ -135,6 +135,9 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
     closure = ""
     if leading == "share_off" and spread(part.closure[rows]):
         closure = f"; they add up to {at_each(100 - part.closure[rows], percent)}"
+    remainder = 100 - np.nansum(values, axis=1)
+    if leading == "share_direct" and np.abs(remainder).max() > _PRINTED:
+        closure = f"; {at_each(remainder, percent)} is the part of no friction (inertia, numerical error)"
     points = stated_over(part, rows)
     over = f", {points}" if points else ""
     size = f" ({part.amplitude})" if part.amplitude and not side else ""

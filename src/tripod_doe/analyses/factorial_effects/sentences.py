@@ -48,9 +48,9 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
         known = np.isfinite(part["r_squared"]) and not saturated
         explained = f", R2 {number(float(part['r_squared']), 4)}" if known else ""
         if text:
-            sentences.append(
-                f"Largest effects on {what}, from low to high: {listed(text)}{weak}{explained} (analysis {name})."
-            )
+            squared = any(" squared" in each for each in text)
+            way = "from low to high" + ", of squares from the middle to the ends" * squared
+            sentences.append(f"Largest effects on {what}, {way}: {listed(text)}{weak}{explained} (analysis {name}).")
         elif saturated and rows:
             sentences.append(_without_scatter(what, unit, rows, name))
         else:

@@ -18,6 +18,7 @@ NEAR_LEVEL = 0.1
 """dB from which on a level is near another one, about as much as 1 %."""
 
 _NEAR = 0.01  # of a range, or of a limit: from here on it binds
+_AT = 1e-6  # of a range: a bound itself, and not only near it
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
 
 
@@ -89,10 +90,11 @@ def binding(problem: Problem, unit: FloatArray, violation: FloatArray) -> list[s
             continue
         edge = 0.5 / len(variable.levels) if variable.levels else _NEAR
         name = spoken_name(problem, variable.name)
+        at = "at" if variable.levels or min(value, 1 - value) < _AT else f"within {100 * _NEAR:g} % of its range of"
         if value <= edge:
-            texts.append(f"{name} at its lower bound")
+            texts.append(f"{name} {at} its lower bound")
         elif value >= 1 - edge:
-            texts.append(f"{name} at its upper bound")
+            texts.append(f"{name} {at} its upper bound")
     return texts + touched_limits(problem, violation)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from markupsafe import Markup
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
@@ -103,10 +104,14 @@ class WhatIfPage:
         rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
         drawn = np.stack([places[rows[each.factor], at] for at, each in enumerate(self.surrogate.inputs)], axis=1)
         components, envelope = self.surrogate.predict(drawn), self.surrogate.envelope(drawn)
-        return [
-            each.unwrapped(components) - random.choice(each.errors, _DRAWS) * (envelope if each.vanishes else 1.0)
+        near = cKDTree(places).query(drawn)[1]  # errors are of one size only among neighbours
+        signs = random.choice([-1.0, 1.0], _DRAWS)
+        values = [
+            each.unwrapped(components) + signs * each.errors[near] * (envelope if each.vanishes else 1.0)
             for each in self.quantities
         ]
+        positive = [bool((each.values >= 0).all()) for each in self.quantities]  # as amplitudes are
+        return [np.maximum(v, 0.0) if p else v for v, p in zip(values, positive, strict=True)]
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:

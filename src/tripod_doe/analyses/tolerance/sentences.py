@@ -164,7 +164,8 @@ def _run_more(part: xr.Dataset, keep: float, resolved: bool) -> list[str]:
     known = [points for points in needed if np.isfinite(points)]
     if not known:
         return []
-    return [f"To resolve this, set samples = {int(max(known))} in [design] and run the study again."]
+    what = "whether the limit is kept, and by which smaller scatter"
+    return [f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again."]
 
 
 def _nothing_to_confirm(part: xr.Dataset, reason: str) -> list[str]:

@@ -50,7 +50,7 @@ _FAR = 1e6
 """Coordinate of a ratio that has no logarithm: far from all measured points."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
-_VIBRATES = "the joint vibrates by itself, and this is the answer without the vibration"
+WITHOUT_ITS_VIBRATION = "the joint vibrates by itself, and this is the answer without the vibration"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 
@@ -204,7 +204,7 @@ def errors_at(
     for ratio in range(len(measured.names))[::-1]:  # the first of several reasons wins
         unknown[~inside[:, ratio] & ~nothing] = measured.outside(ratio, low[ratio], high[ratio])
     if model in WITHOUT_VIBRATION:
-        unknown[vibrates], expected[vibrates], limit[vibrates] = _VIBRATES, np.nan, np.nan
+        unknown[vibrates], expected[vibrates], limit[vibrates] = WITHOUT_ITS_VIBRATION, np.nan, np.nan
     return expected, limit, unknown
 
 

@@ -127,7 +127,7 @@ def part_of_cube(
                 points,
                 used,
                 np.isin(table.outcome, (Outcome.FINISHED, Outcome.NOT_RUN)),
-                {name: data for name, (_, data) in table.outputs.items() if data.ndim == 2},
+                {name: data for name, (_, data) in table.outputs.items() if data.ndim <= 2},
             ).items()
         }
         | _used_variables(study, used, points)
