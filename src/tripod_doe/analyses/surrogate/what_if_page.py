@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from markupsafe import Markup
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
@@ -100,6 +99,8 @@ class WhatIfPage:
 
     def drawn(self) -> list[FloatArray]:
         """Each quantity at places drawn from the computed points, factor by factor, with errors drawn beside them."""
+        from scipy.spatial import cKDTree  # slow to import: few pages have such a part
+
         random, places = np.random.default_rng(0), self.surrogate.places
         rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
         drawn = np.stack([places[rows[each.factor], at] for at, each in enumerate(self.surrogate.inputs)], axis=1)

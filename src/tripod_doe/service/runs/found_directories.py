@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.service.problems import RefusedError
@@ -22,7 +22,23 @@ _PERIOD = 2.0  # seconds between two looks
 
 log = logging.getLogger(__name__)
 
-Signature = tuple[int, ...]
+
+class Signature(NamedTuple):
+    """What changes where the command line goes on in a directory, or its owner mends it."""
+
+    inode: int  # of its journal
+    mode: int
+    owner: int
+    # study, journal, cube, page: when each file or its mode changed last (ns); 0 if it is not there
+    study: int
+    journal: int
+    cube: int
+    page: int
+
+    @property
+    def newest(self) -> int:
+        """When any of the files changed last."""
+        return max(self.study, self.journal, self.cube, self.page)
 
 
 class FoundDirectories:
@@ -80,7 +96,7 @@ class FoundDirectories:
         signature = _signature(path)
         if signature is None or signature == self._seen.get(path.name):
             return
-        is_another = run is not None and run.inode not in (0, signature[0])
+        is_another = run is not None and run.inode not in (0, signature.inode)
         if run is None or is_another or _is_continued(path, run, signature):
             try:
                 check_delivered(path, found=True)
@@ -106,18 +122,22 @@ def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
     """
     shown = 1e9 * datetime.fromisoformat(run.updated).timestamp()
     if run.place:
-        return max(signature[3:]) > shown
+        return signature.newest > shown
     submitted = path / UPLOAD / main_file("study")
-    return signature[3] > shown and submitted.is_file() and submitted.read_bytes() != (path / "study.toml").read_bytes()
+    return (
+        signature.study > shown and submitted.is_file() and submitted.read_bytes() != (path / "study.toml").read_bytes()
+    )
 
 
 def _signature(path: Path) -> Signature | None:
-    """What changes where the command line goes on in a directory, or its owner mends it; None if it holds no study."""
-    changed = [_changed(each) for each in (path / "study.toml", journal_path(path), path / "cube.nc", page_of(path))]
-    if not all(changed[:2]):
+    """The signature of a directory; None if it holds no study."""
+    study, journal, cube, page = map(
+        _changed, (path / "study.toml", journal_path(path), path / "cube.nc", page_of(path))
+    )
+    if not study or not journal:
         return None
     top = os.lstat(path)
-    return os.lstat(journal_path(path)).st_ino, top.st_mode, top.st_uid, *changed
+    return Signature(os.lstat(journal_path(path)).st_ino, top.st_mode, top.st_uid, study, journal, cube, page)
 
 
 def _changed(path: Path) -> int:
