@@ -108,6 +108,21 @@ def test_downloads_ranges_and_streams_work_from_the_page(served, page, coast):
     assert download.value.failure() is None
 
 
+def test_a_file_is_saved_before_the_first_figure_has_come(served, page, coast):
+    held = []
+    page.route("**/figure*", lambda request: held.append(request))
+    page.route(f"**/{coast}/view*", lambda request: held.append(request))
+    page.goto(f"{served.home}/runs/{coast}?variable=thrust_amplitude&select=order%3D3")
+    page.get_by_text("Save as", exact=True).click()
+    with page.expect_download(timeout=10_000) as download:
+        page.get_by_text("CSV, numbers of this view").click()
+    assert "thrust_amplitude" in download.value.path().read_text().splitlines()[0]
+    for request in held:
+        request.continue_()
+    page.wait_for_selector("#figure[data-drawn]")
+    assert page.get_by_text("netCDF, whole cube").is_visible()  # an open menu stays open
+
+
 def test_a_report_opens_in_a_page_of_its_own_without_the_session(served, page, coast):
     page.goto(f"{served.home}/runs/{coast}/report")
     address = page.locator("iframe.report").get_attribute("src")

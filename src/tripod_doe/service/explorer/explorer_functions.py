@@ -61,6 +61,7 @@ def _explored(cube: xr.Dataset, view: View, path: str, place: str, minus_name: s
     return {
         "view": asdict(view),
         "address": view.address,
+        "data_items": view.data_items,
         "title": view_title(cube, view, minus_name),
         "meaning": str(cube[view.variable].attrs.get("long_name", "")),
         "variables": [asdict(choice) for choice in choices(cube)],

@@ -60,6 +60,11 @@ class View:
         return texts + limits + [("select", text) for text in self.select]
 
     @property
+    def data_items(self) -> list[tuple[str, str]]:
+        """Those items that choose numbers, as the route of a query takes them."""
+        return [item for item in self.items() if item[0] in ("variable", "select", "where", "analysis")]
+
+    @property
     def address(self) -> str:
         """The query string of its page."""
         return urlencode(self.items())

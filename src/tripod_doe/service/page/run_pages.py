@@ -144,7 +144,7 @@ def explorer(run_id: str, request: Request, service: AnyService) -> Response:
         steps=steps,
         chosen_step=chosen,
         trouble=trouble,
-        **_control_values(service, run, found),
+        **_control_values(service, run, found, chosen),
     )
 
 
@@ -154,11 +154,11 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
     found = ask_workers.explore(service, run_id, _items(request), step) if _begun(run) else None
-    values = _control_values(service, run, found)
+    values = _control_values(service, run, found, step)
     return {
         "title": found["title"] if found else "",
         "controls": part("controls.html", trouble="", **values),
-        "exports": part("exports.html", explored=found),
+        "exports": part("exports.html", **values),
     }
 
 
@@ -350,9 +350,15 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
         return None, str(error)
 
 
-def _control_values(service: Service, run: Run, found: dict[str, Any] | None) -> dict[str, Any]:
+def _control_values(service: Service, run: Run, found: dict[str, Any] | None, step: str | None) -> dict[str, Any]:
     kinds = [kind for kind in _KINDS if found and kind[0] in found["kinds"]]
     others = [
         other for other in service.runs.all() if other.id != run.id and other.kind == "study" and other.counts.finished
     ]
-    return {"explored": found, "kinds": kinds, "others": names_of(others) if found and found["points"] else {}}
+    return {
+        "explored": found,
+        "kinds": kinds,
+        "others": names_of(others) if found and found["points"] else {},
+        "data": f"{service.settings.root}/api/v1/runs/{run.id}",
+        "step_items": [("step", step)] if step else [],
+    }

@@ -16,6 +16,8 @@ const main = makeFrame(place, { chosen: open, hovered: markAll, describe: note }
 const second = makeFrame(document.getElementById("second-figure"), {
   chosen: open, hovered: markAll, describe: (text) => { document.getElementById("second-note").textContent = text; },
 });
+const exports = document.getElementById("exports");
+let shownExports = exports.innerHTML;
 let asked = null;
 
 function stepItems() {
@@ -91,14 +93,21 @@ function take(parts) {
   const focused = document.activeElement?.name || document.activeElement?.id;
   const start = document.activeElement?.selectionStart;
   controls.innerHTML = parts.controls;
-  document.getElementById("exports").innerHTML = parts.exports;
+  takeExports(parts.exports);
   document.getElementById("seen-title").textContent = parts.title;
-  linkExports();
   if (!focused) return;
   const field = controls.elements[focused]?.length && !controls.elements[focused].options
     ? controls.querySelector(`[name="${focused}"]:checked`) : controls.elements[focused];
   field?.focus();
   if (start != null && field?.setSelectionRange && field.type === "text") field.setSelectionRange(start, start);
+}
+
+function takeExports(text) {  // a menu in use is replaced only by another one
+  const made = document.createElement("template");
+  made.innerHTML = text;
+  if (made.innerHTML === shownExports) return;
+  shownExports = made.innerHTML;
+  exports.innerHTML = text;
 }
 
 function note(text) {
@@ -138,21 +147,6 @@ function close() {
   place.focus();
 }
 
-function dataAddress(format) {
-  const items = itemsOfControls().filter(([name]) => ["variable", "select", "where", "step", "analysis"].includes(name));
-  return `${api}/query?${new URLSearchParams([...items, ["format", format]])}`;
-}
-
-function linkExports() {
-  for (const link of document.querySelectorAll("#exports [data-format]")) {
-    link.href = dataAddress(link.dataset.format);
-    link.download = `${controls.elements.variable?.value || "view"}.${link.dataset.format === "csv" ? "csv" : "nc"}`;
-  }
-  for (const link of document.querySelectorAll("#exports [data-file]")) {
-    link.href = `${api}/${link.dataset.file}?${new URLSearchParams(stepItems())}`;
-  }
-}
-
 async function fillNumbers() {
   const box = document.querySelector("#numbers > div");
   try {
@@ -177,7 +171,7 @@ controls.addEventListener("click", (event) => {
   list.selectedIndex = next;
   look(itemsOfControls());
 });
-document.getElementById("exports").addEventListener("click", async (event) => {
+exports.addEventListener("click", async (event) => {
   const { copy, image } = event.target.dataset;
   if (copy !== undefined) {
     await navigator.clipboard.writeText(event.target.parentElement.querySelector("pre").textContent);
