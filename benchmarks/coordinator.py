@@ -24,7 +24,8 @@ import numpy as np
 import tripod_doe as td
 from tripod_doe.model_interface import BlockResult, Outcome, Values
 from tripod_doe.reports.study_report import write_report
-from tripod_doe.study.definition.study import Study, load_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task
 from tripod_doe.study.failure_summary import failures_in

@@ -40,7 +40,7 @@ from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 _WEIGHTS = np.array([3.0, 2.0, 0.0])  # of a sum of normal factors: indices 9/13, 4/13, 0

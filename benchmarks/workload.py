@@ -19,7 +19,7 @@ import numpy as np
 import tomlkit
 
 import tripod_doe as td
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task
 

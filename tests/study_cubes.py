@@ -74,7 +74,7 @@ def folder(tmp_path_factory) -> Path:
 def make_cube(folder):
     from tripod_doe.study.cube.dataset import build_cube  # imported here: every test session loads this module
     from tripod_doe.study.cube.netcdf import stamp_history
-    from tripod_doe.study.definition.study import parse_study
+    from tripod_doe.study.definition.study_file import parse_study
     from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.execution.task import make_task, run_task

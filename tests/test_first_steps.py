@@ -14,7 +14,7 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import closest
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_file import TABLES
+from tripod_doe.study.definition.study_tables import TABLES
 from tripod_doe.study.definition.template import TEMPLATES
 
 

@@ -5,7 +5,9 @@
 >>> td.run("studies/thrust_map.toml", out="results")     # a study
 >>> td.open_cube("results")                              # its results, labelled
 
-Names are imported when they are first used, so that workers and short commands load no plotting.
+Beside the folders stand modules that all of them use (errors, files, names, quantities), the `client` of a service and
+the `notification` at the end of a run. Public names are imported when they are first used, so that workers and short
+commands load no plotting.
 """
 
 import importlib
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
     from tripod_doe.motion_page.page import view
     from tripod_doe.reports.study_report import write_report
     from tripod_doe.study.definition.schema import study_schema
-    from tripod_doe.study.definition.study import Study, load_study
+    from tripod_doe.study.definition.study import Study
+    from tripod_doe.study.definition.study_file import load_study
     from tripod_doe.study.plan import Plan, plan
     from tripod_doe.study.query.query import query
     from tripod_doe.study.result_directory.open_cube import open_cube
@@ -60,7 +63,7 @@ _HOME = {
     "derive": "workflow.derive",
     "find": "analyses.findings",
     "fit": "workflow.fit",
-    "load_study": "study.definition.study",
+    "load_study": "study.definition.study_file",
     "model_point": "analyses.comparison.model_point",
     "morris_effects": "analyses.sensitivity.morris",
     "open_cube": "study.result_directory.open_cube",

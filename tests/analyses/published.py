@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 UNIT = {"low": 0.0, "high": 1.0}

@@ -17,7 +17,7 @@ import xarray as xr
 from started import Process
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.netcdf import write_dataset
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.workflow.analyses import check_analyses

@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 import pytest
 
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import KeyIndex, point_keys
 

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points, point_count
 
 RANGE = "{low = 1, high = 20, count = 1000}"

@@ -14,7 +14,7 @@ from tripod_doe.joint.outputs import CYCLE_OUTPUTS
 from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import timing

@@ -17,7 +17,7 @@ import xarray as xr
 import tripod_doe as td
 from stand_in_workers import SlowStart
 from started import Process
-from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import dask_workers
 from tripod_doe.study.fingerprints import point_keys

@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _plan_study(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition.study import load_study
+    from tripod_doe.study.definition.study_file import load_study
     from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.plan import plan
 

@@ -48,7 +48,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition.study import load_study
+    from tripod_doe.study.definition.study_file import load_study
     from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.failure_summary import failure_lines
     from tripod_doe.workflow.run_study import run  # Dask and plotting are slow to import

@@ -1,1 +1,1 @@
-"""Pages: the report of a study, of a workflow and of a report step, made of analyses and what `report` shares."""
+"""Whole pages and workbooks: reports of studies, workflows, fits and searches, `.xlsx` of results."""

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import duration, size, text_range
 from tripod_doe.study.cube.model_records import model_records
-from tripod_doe.study.definition.study import Study, load_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import Points, make_points, most_points, point_bytes
 from tripod_doe.study.execution.timing import time_points
 from tripod_doe.study.failure_summary import Failure, common_failures

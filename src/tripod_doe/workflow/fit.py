@@ -25,7 +25,8 @@ from tripod_doe.model_interface import Outcome, check_parameters
 from tripod_doe.one_thread import one_thread
 from tripod_doe.reports.fit_report import write_fit_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure

@@ -8,7 +8,8 @@ from tripod_doe.analyses.fit.exploration import place_count
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.quantities import count_of, duration, text_range
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.plan import RECORDED, Plan, plan
 
 _DESCENT, _PER_UNKNOWN = 16, 4  # evaluations of all records in a descent: fixed, and per unknown

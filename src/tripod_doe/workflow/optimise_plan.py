@@ -10,7 +10,8 @@ from tripod_doe.analyses.optimisation.optimisation_file import SearchTable, load
 from tripod_doe.analyses.optimisation.problem import Problem, make_problem
 from tripod_doe.analyses.optimisation.search import population_of
 from tripod_doe.quantities import duration, number, text_range
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, plan
 from tripod_doe.workflow.point_batches import TABLE, write_table

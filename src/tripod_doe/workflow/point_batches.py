@@ -20,7 +20,8 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.model_interface import Outcome, Value
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure, common_failures

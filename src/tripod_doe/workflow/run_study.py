@@ -31,7 +31,8 @@ from tripod_doe.names import path_within
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study_report import read_analyses, write_report
 from tripod_doe.study.cube.responses import refuse_unknown_outputs
-from tripod_doe.study.definition.study import Study, load_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler, tls_files
 from tripod_doe.study.execution.execution import Execution

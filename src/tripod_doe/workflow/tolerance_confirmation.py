@@ -12,7 +12,8 @@ from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings
 from tripod_doe.names import path_within
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.netcdf import write_dataset
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.workflow.analyses import analysis_of
 
 CONFIRMATION = "confirmation"

@@ -14,7 +14,8 @@ from pydantic import BaseModel
 
 from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError, near_match, option
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.toml_text import read_text
 from tripod_doe.study.designs import make_points

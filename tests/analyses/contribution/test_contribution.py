@@ -12,7 +12,7 @@ from tripod_doe.analyses.contribution.contribution import ContributionSettings, 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task

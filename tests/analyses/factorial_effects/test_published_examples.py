@@ -10,7 +10,7 @@ import tripod_doe as td
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")

@@ -21,7 +21,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 MODELS = {"needles": (7, 0.1, 4), "rollers": (6.65, 0.1, 4), "kinetostatic": (4.2, 0.9, 2)}

@@ -11,7 +11,7 @@ from tripod_doe.analyses.sensitivity.sobol import sobol_indices
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 TEXT = """

@@ -14,7 +14,7 @@ from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.analyses.usable_points import read_sample
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 TEXT = """

@@ -11,7 +11,7 @@ from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT, Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 OUTPUT = JOINT_OUTPUTS["thrust_amplitude"]

@@ -17,8 +17,8 @@ from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
-from tripod_doe.study.definition.study_file import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points
 
 TEXT = """

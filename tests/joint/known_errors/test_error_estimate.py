@@ -17,7 +17,7 @@ from tripod_doe.joint.known_errors.operating_ratios import operating_ratios
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.model_interface import Accuracy, Quantity, model_notes
-from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_file import load_study
 
 STUDIES = [
     f"studies/{name}.toml"

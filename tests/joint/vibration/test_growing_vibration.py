@@ -23,7 +23,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.stability.floquet import Growth
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 
 REVOLUTIONS, SAMPLES, TOLERANCE = 3, 180, 4e-3
 SMOOTH, UNDAMPED = {"method": "adaptive-euler"}, {"method": "generalized-alpha", "step": 6e-5}

@@ -33,7 +33,7 @@ from tripod_doe.service.requests.gallery import gallery, gallery_upload
 from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.service.requests.study_form import changed_text, study_form
 from tripod_doe.service.requests.uploads import main_file, upload_texts, write_upload
-from tripod_doe.study.definition.study import load_study, parse_study
+from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.workflow.workflow import load_workflow

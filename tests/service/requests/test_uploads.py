@@ -17,7 +17,7 @@ from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.service.requests.uploads import write_upload
 from tripod_doe.service.runs.processes import run_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.timing import time_points
 

@@ -16,7 +16,7 @@ import tripod_doe as td
 from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.netcdf import write_dataset
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task

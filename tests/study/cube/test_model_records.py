@@ -10,7 +10,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.model_interface.verdict import Trust
 from tripod_doe.study.cube.model_records import model_records
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
 

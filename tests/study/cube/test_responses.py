@@ -10,7 +10,7 @@ import tomlkit
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 
 WAVE = """
 import numpy as np, xarray as xr

@@ -8,7 +8,8 @@ import pytest
 import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.dataset import RECORD_ROLE
-from tripod_doe.study.definition.study import canonical, parse_study
+from tripod_doe.study.definition.study import canonical
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys
 

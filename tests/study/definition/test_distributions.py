@@ -10,8 +10,8 @@ from scipy import stats
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.distributions import quantile, scaled_table, scatter_density, shifted_table
-from tripod_doe.study.definition.study import parse_study
-from tripod_doe.study.definition.study_file import FactorTable
+from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.study_tables import FactorTable
 
 UNIT = np.array([0.0, 1e-9, 0.01, 0.3, 0.5, 0.9, 1 - 1e-9, 1.0])
 

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study import load_study, parse_study
+from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 HEAD = '[study]\nname = "d"\n'

@@ -8,7 +8,7 @@ import SALib.sample.morris
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.definition.study import load_study, parse_study
+from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points, unit_sample
 from tripod_doe.study.fingerprints import point_keys

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import FAMILIES, make_points, point_count
 from tripod_doe.workflow.run_study import run
 

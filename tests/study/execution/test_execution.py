@@ -11,7 +11,7 @@ import xarray as xr
 import tripod_doe as td
 from stand_in_workers import OtherProcess, SlowStart
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import dask_workers, execution
 from tripod_doe.study.execution.block_queue import BlockQueue

@@ -14,7 +14,7 @@ import xarray as xr
 import tripod_doe as td
 from started import Process
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task

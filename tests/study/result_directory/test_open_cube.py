@@ -14,7 +14,7 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.netcdf import write_dataset
-from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.query.arrays import opened_arrays

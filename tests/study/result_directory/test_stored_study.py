@@ -11,7 +11,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.result_directory.stored_study import stored_study, texts_of_study

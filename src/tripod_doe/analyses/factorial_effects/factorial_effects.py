@@ -30,7 +30,7 @@ from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample, read_sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.cube.lazy_dataset import flat_points
-from tripod_doe.study.definition.study_file import FactorTable
+from tripod_doe.study.definition.study_tables import FactorTable
 
 _ALIAS = 1e-8  # part of a column's length that the terms before must leave for it to be a term of its own
 _ROUNDING = 1e-12  # part of the variance of an output below which nothing is left

@@ -16,7 +16,8 @@ from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import IntArray
 from tripod_doe.model_interface import Candidate, Outcome
 from tripod_doe.study.definition.accuracy_table import AutoModel
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.execution.retry import untried
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path

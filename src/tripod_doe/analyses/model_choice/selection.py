@@ -42,7 +42,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel
-from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 

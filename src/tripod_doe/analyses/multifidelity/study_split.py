@@ -9,8 +9,9 @@ import xarray as xr
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
-from tripod_doe.study.definition.study import Study, canonical, parse_study
-from tripod_doe.study.definition.study_file import DesignTable
+from tripod_doe.study.definition.study import Study, canonical
+from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.study_tables import DesignTable
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
 from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.stored_study import STORED, stored_study

@@ -16,7 +16,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome, Simulator
 from tripod_doe.quantities import level
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_file import parse_file
+from tripod_doe.study.definition.study_tables import parse_file
 
 _SETTINGS = ("step_s", "relative_tolerance", "accuracy")
 """Parameters that control the error of a run; the first one that a run has applies to it."""

@@ -31,7 +31,7 @@ from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_file import parse_file
+from tripod_doe.study.definition.study_tables import parse_file
 
 _NUMERICS = ("step_s", "relative_tolerance")
 _RATES = ("friction_rate_per_s", "contact_rate_per_s", "secant_lag_rate_per_s")

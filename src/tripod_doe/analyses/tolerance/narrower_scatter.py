@@ -15,7 +15,7 @@ from tripod_doe.analyses.tolerance.chances import Exceeding, points_to_resolve, 
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.distributions import scatter_density
-from tripod_doe.study.definition.study_file import FactorTable
+from tripod_doe.study.definition.study_tables import FactorTable
 
 SCALES = np.arange(0.95, 0.075, -0.05)
 """Scales that are tried, from the widest scatter."""

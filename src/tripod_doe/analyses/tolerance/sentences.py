@@ -15,7 +15,7 @@ from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_out
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
 from tripod_doe.quantities import count_of, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
-from tripod_doe.study.definition.study_file import FactorTable
+from tripod_doe.study.definition.study_tables import FactorTable
 
 _MOST_NAMED = 3
 _AMPLITUDE = "thrust_amplitude"

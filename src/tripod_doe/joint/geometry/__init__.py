@@ -1,1 +1,1 @@
-"""Consequences of the dimensions alone: kinematics, contact stiffness, inertia, transition velocities, feasibility."""
+"""Consequences of the dimensions alone: kinematics, overlaps, transition velocities, feasibility."""

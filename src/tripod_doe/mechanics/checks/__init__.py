@@ -1,1 +1,1 @@
-"""Checks of a run: energy, halved steps, limits of a step, stability. Outcomes are set by `run`."""
+"""Checks of a run: its energy balance, its steps halved. Outcomes are set by `run`, limits of steps by `stability`."""

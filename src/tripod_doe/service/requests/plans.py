@@ -10,7 +10,8 @@ from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.requests.uploads import main_file
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import most_points, point_count
 from tripod_doe.study.plan import Plan, plan

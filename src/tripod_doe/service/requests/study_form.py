@@ -16,7 +16,7 @@ from tripod_doe.model_interface import Parameter
 from tripod_doe.page_parts.main_results import spoken, unit_text
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
-from tripod_doe.study.definition.study_file import DesignTable
+from tripod_doe.study.definition.study_tables import DesignTable
 from tripod_doe.study.definition.toml_text import parse_toml
 
 _DESIGN_KEYS = ("kind", "samples", "seed", "levels")

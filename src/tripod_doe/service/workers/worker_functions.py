@@ -339,7 +339,7 @@ def choice(folder: str, path: str) -> Any:
     """Lines on the choice of model of a study with model = "auto", or on the split of a multifidelity study."""
     from tripod_doe.analyses.model_choice.study_choice import describe_choice
     from tripod_doe.analyses.multifidelity.study_split import describe_split
-    from tripod_doe.study.definition.study import load_study
+    from tripod_doe.study.definition.study_file import load_study
 
     place = Path(folder) / STUDY
     study = load_study(place, StudyFolder.of(place, untrusted=True))
@@ -402,7 +402,7 @@ def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:
     """
     from tripod_doe.analyses.multifidelity.study_split import needs_split, with_samples_so_far
     from tripod_doe.service.requests.plans import price_of
-    from tripod_doe.study.definition.study import parse_study
+    from tripod_doe.study.definition.study_file import parse_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.plan import plan as plan_study
     from tripod_doe.study.result_directory.directory import ResultDirectory

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import WORK, Simulator, Value
 from tripod_doe.names import check_identifier
-from tripod_doe.study.definition.study_file import ResponseTable
+from tripod_doe.study.definition.study_tables import ResponseTable
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.named_arrays import NamedArray
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from tripod_doe.study.definition.accuracy_table import AUTO
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
-from tripod_doe.study.definition.study_file import TABLES, StudyFile
+from tripod_doe.study.definition.study_tables import TABLES, StudyFile
 
 
 def study_schema(scene: str = "joint") -> dict[str, Any]:

@@ -8,7 +8,8 @@ from threading import Timer
 
 import numpy as np
 
-from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.child_process import answers, start_child

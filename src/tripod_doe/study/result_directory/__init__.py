@@ -1,1 +1,1 @@
-"""The result directory of a study: its lock, its content, its check, and its cube opened again."""
+"""The result directory of a study: its lock, its content, its check, resuming, and its cube opened again."""

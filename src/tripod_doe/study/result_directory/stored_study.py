@@ -17,9 +17,10 @@ from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import CubeError, InputError, near_match, option
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
-from tripod_doe.study.definition.study import Study, parse_study
-from tripod_doe.study.definition.study_file import StudyFile, parse_file
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder, table_copy
+from tripod_doe.study.definition.study_tables import StudyFile, parse_file
 from tripod_doe.study.definition.toml_text import parse_toml, read_text
 from tripod_doe.study.journal import Journal, journal_path
 
