@@ -6,6 +6,8 @@ import math
 import random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tripod_doe.quantities import (
     count_of,
@@ -128,6 +130,17 @@ def test_numbers_that_differ_look_different():
     assert digits_apart(6.9400, 6.9416) == 4
     assert digits_apart(0.1, 0.1 + 1e-9) == 9
     assert digits_apart(0.1, 0.1) == 16
+    assert digits_apart(1.0, math.inf) == 3
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(1e-6, 1e6), st.floats(1e-9, 10))
+def test_a_difference_is_written_in_its_size(low, part):
+    """Regression: "from 37.7 to 37.6 N" for a change of 0.0008 N."""
+    high = low * (1 + part)
+    digits = digits_apart(low, high)
+    written = float(number(high, digits).replace(",", "")) - float(number(low, digits).replace(",", ""))
+    assert written == pytest.approx(high - low, rel=0.51)
 
 
 def test_ends_of_a_range_look_different():

@@ -61,8 +61,18 @@ def number(value: float, digits: int = _DIGITS) -> str:
 
 
 def digits_apart(low: float, high: float) -> int:
-    """Significant digits, at least three, with which two numbers look different; 16 if they are equal."""
-    return next((digits for digits in range(_DIGITS, 16) if number(low, digits) != number(high, digits)), 16)
+    """Significant digits, at least three, with which the difference of two numbers is written right within a half.
+
+    16 if they are equal. With fewer, 37.6504 and 37.6496 would be 37.7 and 37.6, a hundred times as far apart.
+    """
+    apart = abs(high - low)
+    if not math.isfinite(apart):
+        return _DIGITS
+    for digits in range(_DIGITS, 16):
+        written = abs(float(f"{high:.{digits - 1}e}") - float(f"{low:.{digits - 1}e}"))
+        if written > 0 and abs(written - apart) <= apart / 2:
+            return digits
+    return 16
 
 
 def level(value: float) -> str:

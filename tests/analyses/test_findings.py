@@ -336,6 +336,16 @@ def test_factors_that_change_together_are_not_told_apart(make_cube):
     assert not re.search(r"(increases|decreases|proportional|averaged)", told)
 
 
+def test_too_few_points_for_a_regression_is_not_said_to_confound_factors(make_cube):
+    """Regression: "does not separate the effects: there are too few points" beside an analysis that does."""
+    text = ISHIGAMI.replace('"saltelli"\nsamples = 64', '"plackett-burman"')
+    told = find(make_cube(text))
+    assert not any("does not separate" in s for s in told)
+    assert any(
+        s.endswith("regression on all factors: by it, the effects of x1, x2 and x3 are not known.") for s in told
+    )
+
+
 def test_an_effect_of_both_signs_of_the_skew_is_symmetric(make_cube):
     (told,) = [s for s in find(make_cube(SKEWS)) if "initial skew 1, the second order" in s]
     assert re.match(

@@ -287,6 +287,12 @@ def check_regression(sentence: str, truth: Truth, at: int) -> None:
         levels = np.linspace(truth.points[:, at].min(), truth.points[:, at].max(), 33)
         means = np.array([truth.population_mean(at, level) for level in levels])
         assert np.diff(means).max() > 0 > np.diff(means).min()
+        if ends := re.search(rf"in the class(?:es)? ({NUMBER}) to ({NUMBER}) ", sentence):
+            low, high = map(float, ends.groups())
+            assert truth.points[:, at].min() < low < high < truth.points[:, at].max()
+            best = means if "smallest" in sentence else -means
+            inside = best[(levels >= low) & (levels <= high)]
+            assert inside.size == 0 or inside.min() <= best.min() + 2.2 * error + 0.05 * np.ptp(means)
         return
     if not ends:
         ends = [float(each) for each in re.search(r"\((-?[\d.e-]+) to (-?[\d.e-]+),", sentence).groups()]
@@ -402,7 +408,9 @@ def check(sentence: str, truth: Truth) -> str:
     if "points fail where" in sentence:
         check_region(sentence, truth)
         return "region"
-    if re.search(r"does not separate|do not finish|did not finish|No trend|None of|Only points", sentence):
+    if re.search(
+        r"does not separate|too few points for|do not finish|did not finish|No trend|None of|Only points", sentence
+    ):
         return "unknown"
     check_curve(sentence, truth, named[0])
     return "regression" if "classes" in sentence or "regression" in sentence else "curve"

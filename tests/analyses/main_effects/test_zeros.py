@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
+import re
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.model_interface import ZERO_AT, Outcome
@@ -68,3 +70,35 @@ def test_a_line_over_its_zero_is_broken_in_the_explorer():
     (first, _) = lines(data[["thrust_amplitude", "outcome"]].sel(order=3), "torque_n_m", "joint_angle_deg")["data"]
     broken = np.frombuffer(base64.b64decode(first["y"]["bdata"]))
     assert np.isnan(broken).tolist() == [False, False, True, False]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_of_a_sampled_factor_a_class_is_the_smallest_not_its_mean(known):
+    """Regression: "smallest, 10.7 N, at 0.0211 N m and grows to both sides" of a mean of a class around zero."""
+    random = np.random.default_rng(4)
+    torque, angle = random.uniform(-100, 100, 240), random.uniform(5, 6, 240)
+    cube = xr.Dataset(
+        {
+            "thrust_amplitude": (
+                ("point", "order"),
+                np.abs(torque)[:, None] * angle[:, None] * np.array([0, 0, 0, 0.1]),
+                {"units": "N"} | ({ZERO_AT: "torque_n_m"} if known else {}),
+            ),
+            "outcome": ("point", np.full(240, Outcome.FINISHED, np.int8)),
+        },
+        coords={
+            "order": np.arange(4),
+            "torque_n_m": ("point", torque, {"units": "N m", "source": "this study"}),
+            "joint_angle_deg": ("point", angle, {"units": "degree", "source": "this study"}),
+        },
+        attrs={"study": '[study]\nname = "t"\n[design]\nkind = "latin-hypercube"\n'},
+    )
+    (told,) = [sentence for sentence in find(cube) if sentence.startswith("Over torque")]
+    if known:
+        assert "grows to both sides of zero: " in told
+        assert re.search(r" N at -\d", told)
+        assert "smallest" not in told
+    else:
+        low, high = map(float, re.search(r"smallest, .* N, in the class(?:es)? (\S+) to (\S+) N m", told).groups())
+        assert -45 < low < 0 < high < 45
+        assert " at 0." not in told

@@ -9,6 +9,8 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.output_table import read_outputs
+from tripod_doe.analyses.surrogate.charts import surrogate_charts
+from tripod_doe.analyses.surrogate.sentences import find_in_surrogate
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
@@ -150,6 +152,23 @@ def test_quantiles_of_the_surrogate_are_those_of_the_truth():
     truth = np.quantile(orders(others)[0][:, 3], (0.05, 0.5, 0.95))
     found = np.quantile(page.drawn()[0], (0.05, 0.5, 0.95))
     assert found == pytest.approx(truth, abs=0.04 * np.ptp(truth))
+
+
+def test_what_the_surrogate_does_not_predict_has_no_quantiles_and_no_curve():
+    """Regression: quantiles were printed of an order of which 5 % of the variance was predicted."""
+    cube, _ = learnt(60, wiggle=6.0)
+    result = surrogate(cube, SurrogateSettings()).assign_attrs(analysis_kind="surrogate")
+    (page,) = what_if_pages({"s": result})
+    sentences = find_in_surrogate(result, "s")
+    quantiles = [sentence for sentence in sentences if "in 5 %" in sentence]
+    assert [each.known for each in page.quantities] == [False, True]
+    assert [sentence.split(":")[1].split(" below")[0] for sentence in quantiles] == [" second order"]
+    assert any(sentence.startswith("The surrogate predicts less than half") for sentence in sentences)
+    assert [chart.name for chart in surrogate_charts(result, "s")] == ["s-course-2"]
+    failing = result.assign_attrs(points_dropped=9, failing_region="where torque_n_m > 80 (9 of the 11 points there)")
+    sentences = find_in_surrogate(failing, "s")
+    assert any("where torque_n_m > 80" in sentence for sentence in sentences)
+    assert not any("in 5 %" in sentence for sentence in sentences)
 
 
 def test_courses_are_drawn_and_labelled_as_those_of_a_surrogate():

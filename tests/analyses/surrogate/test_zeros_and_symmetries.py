@@ -65,6 +65,10 @@ def test_zeros_and_mirrors_are_exact_for_any_function(seed):
     """Exact: regression of "22.17 +- 18 N" at 0 N m, where the thrust is 0."""
     random = np.random.default_rng(seed)
     _, shape, page = learnt(random, 60, [(-90, 0), (-40, 0.3), (0, 0), (-90, 4)][seed])
+    # courses over other factors are not those at a zero in the middle of the torques, where nothing changes
+    assert abs(page.start["torque_n_m"]) > 20
+    assert min(np.ptp(page.along("joint_angle_deg")[1], axis=0)[: len(page.quantities)]) > 0
+    assert ("torque" in page.held) == (seed != 2)
     for _ in range(20):
         at = {name: random.uniform(each["low"], each["high"]) for name, each in page.surrogate.factors.items()}
         for zero in ("torque_n_m", "joint_angle_deg")[: 1 if seed == 3 else 2]:

@@ -67,8 +67,13 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
                 f"This design does not separate the effect of {factor_label(cube, name)} from the interaction of "
                 f"{product}."
             )
+    if few := [factor_label(cube, name) for name, answers in left.items() if answers.too_few]:
+        own = "effects" if len(few) > 1 else "effect"  # means of groups may still be compared, as in factorial designs
+        sentences.append(
+            f"There are too few points for a regression on all factors: by it, the {own} of {listed(few)} "
+            f"{'are' if len(few) > 1 else 'is'} not known."
+        )
     reasons = {
-        "there are too few points": [name for name, answers in left.items() if answers.too_few],
         "the factors vary mostly together": [
             name for name, answers in left.items() if not (answers.separated or answers.too_few or answers.interaction)
         ],

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.analyses.main_effects.curve_shape import Shape, extreme_levels, mirror_level
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
@@ -61,6 +62,12 @@ def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
     if 0 in levels or not levels[0] < 0 < levels[-1]:
         return False
     return bool(np.isin(extreme, (levels[levels < 0].max(), levels[levels > 0].min())).all())
+
+
+def _class_ends(levels: FloatArray, inside: FloatArray) -> FloatArray:
+    """The ends of neighbouring classes with these means, halfway to the means of the next ones, shape (2,)."""
+    first, last = (int(np.flatnonzero(levels == end)[0]) for end in inside[[0, -1]])
+    return np.array([(levels[first - 1] + levels[first]) / 2, (levels[last] + levels[last + 1]) / 2])
 
 
 def _is_proportion(levels: FloatArray, curve: FloatArray, slope: float) -> bool:
@@ -206,16 +213,24 @@ class EffectWording:
     def _optimum(self, effect: FactorEffect) -> str:
         levels, curve = effect.level.astype(float), effect.mean
         inside = extreme_levels(levels, curve, effect.shape, effect.error)
-        if effect.ground is Ground.CURVES and effect.shape is Shape.VALLEY and _about_zero(levels, inside):
-            return self._from_zero(effect)
+        classes = effect.ground is Ground.REGRESSION
+        ends = _class_ends(levels, inside) if classes else inside[[0, -1]]
+        if effect.shape is Shape.VALLEY:
+            if classes and effect.factor in self.response.zero_at and ends[0] < 0 < ends[1]:
+                return self._from_zero(effect, ~np.isin(levels, inside))
+            if not classes and _about_zero(levels, inside):
+                return self._from_zero(effect, np.ones(levels.size, bool))
         best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
-        spot = " to ".join(dict.fromkeys(self.at(effect, end.item()) for end in (inside[0], inside[-1])))
+        spots = list(dict.fromkeys(self.at(effect, end.item()) for end in ends))
+        own = factor_unit(self.cube, effect.factor)
+        spot = text_range(spots[0].removesuffix(f" {own}"), spots[-1].removesuffix(f" {own}"), own)
+        spot = f"in the class{'es' * (inside.size > 1)} {spot}" if classes else f"at {spot}"
         within = curve[(levels >= inside[0]) & (levels <= inside[-1])]
         edge = float(within.min() if effect.shape is Shape.PEAK else within.max())
         digits = min(max(digits_apart(*sorted((edge, float(curve[at])))) for at in (0, -1)), _MOST_DIGITS)
         value = " to ".join(dict.fromkeys(self.value(float(end), digits) for end in (within.min(), within.max())))
         label = factor_label(self.cube, effect.factor)
-        head = f"Over {label}, {self.name} is {best}, {value}, at {spot} and {verb} to both sides"
+        head = f"Over {label}, {self.name} is {best}, {value}, {spot} and {verb} to both sides"
         middle = mirror_level(levels, curve, effect.error)
         if middle is not None:
             far = f"{self.value(float(curve[[0, -1]].mean()), digits)} at {self.at(effect, levels[0].item())} and "
@@ -224,9 +239,14 @@ class EffectWording:
         ends = [f"{self.value(float(curve[at]), digits)} at {self.at(effect, levels[at].item())}" for at in (0, -1)]
         return f"{head}: {ends[0]}, {ends[1]}{self.where(effect)}"
 
-    def _from_zero(self, effect: FactorEffect) -> str:
-        """A rise with the size of a factor to both signs, without a value at zero: where it is least is not known."""
-        levels, curve, label = effect.level.astype(float), effect.mean, factor_label(self.cube, effect.factor)
+    def _from_zero(self, effect: FactorEffect, aside: NDArray[np.bool_]) -> str:
+        """A rise with the size of a factor to both signs, without a value at zero: where it is least is not known.
+
+        Args:
+            aside: Which levels lie to one side of zero, shape (level,); a class may hold values of both signs.
+        """
+        levels, curve = effect.level.astype(float)[aside], effect.mean[aside]
+        label = factor_label(self.cube, effect.factor)
         head = f"Over {label}, {self.name} grows to both sides of zero"
         if mirror_level(levels, curve, effect.error) is not None:
             ends = [

@@ -12,11 +12,12 @@ _SHOWN = 6  # factors in one picture
 
 
 def surrogate_charts(result: xr.Dataset, name: str) -> list[Chart]:
-    """One chart for each quantity of a surrogate."""
+    """One chart for each quantity of which a surrogate predicts most of the variance."""
     return [
         _course_chart(f"{page.name}-course-{position + 1}", page, position)
         for page in what_if_pages({name: result})
-        for position in range(len(page.quantities))
+        for position, quantity in enumerate(page.quantities)
+        if quantity.known
     ]
 
 
@@ -40,7 +41,7 @@ def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
     data = pd.DataFrame(rows, columns=["factor", "value", quantity.label.replace(" ", "_")])
     caption = (
         f"By a surrogate of {page.points:,} computed points, not by a model (analysis {page.name}): {quantity.label} "
-        "over each factor alone, the others in the middle of the points. Shaded: its band there."
+        f"over each factor alone, {page.held}. Shaded: its band there."
     )
     what = quantity.label
     return Chart(key, f"{what[0].upper()}{what[1:]} by the surrogate", caption, figure, data)

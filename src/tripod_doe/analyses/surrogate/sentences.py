@@ -4,7 +4,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
-from tripod_doe.page_parts.main_outputs import main_outputs
+from tripod_doe.page_parts.main_outputs import left_points, main_outputs
+from tripod_doe.page_parts.main_results import listed
 from tripod_doe.quantities import number, with_unit
 
 _NEARLY_ALL = 99.9  # percent
@@ -24,16 +25,31 @@ def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
             f"Surrogate of {what} ({kind}): error {error} (root mean square) and at most {largest} at points that it "
             f"was not fitted to; it predicts {text} of the variance (analysis {name})."
         )
+    sentences += left_points(result)
+    if region := str(result.attrs.get("failing_region", "")):
+        sentences.append(
+            f"Points fail {region}: the surrogate has no values of these, and says nothing reliable there."
+        )
     return sentences + _quantiles(name, result)
 
 
 def _quantiles(name: str, result: xr.Dataset) -> list[str]:
-    """The distribution of what the page shows, where the points follow distributions of independent factors."""
+    """The distribution of what the page shows, where the points follow distributions of independent factors.
+
+    Of points that fail together, the others do not follow these distributions.
+    """
     sentences = []
     for page in what_if_pages({name: result}):
-        if not page.surrogate.sampled:
+        if unknown := [each.label for each in page.quantities if not each.known]:
+            sentences.append(
+                f"The surrogate predicts less than half of the variance of {listed(unknown)}: no quantiles and no "
+                f"curves are shown (analysis {name})."
+            )
+        if not page.surrogate.sampled or "failing_region" in result.attrs:
             continue
         for each, values in zip(page.quantities, page.drawn(), strict=True):
+            if not each.known:
+                continue
             quantiles = each.placed(np.quantile(values, (0.05, 0.5, 0.95)))
             low, middle, high = (number(float(value)) for value in quantiles)
             sentences.append(

@@ -104,6 +104,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     )
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
+    region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        **output_attributes(cube, names), points_used=sample.rows.size, points_dropped=sample.dropped
+        **output_attributes(cube, names), points_used=sample.rows.size, points_dropped=sample.dropped, **region
     )

@@ -74,6 +74,16 @@ class WhatIf:
         return parts
 
     @property
+    def crossed(self) -> list[str]:
+        """Factors of both signs whose zero makes components vanish."""
+        return [name for name in self.zeros if self.factors[name]["low"] < 0 < self.factors[name]["high"]]
+
+    def numbers(self, factor: str) -> FloatArray:
+        """Values of a numeric factor at the computed points that are shown, shape (computed,)."""
+        at, each = next((at, each) for at, each in enumerate(self.inputs) if each.factor == factor and not each.sign)
+        return np.asarray((each.low + each.high) / 2 + self.places[:, at] * (each.high - each.low) / 2, float)
+
+    @property
     def waves(self) -> list[int]:
         """The orders whose waves are predicted; empty if there are none."""
         orders = [each.order for each in self.components if each.order is not None]

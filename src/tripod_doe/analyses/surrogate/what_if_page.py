@@ -18,14 +18,15 @@ from tripod_doe.analyses.output_table import wrapped_phases
 from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
-from tripod_doe.quantities import interval
+from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken, unit_text
+from tripod_doe.quantities import interval, number, with_unit
 
 _COVERED = 0.95  # part of the unseen points that a band holds
 _MOST = 6  # orders and outputs that one looks at together
 _BESIDE = 3  # of them outputs, where there are orders
 _SEEN = 0.01  # size of an order relative to the largest one below which it is not shown
 _ALWAYS = (2, 3)  # orders that everybody asks for
+_KNOWN = 0.5  # part of the variance; of one predicted worse, quantiles were off by up to 0.14 of their span
 _DRAWS = 5000  # from which quantiles are taken
 _STEPS = 41  # of a curve over a factor
 _ANGLES = 120  # of a revolution
@@ -44,9 +45,14 @@ class Quantity:
     values: FloatArray
     errors: FloatArray
     factor: float  # half width of the band, over the root mean square of the errors at the nearest points
-
+    predicted: float  # part of its variance over the computed points that the surrogate without each of them predicts
     wraps: bool = False  # whether it is a phase
     vanishes: bool = False  # whether it is zero where the envelope is
+
+    @property
+    def known(self) -> bool:
+        """Whether most of its variance is predicted, so that curves and quantiles mean something."""
+        return self.predicted >= _KNOWN
 
     def of(self, components: FloatArray) -> FloatArray:
         """The number from predicted components, shape (point, component) -> (point,); a phase from -180 to 180 deg."""
@@ -74,9 +80,33 @@ class WhatIfPage:
 
     @property
     def start(self) -> dict[str, float | str]:
-        """The values of the factors with which the page begins: means, as one would set them, and the first words."""
-        factors = self.surrogate.factors
-        return {name: factor["words"][0] if "words" in factor else _rounded(factor) for name, factor in factors.items()}
+        """The values of the factors with which the page begins: means, as one would set them, and the first words.
+
+        Of a factor of both signs whose zero makes outputs zero, the median of the sign that more points have: at its
+        mean nothing would depend on any other factor.
+        """
+        start: dict[str, float | str] = {}
+        for name, factor in self.surrogate.factors.items():
+            start[name] = factor["words"][0] if "words" in factor else _rounded(factor, self._typical(name))
+        return start
+
+    def _typical(self, name: str) -> float:
+        factor = self.surrogate.factors[name]
+        if name not in self.surrogate.crossed:
+            return float(factor["mean"])
+        numbers = self.surrogate.numbers(name)
+        positive = (numbers > 0).sum() >= (numbers < 0).sum()
+        return float(np.median(numbers[numbers > 0 if positive else numbers < 0]))
+
+    @property
+    def held(self) -> str:
+        """Where the other factors are held, as a part of a sentence."""
+        moved = []
+        for name in self.surrogate.crossed:
+            unit = unit_text(self.surrogate.factors[name]["unit"])
+            moved.append(f"{spoken(name)} at {with_unit(number(float(self.start[name])), unit)}")
+        aside = f", {listed(moved)} (at 0 outputs vanish)" if moved else ""
+        return f"the others in the middle of the points{aside}"
 
     def at(self, **values: float | str) -> list[tuple[float, float]]:
         """Each quantity with half its band, for some values of the factors."""
@@ -195,11 +225,11 @@ def _input(each: Input) -> dict[str, Any]:
     return {"factor": each.factor, "middle": (each.low + each.high) / 2, "half": (each.high - each.low) / 2 or 1.0}
 
 
-def _rounded(factor: Mapping[str, Any]) -> float:
-    """The mean of a factor to about a hundredth of its range."""
+def _rounded(factor: Mapping[str, Any], value: float) -> float:
+    """A value of a factor to about a hundredth of its range."""
     span = factor["high"] - factor["low"]
     digits = 0 if factor["whole"] else 2 - math.floor(math.log10(span)) if span > 0 else 12
-    return float(round(factor["mean"], digits))
+    return float(round(value, digits))
 
 
 def _bytes(values: NDArray[Any], kind: type) -> str:
@@ -227,14 +257,18 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
     envelope = np.maximum(surrogate.envelope(surrogate.places), LEAST_SCALE)
     quantities = []
     for parts, label, unit in choice:
-        plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0)
+        plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0, 1.0)
         known = plain.unwrapped(values)
         error, first = plain.unwrapped(values + errors) - known, components[parts[0]]
+        scatter = float(known.var())
+        predicted = 1 - float((error**2).mean()) / scatter if scatter > 0 else 1.0
         if first.vanishes:
             error = error / envelope
         local = np.sqrt((error[near] ** 2).mean(axis=1))
         factor, wraps = _factor(np.abs(error), local), len(parts) == 1 and first.wraps
-        quantities.append(Quantity(label, unit_text(unit), parts, known, error, factor, wraps, first.vanishes))
+        quantities.append(
+            Quantity(label, unit_text(unit), parts, known, error, factor, predicted, wraps, first.vanishes)
+        )
     return quantities
 
 
