@@ -214,14 +214,14 @@ class EffectWording:
         levels, curve = effect.level.astype(float), effect.mean
         inside = extreme_levels(levels, curve, effect.shape, effect.error)
         classes = effect.ground is Ground.REGRESSION
-        ends = _class_ends(levels, inside) if classes else inside[[0, -1]]
+        edges = _class_ends(levels, inside) if classes else inside[[0, -1]]
         if effect.shape is Shape.VALLEY:
-            if classes and effect.factor in self.response.zero_at and ends[0] < 0 < ends[1]:
+            if classes and effect.factor in self.response.zero_at and edges[0] < 0 < edges[1]:
                 return self._from_zero(effect, ~np.isin(levels, inside))
             if not classes and _about_zero(levels, inside):
                 return self._from_zero(effect, np.ones(levels.size, bool))
         best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
-        spots = list(dict.fromkeys(self.at(effect, end.item()) for end in ends))
+        spots = list(dict.fromkeys(self.at(effect, end.item()) for end in edges))
         own = factor_unit(self.cube, effect.factor)
         spot = text_range(spots[0].removesuffix(f" {own}"), spots[-1].removesuffix(f" {own}"), own)
         spot = f"in the class{'es' * (inside.size > 1)} {spot}" if classes else f"at {spot}"
