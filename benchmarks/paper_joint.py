@@ -33,13 +33,13 @@ from tripod_doe.study.definition.scenes import load_simulator
 RANGES = {
     "needle_length_mm": (5.0, 12.0),
     "needle_diameter_mm": (1.6, 2.6),
-    "needle_crown_um": (0.0, 10.0),
+    "needle_crown_um": (0.0, 15.0),
     "bearing_radial_clearance_mm": (0.005, 0.04),
-    "needle_axial_clearance_mm": (0.1, 1.0),
+    "needle_axial_clearance_mm": (0.1, 1.5),
     "rolling_lever": (0.05, 1.0),  # over the roller's radius
-    "small_skew_deg": (0.2, 2.0),
+    "small_skew_deg": (0.2, 4.0),
     "skew_ratio": (1.3, 2.5),
-    "pitch_radius_mm": (19.0, 24.0),
+    "pitch_radius_mm": (19.0, 26.0),
     "groove_radius_ratio": (1.005, 1.02),
 }
 NOT_OF_PARAMETERS = ("rolling_lever", "small_skew_deg", "skew_ratio")

@@ -8,8 +8,8 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Self, TypeVar
+from contextlib import AbstractContextManager, contextmanager
+from typing import Literal, Self, TypeVar
 
 Item = TypeVar("Item")
 
@@ -28,8 +28,8 @@ _SYNONYMS = {"mu": "friction", "cof": "friction", "roller": "groove", "bearing":
 _CONTROL = re.compile(
     r"[^\S\n ]|[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]"
 )
-_options = False
-"""Whether this process runs a command line."""
+_spoken: Literal["arguments", "options", "keys"] = "arguments"
+"""What the user of this process writes: Python's arguments, options of a command line, or keys of a file."""
 
 
 class TripodDoeError(Exception):
@@ -67,15 +67,24 @@ class StorageError(TripodDoeError):
     """Writing failed in mid-run, for instance on a full disk; finished points stay in the journal (exit code 1)."""
 
 
-@contextmanager
-def speaking_of_options() -> Iterator[None]:
+def speaking_of_options() -> AbstractContextManager[None]:
     """Within this block, messages speak of options of the command line; elsewhere of Python's arguments."""
-    global _options
-    before, _options = _options, True
+    return _speaking_of("options")
+
+
+def speaking_of_keys() -> AbstractContextManager[None]:
+    """Within this block, messages speak of keys of a file."""
+    return _speaking_of("keys")
+
+
+@contextmanager
+def _speaking_of(spoken: Literal["options", "keys"]) -> Iterator[None]:
+    global _spoken
+    before, _spoken = _spoken, spoken
     try:
         yield
     finally:
-        _options = before
+        _spoken = before
 
 
 def option(name: str, value: object = None) -> str:
@@ -85,9 +94,15 @@ def option(name: str, value: object = None) -> str:
         value: What was given; True for a switch.
 
     Returns:
-        ``--retry-failed`` or ``retry_failed=True``, ``--out results`` or ``out='results'``.
+        ``--retry-failed`` or ``retry_failed=True``, ``--out results`` or ``out='results'``; in a file, where ``column``
+        is a table of names, ``sign = -1`` or ``columns.thrust_n = 'Force'``.
     """
-    if _options:
+    if _spoken == "keys":
+        if name == "column":
+            role, _, heading = str(value).partition("=")
+            return f"columns.{role} = {heading!r}"
+        return name if value is None else f"{name} = {value!r}"
+    if _spoken == "options":
         shown = "" if value is None or value is True else f" {value}"
         return f"--{name.replace('_', '-')}{shown}"
     return name if value is None else f"{name}={value!r}"

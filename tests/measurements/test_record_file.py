@@ -48,6 +48,9 @@ def read(tmp_path):
         "Shaft angle (deg)   Axial force (N)\n0.5   1.25\n1.5   -2\n",
         "# rig 7\n# rotation_deg thrust_n\n0.5 1.25\n1.5 -2\n",
         "Torque;50;Nm\nKanal 1;Drehwinkel;F_ax/N\n1;0,5;1,25\n2;1,5;-2\n",
+        "Angle de rotation;Effort axial;Température\n°;daN;°C\n0,5;0,125;40\n1,5;-0,2;40\n",
+        "Angolo di rotazione [°]\tForza assiale [N]\tVelocità [giri/min]\n0.5\t1.25\t600\n1.5\t-2\t600\n",
+        "Ángulo de giro [°];Fuerza axial [N];Velocidad de giro [rpm]\n0,5;1,25;600\n1,5;-2;600\n",
     ],
 )
 def test_one_table_in_many_forms(read, text):

@@ -7,6 +7,7 @@ import pytest
 from measured import Recorder
 
 from tripod_doe.errors import InputError
+from tripod_doe.measurements.measurement import read_measurement
 from tripod_doe.measurements.pulse_count import infer_pulses
 from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses, mended
 
@@ -32,6 +33,23 @@ def test_bounced_pulses_are_counted_once(pulses):
     assert got.numbers.tolist() == clean.numbers.tolist()
     assert got.extra >= clean.times.size - 1
     assert clean.extra == 0
+
+
+def test_rounded_times_that_repeat_are_those_of_even_samples(tmp_path):
+    """Exact: a recorder of 2 kHz that writes milliseconds, with dropouts, is read as one that writes all digits."""
+    table = Recorder(rate_hz=2000.0).record()
+    table.loc[[40, 41, 900], "thrust_n"] = np.nan
+    table.loc[[70, 71], "tacho"] = np.nan
+    table.to_csv(tmp_path / "whole.csv", index=False)
+    table.assign(time_s=table["time_s"].round(3)).to_csv(tmp_path / "rounded.csv", index=False)
+    whole, rounded = (read_measurement(tmp_path / f"{name}.csv", 1) for name in ("whole", "rounded"))
+    assert rounded.rotation_deg == pytest.approx(whole.rotation_deg, abs=1.0)
+    assert "sampled at 2,000 Hz" in rounded.remarks[0]
+    assert not whole.remarks
+    table["time_s"] = np.repeat(table["time_s"].to_numpy()[::2] ** 1.5, 2)[: len(table)]
+    table.to_csv(tmp_path / "uneven.csv", index=False)
+    with pytest.raises(InputError, match="time_s must grow from row to row"):
+        read_measurement(tmp_path / "uneven.csv", 1)
 
 
 def test_spikes_between_pulses_are_dropped_and_missing_pulses_counted():

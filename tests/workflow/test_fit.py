@@ -253,6 +253,19 @@ def test_records_lie_beside_their_table(written, tmp_path):
     assert main(["plan", str(above), "--no-timing"]) == 0
 
 
+def test_an_empty_cell_of_the_table_is_what_the_record_states(written):
+    """Wrong before: "expected a number"."""
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    table, record = file.with_name("records.csv"), file.with_name("record_1.csv")
+    head, first, *rows = table.read_text().splitlines()
+    name, angle, *others = first.split(",")
+    table.write_text("\n".join([head, ",".join([name, "", *others]), *rows, ""]))
+    with pytest.raises(InputError, match="its joint_angle_deg is not known"):
+        plan_fit(file, timing=False)
+    record.write_text(f"# Joint angle: {angle} deg\n{record.read_text()}")
+    assert plan_fit(file, timing=False).records == 8
+
+
 @pytest.mark.slow
 def test_an_unknown_of_each_record(written, tmp_path):
     """Each record may have its own value: that of the groove comes out the same in all, within its interval."""
@@ -300,6 +313,7 @@ def test_what_records_do_not_tell_is_said(written, tmp_path):
         (("orders = [3]", "oders = [3]"), "did you mean 'orders'"),
         (('scale = "log"', 'per = "joint"'), "per = 'joint'"),
         (("records.csv", "record.csv"), "cannot read"),
+        (("orders = [3]", 'orders = [3]\ncolumns.thrust_n = "Kraft"'), "columns.thrust_n = 'Kraft': no such heading"),
         (('table = "records.csv"', 'files = ["nothing*.csv"]'), "no file has such a name"),
         (('model = "equilibrium"', 'model = "equilibrium"\nneedle_sliding_friction = 0.05'), "remove it from [base]"),
     ],

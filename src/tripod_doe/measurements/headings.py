@@ -36,31 +36,37 @@ _MOMENT = {
 }  # fmt: skip
 _SPEED = {
     "rpm": 1.0, "1/min": 1.0, "u/min": 1.0, "r/min": 1.0, "rev/min": 1.0, "tr/min": 1.0, "min-1": 1.0, "/min": 1.0,
-    "upm": 1.0, "1/s": 60.0, "s-1": 60.0, "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
+    "upm": 1.0, "giri/min": 1.0, "rev/s": 60.0, "1/s": 60.0, "s-1": 60.0, "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
 }  # fmt: skip
 ROLES = {
     "thrust_n": Role(
         ("thrust", "axial force", "axial thrust", "axialkraft", "axialkraefte", "schubkraft", "kraft axial",
-         "force axiale", "fuerza axial", "forza assiale", "gaf", "generated axial force"),
-        ("force", "kraft", "fax", "f ax", "f axial", "effort axial"),
+         "force axiale", "effort axial", "fuerza axial", "forza assiale", "gaf", "generated axial force"),
+        ("force", "kraft", "fax", "f ax", "f axial", "effort", "fuerza", "forza", "load cell", "kraftmessdose",
+         "kraftaufnehmer", "capteur de force", "celda de carga", "cella di carico"),
         _FORCE,
     ),
     "rotation_deg": Role(
         ("rotation angle", "angle of rotation", "shaft angle", "drehwinkel", "wellenwinkel", "rotationswinkel",
-         "angle de rotation", "encoder angle", "angular position"),
-        ("rotation", "angle", "phi", "winkel", "encoder"),
+         "angle de rotation", "angulo de giro", "angulo de rotacion", "angolo di rotazione", "encoder angle",
+         "angular position"),
+        ("rotation", "angle", "phi", "winkel", "encoder", "angulo", "angolo"),
         _ANGLE,
     ),
-    "time_s": Role(("time", "zeit", "messzeit", "temps", "tiempo", "tempo"), ("t", "timestamp", "x time"), _TIME),
+    "time_s": Role(
+        ("time", "zeit", "messzeit", "temps", "tiempo", "tempo"), ("t", "timestamp", "time stamp", "x time"), _TIME
+    ),
     "tacho": Role(
         ("tacho", "tachometer", "tach", "keyphasor", "drehzahlimpuls", "drehzahlpuls", "impulse", "trigger",
-         "drehzahlgeber", "speed pulse", "pulse train", "lichtschranke", "nullimpuls", "index pulse"),
-        ("pulse", "pulses", "impuls", "impulse", "marker", "z pulse", "once per rev"),
+         "drehzahlgeber", "speed pulse", "pulse train", "lichtschranke", "nullimpuls", "index pulse", "hall sensor",
+         "top tour", "tachymetre", "tacometro", "contagiri"),
+        ("pulse", "pulses", "impuls", "impulsion", "impulsions", "impulso", "impulsos", "impulsi", "hall", "marker",
+         "z pulse", "once per rev"),
         {},
     ),
     "joint_angle_deg": Role(
         ("joint angle", "articulation angle", "bending angle", "operating angle", "beugewinkel", "gelenkwinkel",
-         "knickwinkel", "angle de brisure", "deflection angle"),
+         "knickwinkel", "angle de brisure", "angulo de articulacion", "angolo di snodo", "deflection angle"),
         ("articulation", "theta", "beta"),
         _ANGLE,
     ),
@@ -70,8 +76,9 @@ ROLES = {
         _MOMENT,
     ),
     "speed_rpm": Role(
-        ("speed", "shaft speed", "rotational speed", "rotation speed", "drehzahl", "vitesse de rotation"),
-        ("rpm", "n", "vitesse", "velocidad"),
+        ("speed", "shaft speed", "rotational speed", "rotation speed", "drehzahl", "vitesse de rotation",
+         "velocidad de giro", "velocita di rotazione", "numero di giri"),
+        ("rpm", "n", "vitesse", "regime", "velocidad", "velocita", "giri"),
         _SPEED,
     ),
 }  # fmt: skip

@@ -136,13 +136,30 @@ def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) ->
             "missing: cut the record to its good part"
         )
     kept = {name: values[placed] for name, values in columns.items()}
+    rows, remarks = np.flatnonzero(placed), list[str]()
     if "time_s" in kept:
-        _check_growing("time_s", kept["time_s"], np.flatnonzero(placed), strictly=True)
-    if not over_angle:
-        return rotation_from_tachometer(kept["time_s"], kept["tacho"], kept["thrust_n"], pulses, lost, speed_rpm)
-    rotation = _unwrapped(kept["rotation_deg"])
-    _check_growing("rotation_deg", rotation, np.flatnonzero(placed), strictly=False)
-    return Measurement(rotation, kept["thrust_n"], kept.get("time_s"), "the zero of rotation_deg", lost)
+        if (even := _evenly_sampled(kept["time_s"], rows)) is not None:
+            rate = (rows[-1] - rows[0]) / (even[-1] - even[0])
+            remarks.append(f"Times of the record repeat, as they are rounded: taken as sampled at {rate:,.4g} Hz.")
+            kept["time_s"] = even
+        _check_growing("time_s", kept["time_s"], rows, strictly=True)
+    if over_angle:
+        rotation = _unwrapped(kept["rotation_deg"])
+        _check_growing("rotation_deg", rotation, rows, strictly=False)
+        read = Measurement(rotation, kept["thrust_n"], kept.get("time_s"), "the zero of rotation_deg", lost)
+    else:
+        read = rotation_from_tachometer(kept["time_s"], kept["tacho"], kept["thrust_n"], pulses, lost, speed_rpm)
+    return replace(read, remarks=(*remarks, *read.remarks))
+
+
+def _evenly_sampled(time_s: FloatArray, rows: IntArray) -> FloatArray | None:
+    """Even times in place of rounded ones that repeat; None if none repeat, or if they are no rounded even times."""
+    step = np.diff(time_s)
+    if not (step == 0).any() or (step < 0).any() or not step.any():
+        return None
+    slope, start = np.polyfit(rows, time_s, 1)
+    even = start + slope * rows
+    return even if np.abs(time_s - even).max() <= step[step > 0].min() else None
 
 
 def _with_pulsed_speed(columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:

@@ -13,7 +13,7 @@ from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
-from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.errors import InputError, closest, near_match, speaking_of_keys
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.order_tracking import track_orders
 from tripod_doe.model_interface import Parameter, Value
@@ -62,11 +62,12 @@ def read_records(request: FitRequest, parameters: Mapping[str, Parameter]) -> li
     """
     asked = list(_listed(request, parameters))
     records, wrong = list[RigRecord](), list[str]()
-    for row in asked:
-        try:
-            records.append(_read(request, row, parameters))
-        except InputError as error:
-            wrong.append(str(error))
+    with speaking_of_keys():
+        for row in asked:
+            try:
+                records.append(_read(request, row, parameters))
+            except InputError as error:
+                wrong.append(str(error))
     if wrong:
         raise request.fail("[records]", "\n".join(wrong))
     return records
@@ -117,7 +118,7 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
         try:
             path = _beside(request, name, cells.pop("file"))
             own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
-            known = {key: _value(parameters[key], cells[key]) for key in cells if key in parameters}
+            known = {key: _value(parameters[key], text) for key, text in cells.items() if text and key in parameters}
         except InputError as error:
             raise request.fail(where, error.at(f"line {line}")) from error
         labels = {key: text for key, text in cells.items() if key not in parameters and key not in _OWN}
