@@ -36,7 +36,8 @@ _MOMENT = {
 }  # fmt: skip
 _SPEED = {
     "rpm": 1.0, "1/min": 1.0, "u/min": 1.0, "r/min": 1.0, "rev/min": 1.0, "tr/min": 1.0, "min-1": 1.0, "/min": 1.0,
-    "upm": 1.0, "giri/min": 1.0, "rev/s": 60.0, "1/s": 60.0, "s-1": 60.0, "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
+    "upm": 1.0, "giri/min": 1.0, "rev/s": 60.0, "1/s": 60.0, "s-1": 60.0,
+    "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
 }  # fmt: skip
 ROLES = {
     "thrust_n": Role(
