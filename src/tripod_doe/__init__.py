@@ -129,9 +129,9 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module("importlib.metadata").version("tripod-doe")
     if name not in _HOME:
         raise AttributeError(f"module 'tripod_doe' has no attribute {name!r}")
-    found = getattr(importlib.import_module(f"tripod_doe.{_HOME[name]}"), name)
+    value = getattr(importlib.import_module(f"tripod_doe.{_HOME[name]}"), name)
     checked = importlib.import_module("tripod_doe.argument_types").with_checked_arguments
-    return globals().setdefault(name, found if isinstance(found, type) else checked(found))
+    return globals().setdefault(name, value if isinstance(value, type) else checked(value))
 
 
 def __dir__() -> list[str]:

@@ -171,9 +171,9 @@ def _verdicts(points: JointValues[FloatArray], block: BlockResult, all_of_them: 
 
 def some_vibrate(columns: Mapping[str, NDArray[Any]]) -> FloatArray:
     """Whether joints vibrate, as `balance_verdict.some_vibrate`; parameters by name, shape (point,) each."""
-    from tripod_doe.joint.vibration.balance_verdict import some_vibrate as found
+    from tripod_doe.joint.vibration.balance_verdict import some_vibrate as verdict_of_some
 
-    return found(internal_values(columns))
+    return verdict_of_some(internal_values(columns))
 
 
 def _balance(name: str, solve: _Solve, tolerance: float, energy_limit: float, moves_needles: bool) -> Model:

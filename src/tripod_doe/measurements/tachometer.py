@@ -103,9 +103,9 @@ def mended(edges: FloatArray) -> Pulses:
     Raises:
         InputError: If pulses that cannot be repaired cut off most of the record.
     """
-    found = edges.size
+    given = edges.size
     edges = _without_spikes(_in_place(_without_bounces(edges), edges))
-    extra = found - edges.size
+    extra = given - edges.size
     edges = _without_loose_ends(edges)
     ratio, whole = _ratios(edges)
     uneven = np.flatnonzero(_is_uneven(ratio, whole))

@@ -46,10 +46,10 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
     if name not in files:
         raise RefusedError(404, f"analysis: {name[:100]}: not made")
     cubes = service.studies_behind(run_id, name, step)
-    found = service.ask(
+    answer = service.ask(
         "explorer.analysis_tables:behind", result=files[name], cubes=cubes, variable=variable, cell=cell
     )
-    return [*([("step", found["step"])] if found["step"] else []), *map(tuple, found["items"])]
+    return [*([("step", answer["step"])] if answer["step"] else []), *map(tuple, answer["items"])]
 
 
 def motion(service: Service, run_id: str, number: int, step: str | None = None) -> str:

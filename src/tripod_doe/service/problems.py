@@ -220,5 +220,5 @@ def _inside(line: str, rest: list[str]) -> int | None:
     """Column of a key in the inline table on a line; None if there is no such key, or `rest` is empty."""
     if not rest or "{" not in line:
         return None
-    found = re.search(rf"""[{{,][ \t]*["']?({re.escape(rest[-1])})["']?[ \t]*=""", line)
-    return found.start(1) + 1 if found else None
+    match = re.search(rf"""[{{,][ \t]*["']?({re.escape(rest[-1])})["']?[ \t]*=""", line)
+    return match.start(1) + 1 if match else None

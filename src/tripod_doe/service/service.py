@@ -237,14 +237,14 @@ class Service:
         if run.kind == "study" or step:
             return {step or "": str(self.results(run_id, step))}
         steps = run.plan["steps"]
-        wanted, found = list(steps.get(name, {}).get("inputs", ())), {}
+        wanted, existing = list(steps.get(name, {}).get("inputs", ())), {}
         while wanted:  # an analysis may read another analysis, which reads a study
             other = wanted.pop(0)
             if "points" in steps.get(other, {}):
-                found[other] = str(self.results(run_id, other))
+                existing[other] = str(self.results(run_id, other))
             else:
                 wanted += steps.get(other, {}).get("inputs", ())
-        return found
+        return existing
 
     def diff(self, run_id: str, other_id: str, variables: list[str]) -> bytes:
         """What differs between two runs of studies, as ``diff --format json`` gives it."""

@@ -276,11 +276,11 @@ def _labelled(
     variables["outcome_detail"] = (dims, details.reshape(lengths), DETAIL_ATTRIBUTES)
     labels = simulator.labels(shapes, first)
     coordinates = {name: (name, values, simulator.dimension_attributes(name)) for name, values in labels.items()}
-    found = over.drop_attrs(deep=False).assign_coords(coordinates).assign(variables)
+    results = over.drop_attrs(deep=False).assign_coords(coordinates).assign(variables)
     for varied in over.coords:
         if parameter := simulator.parameters.get(str(varied)):
-            found[varied].attrs |= {"units": parameter.unit, "long_name": parameter.meaning}
-    return found
+            results[varied].attrs |= {"units": parameter.unit, "long_name": parameter.meaning}
+    return results
 
 
 def _shared(

@@ -269,13 +269,13 @@ class _Run:
             kept: Number of candidates that are left for later.
         """
         judged = judgement(np.arange(len(self._units)))
-        found = front_rows(judged.objectives * self.problem.signs, judged.feasible)
-        if not found.size:
+        front = front_rows(judged.objectives * self.problem.signs, judged.feasible)
+        if not front.size:
             return np.nan
         whole = np.isfinite(judged.objectives[:, 0])
         aims = judged.objectives[whole, 0] * self.problem.signs[0]
         worst, scale = float(aims.max()), float(np.abs(aims).max()) or 1.0
-        best, radius = int(found[0]), WIDEST
+        best, radius = int(front[0]), WIDEST
         values: dict[int, float] = {}
 
         def tried(units: FloatArray) -> Judged:

@@ -31,10 +31,10 @@ def names_of(candidates: xr.Dataset, role: str) -> list[str]:
     Raises:
         CubeError: If one of them has no value for each candidate, as in a file of another program.
     """
-    found = [each for each in candidates.data_vars.values() if str(each.attrs.get("role", "")) == role]
-    if wrong := [each.name for each in found if each.dims != ("candidate",)]:
+    of_role = [each for each in candidates.data_vars.values() if str(each.attrs.get("role", "")) == role]
+    if wrong := [each.name for each in of_role if each.dims != ("candidate",)]:
         raise CubeError(f"{wrong[0]}: no value for each candidate: this is no result of an optimisation")
-    return [str(each.name) for each in found]
+    return [str(each.name) for each in of_role]
 
 
 def candidate_table(candidates: xr.Dataset) -> tuple[list[str], list[list[str]]]:

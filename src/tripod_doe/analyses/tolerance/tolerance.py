@@ -136,8 +136,8 @@ def _by_model(
         if np.isfinite(relative).any():
             error = np.nan_to_num(relative)[:, None] * np.abs(table.values[:, third]) + table.error[third]
             points = exceeding(table.values[:, third], limit[third], error)
-            found = _exceedance(points, limit[third], settings.confidence)
-            ends[:, third] = found["exceedance_low"], found["exceedance_high"]
+            chances = _exceedance(points, limit[third], settings.confidence)
+            ends[:, third] = chances["exceedance_low"], chances["exceedance_high"]
     return {"exceedance_model_low": ends[0], "exceedance_model_high": ends[1]}
 
 

@@ -120,9 +120,9 @@ class ContactReader:
 
     def read(self, i: int, row: FloatArray, memory: Memory, followers: Followers | None) -> None:
         """Read the contacts of point i, whose balance stands in `memory`; `row` holds its constants."""
-        found = np.empty((len(_READ), *memory.eights.shape, memory.eights["normal"].shape[-1]))
-        _read(row, memory, found)
-        read = dict(zip(_READ, found.reshape(len(_READ), 3, -1)[..., : self._samples], strict=True))
+        lanes = np.empty((len(_READ), *memory.eights.shape, memory.eights["normal"].shape[-1]))
+        _read(row, memory, lanes)
+        read = dict(zip(_READ, lanes.reshape(len(_READ), 3, -1)[..., : self._samples], strict=True))
         for name in _ANGLES:
             read[name] = np.degrees(np.arcsin(np.clip(read[name], -1.0, 1.0)))
         outward, along = read.pop("slip_outward"), read.pop("slip_along")

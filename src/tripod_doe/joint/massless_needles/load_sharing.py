@@ -256,7 +256,7 @@ def press_needles(row, roller, at):
 @kernel_part
 def load_needles(c, at, needles):
     """Write the loads of all needles into `needles`, a `NeedleLoads`, from the shifts in `at`, a `NeedleSteps`."""
-    slots, found = WIDTH * needles.blocks, at.found
+    slots, eight = WIDTH * needles.blocks, at.found
     for k in range(3):
         for b in range(needles.blocks):
             for j in range(at.steps):
@@ -273,11 +273,11 @@ def load_needles(c, at, needles):
                     pressed = max(shift * toward - c.clearance, 0.0)
                     if everywhere(pressed <= 0.0):
                         break
-                    store(found, 0, _load_on_both(c, pressed)[0])
-                    store(found, 1, toward)
-                    store(found, 2, aside)
+                    store(eight, 0, _load_on_both(c, pressed)[0])
+                    store(eight, 1, toward)
+                    store(eight, 2, aside)
                     for n in range(min(WIDTH, at.steps - WIDTH * i)):
-                        if found[0, n] > 0.0:
+                        if eight[0, n] > 0.0:
                             _put(at, needles, (k, i, n), int(direction) * number, slots)
 
 

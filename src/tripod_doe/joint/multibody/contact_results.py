@@ -32,16 +32,16 @@ def contact_readings(
     if not names:
         return {}
     states = np.ascontiguousarray(positions), np.ascontiguousarray(velocities)
-    found = _grooves(assembly, *states, values)
-    found["groove_pressure_mpa"] = groove_pressure(values, found["groove_normal_force"])
-    found["largest_groove_pressure_mpa"] = found["groove_pressure_mpa"].max()
+    readings = _grooves(assembly, *states, values)
+    readings["groove_pressure_mpa"] = groove_pressure(values, readings["groove_normal_force"])
+    readings["largest_groove_pressure_mpa"] = readings["groove_pressure_mpa"].max()
     if {"needle_pressure_mpa", "largest_needle_pressure_mpa"} & names:
         lines = _needle_lines if has_needle_bodies(assembly) else _bearing_lines
-        found["needle_pressure_mpa"] = needle_pressure(values, lines(assembly, positions, values))
-        found["largest_needle_pressure_mpa"] = found["needle_pressure_mpa"].max()
+        readings["needle_pressure_mpa"] = needle_pressure(values, lines(assembly, positions, values))
+        readings["largest_needle_pressure_mpa"] = readings["needle_pressure_mpa"].max()
     if NEEDLE_NAMES & names and has_needle_bodies(assembly):
-        found |= _needles(assembly, *states, values)
-    return found
+        readings |= _needles(assembly, *states, values)
+    return readings
 
 
 def _grooves(
@@ -143,7 +143,7 @@ def _needles(
         name: element_forces(assembly, assembly.tables.contacts[at], positions, velocities)[..., :3]
         for name, at in rows.items()
     }
-    found: dict[str, list[FloatArray]] = {name: [] for name in NEEDLE_NAMES}
+    readings: dict[str, list[FloatArray]] = {name: [] for name in NEEDLE_NAMES}
     side = -1.0 if values.torque < 0 else 1.0
     for k in range(3):
         needles, axis, arms = ring(assembly, positions, values, k)
@@ -155,14 +155,14 @@ def _needles(
         flank = -side * _AROUND[k]
         load = flank - (axis @ flank)[..., None] * axis
         own, across = turned(needles[..., 3:], _Z), np.cross(normal, axis)
-        found["needle_load"].append((forces["trunnion"][:, of_ring] * normal).sum(-1))
+        readings["needle_load"].append((forces["trunnion"][:, of_ring] * normal).sum(-1))
         turned_by = np.arctan2((np.cross(axis, load) * normal).sum(-1), (load * normal).sum(-1))
-        found["needle_angle_deg"].append(np.degrees(turned_by))
-        found["needle_place_mm"].append(along - values.ring_distance)
-        found["needle_yaw_deg"].append(np.degrees(np.arctan2((own * across).sum(-1), (own * axis).sum(-1))))
+        readings["needle_angle_deg"].append(np.degrees(turned_by))
+        readings["needle_place_mm"].append(along - values.ring_distance)
+        readings["needle_yaw_deg"].append(np.degrees(np.arctan2((own * across).sum(-1), (own * axis).sum(-1))))
         stops = forces["outer stop"][:, of_ring] + forces["inner stop"][:, of_ring]
-        found["needle_stop_force"].append(-(stops * axis).sum(-1))
-    return {name: np.array([each.T for each in data]) for name, data in found.items()}
+        readings["needle_stop_force"].append(-(stops * axis).sum(-1))
+    return {name: np.array([each.T for each in data]) for name, data in readings.items()}
 
 
 def _rows_of_needles(assembly: Assembly) -> dict[str, list[int]]:

@@ -43,10 +43,10 @@ def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
         growing_vibration,  # 0.6 s, which most processes do not need
     )
 
-    found = np.full(points.torque.size, np.nan)
+    verdicts = np.full(points.torque.size, np.nan)
     for row in undecided_rows(points, np.flatnonzero(_in_motion(points)))[:_MOST].tolist():
-        found[row] = growing_vibration(points.point(row)) is not None
-    return found
+        verdicts[row] = growing_vibration(points.point(row)) is not None
+    return verdicts
 
 
 def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: BlockResult) -> dict[str, FloatArray]:

@@ -76,15 +76,15 @@ def _text(value: object) -> str:
 
 def choices(cube: xr.Dataset) -> list[Choice]:
     """Variables of numbers in groups: results first, then the record of the runs and their costs."""
-    found = []
+    offered = []
     for name, variable in cube.data_vars.items():
         if variable.dtype.kind not in "fiub" or name == "outcome" or "flag_values" in variable.attrs:
             continue
         record = variable.attrs.get("role") == RECORD_ROLE
         group = "Cost" if name in COST_VARIABLES else "Record of the run" if record else "Results"
         meaning, formula = (str(variable.attrs.get(text, "")) for text in ("long_name", "formula"))
-        found.append(Choice(str(name), label_of(variable), group, meaning, formula))
-    return sorted(found, key=lambda choice: ("Results", "Record of the run", "Cost").index(choice.group))
+        offered.append(Choice(str(name), label_of(variable), group, meaning, formula))
+    return sorted(offered, key=lambda choice: ("Results", "Record of the run", "Cost").index(choice.group))
 
 
 def variable_axes(cube: xr.Dataset, variable: str) -> list[Axis]:

@@ -155,14 +155,14 @@ def extremes(path: str, order: int) -> Any:
     with opened(path) as cube:
         view = full_view(cube, View(kind="points", select=(f"order={order}",) if "order" in cube.coords else ()))
         values = seen(cube, view)
-        found = shown(values)
-        if set(found.dims) != set(values["outcome"].dims) or not bool(found.notnull().any()):
+        drawn = shown(values)
+        if set(drawn.dims) != set(values["outcome"].dims) or not bool(drawn.notnull().any()):
             return None
-        numbers, flat = values[NUMBER].transpose(*found.dims).values.ravel(), found.values.ravel()
+        numbers, flat = values[NUMBER].transpose(*drawn.dims).values.ravel(), drawn.values.ravel()
         least, largest = int(np.nanargmin(flat)), int(np.nanargmax(flat))
-        unit = unit_text(str(found.attrs.get("units", "1")))
+        unit = unit_text(str(drawn.attrs.get("units", "1")))
         return {
-            "label": label_of(found),
+            "label": label_of(drawn),
             **{
                 end: {"text": with_unit(number(float(flat[at])), unit), "number": int(numbers[at])}
                 for end, at in (("least", least), ("largest", largest))
@@ -177,36 +177,36 @@ def point(path: str, number_of_point: int) -> Any:
 
 
 def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
-    found = point_of(cube, number_of_point)
+    point = point_of(cube, number_of_point)
     factors = factor_names(cube)
     scalars = [
         name
-        for name in found.data_vars
-        if found[name].dtype.kind in "fiu" and not found[name].dims and "flag_values" not in found[name].attrs
+        for name in point.data_vars
+        if point[name].dtype.kind in "fiu" and not point[name].dims and "flag_values" not in point[name].attrs
     ]
-    reason = str(blank_reasons(found.expand_dims("point"))[0])
-    scene, settings = str(study_of(cube).get("study", {}).get("scene", "joint")), point_values(cube, found)
+    reason = str(blank_reasons(point.expand_dims("point"))[0])
+    scene, settings = str(study_of(cube).get("study", {}).get("scene", "joint")), point_values(cube, point)
     return {
         "scene": scene,
-        "price": _price(found),
+        "price": _price(point),
         "number": number_of_point,
         "count": cube["outcome"].size,
-        "factors": [{"label": label_of(cube[name]), "name": name, "value": _as_text(found[name])} for name in factors],
-        "outcome": Outcome(int(found["outcome"])).label,
+        "factors": [{"label": label_of(cube[name]), "name": name, "value": _as_text(point[name])} for name in factors],
+        "outcome": Outcome(int(point["outcome"])).label,
         "reason": reason,
         "scalars": [
             {
-                "label": label_of(found[name]),
-                "value": _as_text(found[name]),
-                "meaning": str(found[name].attrs.get("long_name", "")),
+                "label": label_of(point[name]),
+                "value": _as_text(point[name]),
+                "meaning": str(point[name].attrs.get("long_name", "")),
             }
             for name in scalars
-            if np.isfinite(found[name].item())
+            if np.isfinite(point[name].item())
         ],
         "parameters": settings,
-        "command": simulate_command(cube, found),
+        "command": simulate_command(cube, point),
         "drawing": drawing_of(settings) if scene == "joint" and not _function(cube) else "",
-        "figures": point_figures(found) if not reason else {},
+        "figures": point_figures(point) if not reason else {},
     }
 
 

@@ -99,12 +99,12 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
 
 def _pinned(cube: xr.Dataset, view: View, names: list[str]) -> dict[str, Any]:
     """Factors that a view fixes at one value."""
-    found: dict[str, Any] = {}
+    fixed: dict[str, Any] = {}
     for text in view.select:
         name, _, wanted = text.partition("=")
         if name in names and not any(mark in wanted for mark in ":,"):
-            found[name] = float(wanted) if cube[name].dtype.kind in "fiu" else wanted
-    return {name: _number(value) for name, value in found.items()}
+            fixed[name] = float(wanted) if cube[name].dtype.kind in "fiu" else wanted
+    return {name: _number(value) for name, value in fixed.items()}
 
 
 def _number(value: Any) -> Any:

@@ -66,16 +66,16 @@ def contribution_study(path: str, number_of_point: int) -> Any:
         InputError: If the point does not belong to the scene of the joint.
     """
     with opened(path) as cube:
-        found = point_of(cube, number_of_point)
-        return _contribution_study(cube, found, number_of_point)
+        point = point_of(cube, number_of_point)
+        return _contribution_study(cube, point, number_of_point)
 
 
-def _contribution_study(cube: xr.Dataset, found: xr.Dataset, number_of_point: int) -> str:
+def _contribution_study(cube: xr.Dataset, point: xr.Dataset, number_of_point: int) -> str:
     head = study_of(cube).get("study", {})
     if head.get("scene", "joint") != "joint" or head.get("function"):
         raise InputError("the mechanisms are those of the joint: this is another scene")
     switches = [name for name in cube.coords if cube[name].attrs.get("role") == SWITCH_ROLE]
-    base = {name: value for name, value in point_values(cube, found).items() if name not in (*switches, "replicate")}
+    base = {name: value for name, value in point_values(cube, point).items() if name not in (*switches, "replicate")}
     study = {
         "study": {
             "name": f"{head.get('name', 'study')}: contributions at point {number_of_point}",

@@ -135,7 +135,7 @@ def explorer(run_id: str, request: Request, service: AnyService) -> Response:
     steps += service.analysis_files(run_id) if run.kind == "optimisation" else []
     begun = [name for name in steps if service.results(run_id, name).exists()]
     chosen = request.query_params.get("step") or next(iter(begun or steps), None)
-    found, trouble = _explored(service, run, request, chosen)
+    explored, trouble = _explored(service, run, request, chosen)
     return _run_page(
         "explore.html",
         service,
@@ -144,7 +144,7 @@ def explorer(run_id: str, request: Request, service: AnyService) -> Response:
         steps=steps,
         chosen_step=chosen,
         trouble=trouble,
-        **_control_values(service, run, found, chosen),
+        **_control_values(service, run, explored, chosen),
     )
 
 
@@ -153,10 +153,10 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     """Controls, copies and title of a view; only a message if no point has finished yet."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    found = ask_workers.explore(service, run_id, _items(request), step) if _begun(run) else None
-    values = _control_values(service, run, found, step)
+    explored = ask_workers.explore(service, run_id, _items(request), step) if _begun(run) else None
+    values = _control_values(service, run, explored, step)
     return {
-        "title": found["title"] if found else "",
+        "title": explored["title"] if explored else "",
         "controls": part("controls.html", trouble="", **values),
         "exports": part("exports.html", **values),
     }
@@ -165,17 +165,17 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 @router.get("/runs/{run_id}/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
-    found = ask_workers.point(service, run_id, number, step)
+    answer = ask_workers.point(service, run_id, number, step)
     text = part(
         "point.html",
         root=service.settings.root,
-        point=found,
+        point=answer,
         run_id=run_id,
         step=step,
         read_only=service.settings.read_only,
         computes=service.computes,
     )
-    return {"html": text, "figures": found["figures"]}
+    return {"html": text, "figures": answer["figures"]}
 
 
 @router.get("/parts/parameters")
@@ -189,15 +189,15 @@ def parameters(scene: str, service: AnyService) -> HTMLResponse:
 @router.post("/parts/price-of-point")
 def price_of_point(body: Body, service: AnyService) -> dict[str, str]:
     """The price of one point in words, before it is simulated."""
-    found = service.ask_body("price_of_point", body)
-    return {"text": part("price_of_point.txt", **found)}
+    price = service.ask_body("price_of_point", body)
+    return {"text": part("price_of_point.txt", **price)}
 
 
 @router.post("/parts/simulate")
 def simulate(body: Body, service: AnyService) -> dict[str, Any]:
     """One point simulated, in words and figures."""
-    found = service.compute("simulated", body)
-    return {"text": part("simulated.txt", **found), "figures": found["figures"]}
+    answer = service.compute("simulated", body)
+    return {"text": part("simulated.txt", **answer), "figures": answer["figures"]}
 
 
 @router.get("/runs/{run_id}/numbers")
@@ -350,15 +350,15 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
         return None, str(error)
 
 
-def _control_values(service: Service, run: Run, found: dict[str, Any] | None, step: str | None) -> dict[str, Any]:
-    kinds = [kind for kind in _KINDS if found and kind[0] in found["kinds"]]
+def _control_values(service: Service, run: Run, explored: dict[str, Any] | None, step: str | None) -> dict[str, Any]:
+    kinds = [kind for kind in _KINDS if explored and kind[0] in explored["kinds"]]
     others = [
         other for other in service.runs.all() if other.id != run.id and other.kind == "study" and other.counts.finished
     ]
     return {
-        "explored": found,
+        "explored": explored,
         "kinds": kinds,
-        "others": names_of(others) if found and found["points"] else {},
+        "others": names_of(others) if explored and explored["points"] else {},
         "data": f"{service.settings.root}/api/v1/runs/{run.id}",
         "step_items": [("step", step)] if step else [],
     }

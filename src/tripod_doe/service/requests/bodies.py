@@ -27,10 +27,10 @@ def read_form(body: bytes, form: type[Form], nesting: int) -> Form:
     try:
         return form.model_validate(read_json(body, nesting))
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        problems = [form_problem(item) for item in found[:_MOST_PROBLEMS]]
-        if len(found) > _MOST_PROBLEMS:
-            problems.append(Problem(message=f"and {len(found) - _MOST_PROBLEMS:,} more"))
+        errors = error.errors(include_url=False)
+        problems = [form_problem(item) for item in errors[:_MOST_PROBLEMS]]
+        if len(errors) > _MOST_PROBLEMS:
+            problems.append(Problem(message=f"and {len(errors) - _MOST_PROBLEMS:,} more"))
         raise RefusedError(422, *problems) from error
 
 

@@ -30,12 +30,12 @@ _PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
 @cache
 def gallery() -> list[dict[str, str]]:
     """All files to start from: ``id``, ``kind``, ``name`` and ``question`` of each file."""
-    found = [_entry(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
+    entries = [_entry(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
     for name, path in _files().items():
         text = path.read_text(encoding="utf-8")
         if "function" not in tomllib.loads(text).get(_kind(text), {}):
-            found.append(_entry(name, text))
-    return found
+            entries.append(_entry(name, text))
+    return entries
 
 
 def gallery_upload(name: str) -> dict[str, Any]:
@@ -60,15 +60,15 @@ def gallery_upload(name: str) -> dict[str, Any]:
 def _plain_text(path: Path, texts: dict[str, str]) -> str:
     """The text of a file, with plain names for the files that it names; adds their texts to `texts`."""
 
-    def plain(found: re.Match[str]) -> str:
+    def plain(match: re.Match[str]) -> str:
         places = (path.parent, path.parent.parent / "studies")  # a workflow may name a table of a study
-        other = next((place / found[3] for place in places if (place / found[3]).is_file()), None)
+        other = next((place / match[3] for place in places if (place / match[3]).is_file()), None)
         if other is None:
-            return found[0]
+            return match[0]
         if other.name not in texts:
             texts[other.name] = ""  # else files that name each other would loop
             texts[other.name] = _plain_text(other, texts)
-        return f'{found[1]}{found[2]}"{other.name}"'
+        return f'{match[1]}{match[2]}"{other.name}"'
 
     text = path.read_text(encoding="utf-8")
     return _NAMED_FILE.sub(plain, text) if path.suffix == ".toml" else text

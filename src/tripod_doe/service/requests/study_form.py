@@ -55,8 +55,8 @@ def study_form(text: str) -> Any:
 
 
 def _table(study: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    found = study.get(name, {})
-    return found if isinstance(found, Mapping) else {}
+    table = study.get(name, {})
+    return table if isinstance(table, Mapping) else {}
 
 
 def _field(parameter: Parameter, base: Mapping[str, Any], factors: Mapping[str, Any]) -> dict[str, Any]:
@@ -149,8 +149,8 @@ def _factor(name: str, field: str) -> dict[str, Any] | None:
             low, high, count = "", "", []
         if len(count) > 1 or not all(isinstance(part, int | float) for part in (low, high, *count)):
             raise InputError(f"{name} = {field!r}: write low : high or low : high : count, with log for a log scale")
-        found = {"low": low, "high": high} | ({"count": count[0]} if count else {})
-        return found | ({"scale": "log"} if scale == "log" else {})
+        factor = {"low": low, "high": high} | ({"count": count[0]} if count else {})
+        return factor | ({"scale": "log"} if scale == "log" else {})
     if "," in words:
         return {"values": [_scalar(part.strip()) for part in words.split(",") if part.strip()]}
     return None

@@ -24,8 +24,8 @@ class Extremes:
 
     def known(self, runs: list[Run], order: int) -> dict[str, Mapping[str, Any]]:
         """The extremes so far, by the ids of the runs."""
-        found = {run.id: self._known.get((run.id, order)) for run in runs}
-        return {run_id: entry[2] for run_id, entry in found.items() if entry and entry[2]}
+        entries = {run.id: self._known.get((run.id, order)) for run in runs}
+        return {run_id: entry[2] for run_id, entry in entries.items() if entry and entry[2]}
 
     def update(self, runs: list[Run], order: int, there: list[Run]) -> bool:
         """Read the cubes of runs that have changed since the last call; return whether anything is new.

@@ -414,8 +414,8 @@ class Supervisor:
         with self._lock:
             self._bin.show(run for run in rows if run.binned)
             places = {run.place for run in stored.values()}
-            found = {run.id for run in self._runs.values() if run.place and run.place not in places}  # by this server
-            for gone in self._runs.keys() - stored.keys() - found:
+            own = {run.id for run in self._runs.values() if run.place and run.place not in places}  # by this server
+            for gone in self._runs.keys() - stored.keys() - own:
                 del self._runs[gone]
                 self.events.forget(gone)
             for run in stored.values():

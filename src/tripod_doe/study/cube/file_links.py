@@ -108,11 +108,11 @@ def refuse_outside(path: str | Path) -> None:
         library = hdf5_library()
         file = _opened(library, path)
         try:
-            found = _links(library, file)
+            links = _links(library, file)
         finally:
             library.H5Fclose(file)
-    if found.reasons:
-        raise CubeError(f"{path}: {found.reasons[0]}; it is not read")
+    if links.reasons:
+        raise CubeError(f"{path}: {links.reasons[0]}; it is not read")
 
 
 def _opened(library: ctypes.CDLL, path: str | Path) -> int:
@@ -134,28 +134,28 @@ def _links(library: ctypes.CDLL, file: int) -> _Found:
     root = _ObjectInfo()
     if library.H5Oget_info3(file, root, _BASIC) < 0:
         raise OSError("HDF5 cannot read its names")
-    found = _Found({tuple(root.token): b"/"}, [])
+    links = _Found({tuple(root.token): b"/"}, [])
 
     def visit(_: int, name: bytes, info: Any, __: Any) -> int:
         """Give 1 to end the walk."""
         kind, target = info.contents.type, tuple(info.contents.target)
         if kind not in (_HARD, _SOFT):
-            found.reasons.append(f"{_shown(name)} is a link to another file")
+            links.reasons.append(f"{_shown(name)} is a link to another file")
         elif kind == _SOFT:
-            found.reasons.append(f"{_shown(name)} is a symbolic link")
-        elif target in found.objects:
-            found.reasons.append(f"{_shown(name)} is a second name of {_shown(found.objects[target])}")
-        elif len(found.objects) > _MOST_LINKS or name.count(b"/") > _DEEPEST:
-            found.reasons.append(f"more than {_MOST_LINKS:,} variables, or groups in groups deeper than {_DEEPEST}")
+            links.reasons.append(f"{_shown(name)} is a symbolic link")
+        elif target in links.objects:
+            links.reasons.append(f"{_shown(name)} is a second name of {_shown(links.objects[target])}")
+        elif len(links.objects) > _MOST_LINKS or name.count(b"/") > _DEEPEST:
+            links.reasons.append(f"more than {_MOST_LINKS:,} variables, or groups in groups deeper than {_DEEPEST}")
         else:
-            found.objects[target] = name
+            links.objects[target] = name
             if reason := _outside(library, file, name):
-                found.reasons.append(f"{_shown(name)} {reason}")
-        return 1 if found.reasons else 0
+                links.reasons.append(f"{_shown(name)} {reason}")
+        return 1 if links.reasons else 0
 
-    if library.H5Lvisit2(file, _BY_NAME, _AS_STORED, _VISIT(visit), None) < 0 and not found.reasons:
+    if library.H5Lvisit2(file, _BY_NAME, _AS_STORED, _VISIT(visit), None) < 0 and not links.reasons:
         raise OSError("HDF5 cannot read its names")
-    return found
+    return links
 
 
 def _outside(library: ctypes.CDLL, file: int, name: bytes) -> str:

@@ -105,11 +105,11 @@ def edges(values: FloatArray, logarithmic: bool) -> FloatArray:
     places = np.log(values) if logarithmic else values
     if places.size == 1:
         half = abs(places[0]) / 20 or 0.5
-        found = np.array([places[0] - half, places[0] + half])
+        limits = np.array([places[0] - half, places[0] + half])
     else:
         middle = (places[1:] + places[:-1]) / 2
-        found = np.concatenate([[2 * places[0] - middle[0]], middle, [2 * places[-1] - middle[-1]]])
-    return np.exp(found) if logarithmic else found
+        limits = np.concatenate([[2 * places[0] - middle[0]], middle, [2 * places[-1] - middle[-1]]])
+    return np.exp(limits) if logarithmic else limits
 
 
 def level_texts(coordinate: xr.DataArray) -> list[str]:

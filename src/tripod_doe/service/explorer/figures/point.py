@@ -20,7 +20,7 @@ def point_figures(point: xr.Dataset) -> dict[str, Figure]:
         Figures for Plotly by the name of their variable: lines over measured dimensions, such as the rotation angle,
         and bars over counted dimensions, such as orders or mechanisms.
     """
-    found = {}
+    figures = {}
     for name, variable in point.data_vars.items():
         if variable.dtype.kind != "f" or not variable.dims or not bool(variable.notnull().any()):
             continue
@@ -30,14 +30,14 @@ def point_figures(point: xr.Dataset) -> dict[str, Figure]:
         companions = [str(name), *(other for other in (f"{name}_error",) if other in point)]
         data = point[companions]
         if data[along].dtype.kind == "f":
-            found[str(name)] = lines(data, str(along), str(others[0]) if others else None)
+            figures[str(name)] = lines(data, str(along), str(others[0]) if others else None)
         elif not others or data.sizes[others[0]] <= _SHARED:
-            found[str(name)] = bars(data, str(along), str(others[0]) if others else None)
+            figures[str(name)] = bars(data, str(along), str(others[0]) if others else None)
         else:
-            found[str(name)] = bars(
+            figures[str(name)] = bars(
                 data.transpose(along, others[0]), str(others[0]), None if not others else str(along)
             )
-    return {name: plain(figure) for name, figure in found.items()}
+    return {name: plain(figure) for name, figure in figures.items()}
 
 
 def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
