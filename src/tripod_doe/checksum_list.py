@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tripod_doe.atomic_files import replace_file, replace_text
 from tripod_doe.errors import CubeError, StorageError, option
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import opened_regular, read_regular
 
 LIST = "checksums.sha256"
 """File of a folder of results."""
@@ -70,8 +70,9 @@ def _upcoming(folder: Path) -> dict[str, str]:
     sums = checksums(folder)
     for name, digest in _sums(folder / _NEXT).items():
         path = folder / name
-        if digest != sums.get(name) and path.is_file() and _digest(path) == digest:
-            sums[name] = digest
+        with suppress(OSError, CubeError):  # none is there, or none of ours
+            if digest != sums.get(name) and _digest(path, links=False) == digest:
+                sums[name] = digest
     return sums
 
 
@@ -90,10 +91,8 @@ def _sums(path: Path) -> dict[str, str]:
 
 
 def _lines(path: Path) -> list[str]:
-    refuse_irregular(path, CubeError)
     try:
-        with path.open("rb") as stream:
-            text = stream.read(_LARGEST)
+        text = read_regular(path, _LARGEST, CubeError)
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as error:
@@ -101,16 +100,20 @@ def _lines(path: Path) -> list[str]:
     return text.decode(errors="replace").rstrip("\n").split("\n") if text else []
 
 
-def is_changed(path: Path) -> bool:
-    """Whether a file does not fit its checksum; one that is missing, or has no checksum, is not changed."""
+def is_changed(path: Path, unlisted: bool = False) -> bool:
+    """Whether a file does not fit its checksum; a missing one is not changed.
+
+    Args:
+        unlisted: Whether a file without a checksum is changed.
+    """
     end = time.monotonic() + _PATIENCE
     while True:
-        version, known = _version(path), checksums(path.parent).get(path.name)
-        if known is None:
+        version = _version(path)
+        listed = (_sums(path.with_name(name)).get(path.name) for name in (LIST, _NEXT))
+        if not (known := {*listed} - {None}) and not unlisted:
             return False
-        refuse_irregular(path, CubeError)
         try:
-            if _digest(path) in (known, _sums(path.with_name(_NEXT)).get(path.name)):
+            if known and _digest(path) in known:
                 return False
         except OSError:  # what reads it states the reason
             return False
@@ -118,8 +121,8 @@ def is_changed(path: Path) -> bool:
             return True
 
 
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
+def _digest(path: Path, links: bool = True) -> str:
+    with opened_regular(path, error=CubeError, links=links) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
@@ -133,13 +136,16 @@ def _version(path: Path) -> list[tuple[int, int]]:
     return versions
 
 
-def refuse_changed(path: Path) -> None:
+def refuse_changed(path: Path, unlisted: bool = False) -> None:
     """Refuse a file that does not fit its checksum.
+
+    Args:
+        unlisted: Whether to refuse a file without a checksum, too.
 
     Raises:
         CubeError: With the remedy.
     """
-    if is_changed(path):
+    if is_changed(path, unlisted):
         raise CubeError(
             f"{path}: damaged or edited: it does not fit its checksum in {LIST}; {_remedy(path)}; to use it as it is, "
             "move it to another folder"

@@ -1,35 +1,112 @@
-"""Refuse pipes and devices: opening a pipe waits for a writer, and a device may never end."""
+"""Open files of results, which may be a stranger's: regular ones only, up to a size; and files that are locked.
+
+A pipe blocks who opens it until somebody writes, a device may never end, and a sparse file of a few bytes on the disk
+fills the memory of who reads it.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from tripod_doe.errors import InputError
 
+STUDY_BYTES, TEXT_BYTES = 20_000_000, 1_000_000_000
+"""Most bytes of a study or workflow file, and of any other text."""
+
 _KINDS: dict[str, Callable[[int], bool]] = {
+    "a link": stat.S_ISLNK,
     "a folder": stat.S_ISDIR,
     "a pipe": stat.S_ISFIFO,
     "a device": lambda mode: stat.S_ISCHR(mode) or stat.S_ISBLK(mode),
     "a socket": stat.S_ISSOCK,
 }
+_OF_SHELLS = ("/dev/stdin", "/dev/fd/")  # a pipe that the user's shell has made
 
 
-def refuse_irregular(path: Path, error: type[InputError] = InputError) -> None:
-    """Refuse a pipe, a device, a socket or a folder where a file is expected, also behind a link; nothing is opened.
+def refuse_irregular(path: Path, error: type[InputError] = InputError, links: bool = True) -> None:
+    """Refuse a pipe, a device, a socket or a folder where a file is expected; nothing is opened.
 
     Args:
         path: Where a file is expected; nothing is refused where nothing is.
         error: What is raised.
+        links: Whether a link to a file will do.
 
     Raises:
         InputError: With its kind.
     """
     try:
-        mode = path.stat().st_mode
+        mode = path.stat(follow_symlinks=links).st_mode
     except (OSError, ValueError):  # opening it states the reason
         return
     if not stat.S_ISREG(mode):
         kind = next((kind for kind, is_kind in _KINDS.items() if is_kind(mode)), "something else")
         raise error(f"{path}: {kind} is in the place of this file, and is not read; delete it")
+
+
+@contextmanager
+def opened_regular(
+    path: Path, most: int = TEXT_BYTES, error: type[InputError] = InputError, links: bool = False
+) -> Iterator[BinaryIO]:
+    """Open a file for reading, as `read_regular`."""
+    shell = str(path).startswith(_OF_SHELLS)
+    if not shell:
+        refuse_irregular(path, error, links)
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | (0 if shell else _flags(links)))
+    with open(descriptor, "rb") as stream:
+        state = os.fstat(descriptor)
+        if not shell and not stat.S_ISREG(state.st_mode):  # exchanged just now
+            raise error(f"{path}: no file, and is not read")
+        if state.st_size > most:
+            raise error(f"{path}: {state.st_size:,} bytes, at most {most:,} are read: not a file of this kind")
+        yield stream
+
+
+def read_regular(
+    path: Path, most: int = TEXT_BYTES, error: type[InputError] = InputError, links: bool = False
+) -> bytes:
+    """The content of a small file.
+
+    Args:
+        path: The file.
+        most: Bytes that it may have.
+        error: What is raised for a file that is not read.
+        links: Whether a link to a file will do, as for a file that the user has named.
+
+    Raises:
+        InputError: If it is no regular file, or larger.
+        OSError: If it cannot be opened or read.
+    """
+    with opened_regular(path, most, error, links) as stream:
+        content = stream.read(most + 1)
+    if len(content) > most:  # a file of the system, or one that grows
+        raise error(f"{path}: more than {most:,} bytes, and no more are read")
+    return content
+
+
+def open_locked(path: Path, flags: int = os.O_RDONLY) -> int:
+    """Open a file that is locked, or written by one process alone; gives its descriptor.
+
+    Args:
+        path: The file; one that is made here is its owner's alone.
+        flags: As `os.open` takes them.
+
+    Raises:
+        OSError: If it cannot be opened, is a link or no file, or is made here and has another name elsewhere, under
+            which it would be changed, too.
+    """
+    descriptor = os.open(path, flags | os.O_CLOEXEC | _flags(links=False), 0o600)
+    state = os.fstat(descriptor)
+    if not stat.S_ISREG(state.st_mode) or (flags & os.O_CREAT and state.st_nlink > 1):
+        os.close(descriptor)
+        raise OSError(errno.ELOOP, f"{path.name} is a link, or no file")
+    return descriptor
+
+
+def _flags(links: bool) -> int:
+    return os.O_NONBLOCK | (0 if links else os.O_NOFOLLOW)

@@ -27,6 +27,7 @@ from tripod_doe.measurements.pulse_count import infer_pulses
 from tripod_doe.measurements.record_file import Record, read_record
 from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses
 from tripod_doe.quantities import number
+from tripod_doe.regular_files import read_regular
 
 _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
 _APART = 0.05  # largest relative difference of two statements of one value
@@ -91,7 +92,7 @@ def read_measurement(
         record = read_record(path, columns)
         operating = _operating(record, stated)
         measured = _from_record(record, pulses_per_revolution, speed_rpm or operating.get("speed_rpm"))
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        digest = hashlib.sha256(read_regular(path, links=True)).hexdigest()[:16]
         return replace(
             measured,
             thrust_n=sign * measured.thrust_n,

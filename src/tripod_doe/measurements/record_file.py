@@ -22,7 +22,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.headings import OPERATING, given_position, is_unit, roles_of, unit_factor, unit_given
 from tripod_doe.measurements.tdms_file import is_tdms, read_tdms
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import read_regular
 
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))
 """Separator (None: spaces) and decimal sign, in the order in which they are preferred."""
@@ -86,7 +86,6 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
 
 def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     """Headings and columns of a file of any form; see `read_record`."""
-    refuse_irregular(path)
     if is_tdms(path):
         return Table(*read_tdms(path))
     notes, lines = _lines(path)
@@ -117,7 +116,7 @@ def _refuse_wide(columns: int) -> None:
 def _lines(path: Path) -> tuple[list[str], list[str]]:
     """Lines that start with # (without the #), and the other lines."""
     try:
-        content = path.read_bytes()
+        content = read_regular(path, links=True)
     except OSError as error:
         raise InputError(f"cannot read the measurement: {error.strerror}") from error
     text = _decoded(content)

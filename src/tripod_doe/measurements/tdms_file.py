@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripod_doe.errors import InputError
+from tripod_doe.regular_files import opened_regular
 
 _MARK = b"TDSm"
 
@@ -15,7 +16,7 @@ _MARK = b"TDSm"
 def is_tdms(path: Path) -> bool:
     """Whether a file starts like a TDMS file."""
     try:
-        with path.open("rb") as stream:
+        with opened_regular(path, links=True) as stream:
             return stream.read(len(_MARK)) == _MARK
     except OSError:
         return False

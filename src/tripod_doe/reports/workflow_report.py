@@ -20,6 +20,7 @@ from tripod_doe.names import path_within
 from tripod_doe.page_parts.answer import answer_first, beyond, picture_first
 from tripod_doe.page_parts.charts.chart import WIDE, Chart
 from tripod_doe.page_parts.templates import render
+from tripod_doe.regular_files import read_regular
 from tripod_doe.reports.workflow_chart import StepView, chain_chart, step_time
 
 _THIRD = 300.0  # points; a wider figure is not readable in a third of the page
@@ -75,7 +76,7 @@ def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
 
 def _text(path: Path) -> str:
     refuse_changed(path)
-    return path.read_text(encoding="utf-8")
+    return read_regular(path, links=True).decode()
 
 
 def read_charts(folder: Path) -> list[StoredChart]:

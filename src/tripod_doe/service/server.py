@@ -20,6 +20,7 @@ import uvicorn
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.http_opener import LOOPBACK
+from tripod_doe.regular_files import open_locked
 from tripod_doe.service.app import create_app
 from tripod_doe.service.log import start_log
 from tripod_doe.service.runs.run_table import TABLE
@@ -122,8 +123,8 @@ def _held(settings: Settings) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _refuse_exchangeable(folder)
-        lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
-        for name in (_LOCK, TABLE, f"{TABLE}-wal", f"{TABLE}-shm"):  # also files of an earlier version
+        lock = open_locked(folder / _LOCK, os.O_CREAT | os.O_RDWR)
+        for name in (_LOCK, *(f"{TABLE}{end}" for end in ("", "-wal", "-shm", "-journal"))):  # also of earlier versions
             with suppress(FileNotFoundError):
                 _make_private(folder / name)
     except OSError as error:
@@ -150,7 +151,7 @@ def _refuse_exchangeable(folder: Path) -> None:
 
 
 def _make_private(path: Path) -> None:
-    file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    file = open_locked(path)
     try:
         os.fchmod(file, 0o600)
     finally:

@@ -14,6 +14,7 @@ from typing import Any, cast
 
 from tripod_doe.errors import StorageError, near_match, printable
 from tripod_doe.names import path_within
+from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
@@ -268,7 +269,7 @@ class Service:
         if run.is_left_alone:
             text, tables = self.ask(f"{_QUESTIONS}:texts_of_directory", path=str(folder.parent))
             return {"study": text, "files": tables}
-        texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
+        texts = {path.name: read_regular(path).decode() for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
 
     def submitted_texts(self, run_id: str) -> dict[str, str]:

@@ -24,6 +24,7 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
 from tripod_doe.quantities import duration
+from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.reports.workflow_chart import StepView
 from tripod_doe.reports.workflow_report import chain_page, step_page, write_charts
 from tripod_doe.study.cube.file_checks import DIGEST, STEP, is_of_its_step
@@ -172,9 +173,9 @@ class _Chain:
         """A step that an earlier run finished from the same inputs; None if there is none."""
         folder = self.folder(step.name)
         try:
-            record = json.loads((folder / STEP).read_text(encoding="utf-8"))
+            record = json.loads(read_regular(folder / STEP, STUDY_BYTES))
             of, seconds, detail = record["hash"], float(record["seconds"]), str(record["detail"])
-        except (OSError, ValueError, KeyError, TypeError):  # missing or damaged: the step runs again
+        except (OSError, ValueError, KeyError, TypeError, InputError):  # missing or damaged: the step runs again
             return None
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
         if of != step.hash or not all(mark.exists() for mark in marks):

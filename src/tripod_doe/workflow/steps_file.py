@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.checksum_list import is_changed, write_listed
-from tripod_doe.errors import CubeError, StorageError, printable
+from tripod_doe.errors import InputError, StorageError, printable
+from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.study.result_directory.search_condition import FOUND, found_in
 
 STEPS = "steps.json"
@@ -30,8 +31,8 @@ def read_steps(directory: Path) -> list[dict[str, Any]]:
     """Read the states of the steps; empty where they are missing or damaged."""
     path = directory / STEPS
     try:
-        steps = [] if is_changed(path) else json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError, CubeError):
+        steps = [] if is_changed(path) else json.loads(read_regular(path, STUDY_BYTES))
+    except (OSError, ValueError, RecursionError, InputError):
         return []
     return steps if isinstance(steps, list) else []
 

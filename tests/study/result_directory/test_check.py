@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.cli import main
 from tripod_doe.study.cube import file_checks
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
@@ -240,7 +241,9 @@ def test_a_result_without_its_checksum_is_refused_and_made_anew(folder, capsys, 
     assert ("names, attributes and texts are not checked" in capsys.readouterr().out) == (lost == "the checksum alone")
 
 
-@pytest.mark.parametrize("file", [*FILES, "study.toml", "report/index.html", ".lock", "journal.sqlite-wal"])
+@pytest.mark.parametrize(
+    "file", [*FILES, "study.toml", "report/index.html", ".lock", "journal.sqlite-wal", "journal.sqlite-journal"]
+)
 @pytest.mark.parametrize("kind", ["pipe", "device"])
 def test_what_is_no_file_is_refused_and_not_opened(folder, capsys, file, kind):
     """A pipe held up every command, and a device filled the memory."""
@@ -261,6 +264,17 @@ def test_what_is_no_file_is_refused_and_not_opened(folder, capsys, file, kind):
     assert (codes[1] == 3) == (
         "sqlite" in file or (kind == "pipe" and file in (*FILES, "study.toml", "report/index.html"))
     )
+
+
+@pytest.mark.parametrize("file", ["study.toml", "report/index.html"])
+def test_a_sparse_text_is_refused_by_its_size(folder, capsys, file):
+    """Regression: 60 GB that take no place on the disk were read, into memory or for their checksum."""
+    out = folder / "out"
+    write_listed(out / "report" / "index.html", "a page")
+    os.truncate(out / file, 60_000_000_000)
+    assert main(["check", str(out)]) == 3
+    assert f"{file}: damaged" in (shown := " ".join(capsys.readouterr().out.split()))
+    assert "60,000,000,000 bytes, at most" in shown
 
 
 @contextmanager

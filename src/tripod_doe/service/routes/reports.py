@@ -6,6 +6,8 @@ from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.checksum_list import refuse_changed
+from tripod_doe.errors import CubeError
+from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.security.delivered_files import file_within
@@ -32,11 +34,11 @@ def report(run_id: str, service: AnyService) -> Response:
     page = service.directory(run_id) / "report" / _PAGE
     if not page.is_file():
         raise RefusedError(404, "this run has no report yet")
-    refuse_changed(page)
+    text = read_regular(page, service.settings.limits.answer_bytes, CubeError).decode()
+    refuse_changed(page, unlisted=True)
     key = report_key(service.settings, run_id)
     start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
-    text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{start}", 1)
-    return HTMLResponse(text, headers=IN_SANDBOX)
+    return HTMLResponse(text.replace("<head>", f"<head>{start}", 1), headers=IN_SANDBOX)
 
 
 @router.get("/summary.{form}", response_class=Response, responses=gives("text/html", *_HANDED_ON.values()))
@@ -68,5 +70,5 @@ def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     if path.suffix == ".nc":
         service.ask("workers.worker_functions:check_file", path=str(path))
     else:
-        refuse_changed(path)
+        refuse_changed(path, unlisted=True)
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)

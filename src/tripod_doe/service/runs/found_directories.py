@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tripod_doe.errors import TripodDoeError
+from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.result_directory import page_of
@@ -124,9 +125,11 @@ def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
     if run.place:
         return signature.newest > shown
     submitted = path / UPLOAD / main_file("study")
-    return (
-        signature.study > shown and submitted.is_file() and submitted.read_bytes() != (path / "study.toml").read_bytes()
-    )
+    return signature.study > shown and submitted.is_file() and _content(submitted) != _content(path / "study.toml")
+
+
+def _content(path: Path) -> bytes:
+    return read_regular(path, STUDY_BYTES)
 
 
 def _signature(path: Path) -> Signature | None:

@@ -10,6 +10,7 @@ locks its steps' directories, not its own; and the file that the run inherits wo
 import fcntl
 import os
 import signal
+import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,6 +19,7 @@ from pathlib import Path
 import psutil
 
 from tripod_doe.errors import InputError
+from tripod_doe.regular_files import open_locked, opened_regular, read_regular
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.workers.forking import start_program
@@ -31,6 +33,7 @@ _ALIVE = ".alive"
 _NICE = 5  # answers have priority over points: a page must not wait for a study
 _TRIES, _PAUSE = 20, 0.05
 _LAST_BYTES = 65_536
+_LONGEST_NUMBER = 20  # bytes
 
 
 def start_run(directory: Path, words: Sequence[str], memory_bytes: int) -> None:
@@ -45,14 +48,14 @@ def start_run(directory: Path, words: Sequence[str], memory_bytes: int) -> None:
         InputError: If a run of this directory is alive, or it cannot be started.
     """
     try:
-        lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
+        lock = open_locked(directory / _ALIVE, os.O_CREAT | os.O_RDWR)
         os.fchmod(lock, 0o600)  # whoever can open the file can lock it
     except OSError as error:
         raise InputError(f"{directory}: cannot write here: {error.strerror}") from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         os.ftruncate(lock, 0)  # the number of an earlier run
-        os.close(os.open(directory / LOG, os.O_CREAT | os.O_WRONLY | os.O_TRUNC | os.O_NOFOLLOW, 0o600))
+        os.close(open_locked(directory / LOG, os.O_CREAT | os.O_WRONLY | os.O_TRUNC))
     except BlockingIOError as error:
         os.close(lock)
         raise InputError(f"{directory}: a run is at work here") from error
@@ -74,7 +77,7 @@ def is_held(directory: Path) -> bool:
 
 def _locked(path: Path) -> bool:
     try:
-        probe = os.open(path, os.O_RDONLY)
+        probe = open_locked(path)
     except OSError:
         return False
     try:
@@ -118,10 +121,10 @@ def run_process(directory: Path) -> int | None:
     """
     path = directory.absolute() / _ALIVE
     try:
-        process = int(path.read_text() or 0)
+        process = int(read_regular(path, _LONGEST_NUMBER) or 0)
         if process and str(path.resolve()) in {file.path for file in psutil.Process(process).open_files()}:
             return process
-    except (OSError, ValueError, psutil.Error):
+    except (OSError, ValueError, InputError, psutil.Error):
         pass
     return None
 
@@ -129,11 +132,11 @@ def run_process(directory: Path) -> int | None:
 def run_log(directory: Path) -> str:
     """Log of the latest run of a directory, or only the end of a long log; leaves out the directory's path."""
     try:
-        with (directory / LOG).open("rb") as log:
+        with opened_regular(directory / LOG, sys.maxsize) as log:
             log.seek(0, os.SEEK_END)
             log.seek(max(0, log.tell() - _LAST_BYTES))
             text = log.read().decode("utf-8", "replace")
-    except OSError:
+    except (OSError, InputError):
         return ""
     for word, replacement in ((f"--out {directory}", "the folder of this run"), (" or choose another --out", "")):
         text = text.replace(word, replacement)

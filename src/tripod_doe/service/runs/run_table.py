@@ -14,9 +14,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.errors import InputError, StorageError, option
+from tripod_doe.errors import CubeError, InputError, StorageError, option
 from tripod_doe.names import path_within
-from tripod_doe.study.journal.damage import refuse_journal_of_several_files
+from tripod_doe.study.journal.damage import refuse_strange_files
 from tripod_doe.study.journal.rows import DamagedRowError
 from tripod_doe.study.result_directory.annotation import Annotation
 
@@ -201,9 +201,9 @@ class RunTable:
         self._lock = threading.Lock()
         self._version = -1
         try:
-            refuse_journal_of_several_files(self.path)
+            refuse_strange_files(self.path)
             self._connection = _opened_for_reading(self.path) if read_only else _opened(self.path)
-        except (sqlite3.Error, DamagedRowError) as error:
+        except (sqlite3.Error, DamagedRowError, CubeError) as error:
             raise InputError(
                 f"{self.path}: cannot use this table of runs ({error}); choose another "
                 f"{option('folder')}, or move this file away"

@@ -88,7 +88,7 @@ class Supervisor:
         """End the supervision; started runs go on."""
         self.events.close()
         self._ended.set()
-        self._thread.join()
+        self._thread.join(_PATIENCE)  # a disk that does not answer must not keep the server
         self._table.close()
 
     def directory(self, run_id: str) -> Path:

@@ -12,9 +12,11 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
+from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 
 SHARES = "shares.json"
@@ -22,6 +24,8 @@ SHARES = "shares.json"
 
 _MOST = 1_000
 _DAY = 86_400.0
+_LATEST = 7_000 * 366 * _DAY  # seconds after 1970; dates end with the year 9999
+_UNREADABLE = (OSError, ValueError, TypeError, KeyError, RecursionError, InputError)
 
 
 @dataclass(frozen=True)
@@ -54,14 +58,14 @@ class Shares:
         if self._state is not None:
             try:
                 self._shares = self._read()
-            except (OSError, ValueError, TypeError, KeyError) as error:
+            except _UNREADABLE as error:
                 raise InputError(
                     f"{self._path}: cannot read these links ({error}); delete the file, which revokes all of them"
                 ) from error
 
     def _read(self) -> dict[str, Share]:
-        rows = json.loads(self._path.read_text(encoding="utf-8"))
-        return {row["id"]: Share(**row) for row in rows}
+        rows = json.loads(read_regular(self._path))
+        return {row["id"]: _share(row) for row in rows}
 
     def _state_now(self) -> tuple[int, int] | None:
         """State that shows whether another server has written the file; None if there is no file."""
@@ -77,7 +81,7 @@ class Shares:
         if state != self._state:
             try:
                 shares = self._read() if state else {}
-            except (OSError, ValueError, TypeError, KeyError):
+            except _UNREADABLE:
                 shares = {}
             self._shares, self._state = shares, state
         return self._shares
@@ -125,6 +129,16 @@ class Shares:
     def _store(self, shares: dict[str, Share]) -> None:
         replace_text(self._path, json.dumps([asdict(share) for share in shares.values()]))
         self._shares, self._state = shares, self._state_now()
+
+
+def _share(row: dict[str, Any]) -> Share:
+    """A row of the file; TypeError or ValueError where it is none of ours."""
+    share = Share(**row)
+    if not all(isinstance(text, str) for text in (share.id, share.run_id, share.digest)):
+        raise TypeError("a text is none")
+    if not all(type(time) in (int, float) and 0 <= time < _LATEST for time in (share.created, share.expires)):
+        raise ValueError("a time is none")
+    return share
 
 
 def _hash(secret: str) -> str:

@@ -15,6 +15,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.regular_files import open_locked
 from tripod_doe.study.execution.child_process import shorten_temporary_folder
 
 _MOST_FILES = 4096  # file descriptors that a run closes
@@ -98,7 +99,7 @@ def _detach(module: str, words: list[str], log: str, lock: Any, niceness: int, m
     if os.fork():
         return
     lead_group()
-    stream = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW)
+    stream = open_locked(Path(log), os.O_WRONLY | os.O_APPEND)
     for number, file in enumerate((os.open(os.devnull, os.O_RDONLY), stream, stream)):
         os.dup2(file, number)
     os.closerange(3, held)  # the fork server goes on as long as anybody keeps its files

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
@@ -36,6 +35,7 @@ from tripod_doe.service.requests.uploads import (
     write_upload,
 )
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.toml_text import read_text
 
 _MOST_AT_ONCE = 50_000  # cells of a small query: 4 MB of JSON
 _SAMPLE = 1_000  # rows from which the size of an answer is estimated
@@ -318,9 +318,7 @@ def base(path: str, kind: str, candidate: int | None) -> str:
     from tripod_doe.study.cube.lazy_dataset import read_dataset
 
     if kind == "fit":
-        pasted = Path(path).with_name("base.toml")
-        refuse_changed(pasted)
-        return pasted.read_text(encoding="utf-8")
+        return read_text(Path(path).with_name("base.toml"), "joint")
     front = read_dataset(Path(path))
     try:
         return base_of(front, knee_of(front) if candidate is None else candidate)

@@ -7,8 +7,8 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
-from tripod_doe.errors import CubeError
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.errors import CubeError, InputError
+from tripod_doe.regular_files import read_regular, refuse_irregular
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import opened_file, reading, remedy
 from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path
@@ -22,6 +22,7 @@ STEP, DIGEST = "step.json", "cube_digest"
 ANALYSES = "analysis"
 """Folder of a result directory with its analyses."""
 
+_RECORD_BYTES = 1_000_000  # of the record of a step
 _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
 
 
@@ -73,8 +74,8 @@ def is_of_its_step(path: Path) -> bool:
     if path.name != "cube.nc" or not record.is_file():
         return True
     try:
-        recorded = json.loads(record.read_text(encoding="utf-8")).get(DIGEST)
-    except (OSError, ValueError, RecursionError, AttributeError):  # then the step runs again
+        recorded = json.loads(read_regular(record, _RECORD_BYTES)).get(DIGEST)
+    except (OSError, ValueError, RecursionError, AttributeError, InputError):  # then the step runs again
         return True
     return recorded is None or recorded == stored_digest(path)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, closest
+from tripod_doe.regular_files import STUDY_BYTES, read_regular
 
 _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value
@@ -18,11 +19,15 @@ _LONG_NAME = re.compile(
 )
 
 
-def read_text(path: Path, what: str) -> str:
-    """The text of a TOML file; InputError if it cannot be read, is not UTF-8 or does not fit its checksum."""
+def read_text(path: Path, what: str, most: int = STUDY_BYTES) -> str:
+    """The text of a file of at most so many bytes.
+
+    Raises:
+        InputError: If it cannot be read, is larger, is not UTF-8 or does not fit its checksum.
+    """
     refuse_changed(path)
     try:
-        return path.read_text(encoding="utf-8-sig")  # some editors mark UTF-8 by three bytes in front
+        return read_regular(path, most, links=True).decode("utf-8-sig")  # some editors mark UTF-8 in front
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         beside = [other.name for other in path.parent.glob("*.toml")] if isinstance(error, FileNotFoundError) else []

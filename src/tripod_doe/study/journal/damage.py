@@ -12,6 +12,7 @@ from typing import Any
 
 from tripod_doe.errors import CubeError, option
 from tripod_doe.quantities import count_of
+from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
     NOTE_COLUMNS,
@@ -64,15 +65,23 @@ def is_damage(error: sqlite3.Error) -> bool:
     return getattr(error, "sqlite_errorcode", 0) & 0xFF not in _WITHOUT_ACCESS
 
 
-def refuse_journal_of_several_files(path: Path) -> None:
-    """Refuse an SQLite file whose rollback journal belongs to a transaction over several files.
+def _refuse_pipes(path: Path) -> None:
+    """Refuse an SQLite file if anything else than a file is in its place, or in that of its companions (CubeError)."""
+    for name in ("", "-wal", "-shm", "-journal"):
+        refuse_irregular(path.with_name(f"{path.name}{name}"), CubeError)
 
-    Such a journal ends with the name of another file, which SQLite deletes during rollback, in any folder. Our journals
-    never contain one: the file is a stranger's. See "The Super-Journal" in SQLite's description of its file format.
+
+def refuse_strange_files(path: Path) -> None:
+    """Refuse an SQLite file with companions that no program of ours leaves.
+
+    A rollback journal of a transaction over several files ends with the name of another file, which SQLite deletes
+    during rollback, in any folder. See "The Super-Journal" in SQLite's description of its file format.
 
     Raises:
-        DamagedRowError: If it does.
+        CubeError: If anything else than a file is there.
+        DamagedRowError: If the rollback journal names another file.
     """
+    _refuse_pipes(path)
     journal = path.with_name(f"{path.name}-journal")
     try:
         with journal.open("rb") as stream:
@@ -91,10 +100,10 @@ def connected(path: Path, mode: str) -> sqlite3.Connection:
 
     Raises:
         DamagedRowError: If it has other tables, or views or triggers, which would run whenever it is read or written,
-            or see `refuse_journal_of_several_files`.
+            or see `refuse_strange_files`.
         sqlite3.Error: If it cannot be opened.
     """
-    refuse_journal_of_several_files(path)
+    refuse_strange_files(path)
     uri = f"{path.absolute().as_uri()}?mode={mode}"
     connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
     try:
@@ -124,7 +133,9 @@ def damage(path: Path) -> str:
 
     Raises:
         sqlite3.Error: If the file cannot be read for another reason.
+        CubeError: If anything else than a file is there.
     """
+    _refuse_pipes(path)
     with path.open("rb") as stream:
         header = stream.read(24)
     if header[:18] != _HEADER or not {*header[18:20]} <= {*_VERSIONS} or header[20:] != _FRACTIONS:

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.journal.damage import KERNELS, REPAIRS, SHOWN, connected, counted, damage, is_damage, rescue
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.rows import (
@@ -79,8 +78,6 @@ class Journal:
 
     def __init__(self, directory: Path, read_only: bool = False) -> None:
         self.path, self._writes = journal_path(directory), not read_only
-        for name in ("", "-wal", "-shm", "-journal"):  # its companions
-            refuse_irregular(self.path.with_name(f"{self.path.name}{name}"), CubeError)
         if read_only:
             with self._reading("its first bytes"):
                 self._connection = connected(self.path, "ro")

@@ -4,8 +4,6 @@ It is not part of the study: its changes affect no point and no hash. The comman
 read and write the same file; reports print it.
 """
 
-import os
-import stat
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,6 +13,7 @@ import tomlkit
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError, printable
+from tripod_doe.regular_files import read_regular
 from tripod_doe.study.definition.toml_text import parse_toml
 
 FILE = "about.toml"
@@ -47,22 +46,12 @@ def read_annotation(directory: Path) -> Annotation:
     """
     path = directory / FILE
     try:
-        content = parse_toml(_text(path), "TOML")
+        content = parse_toml(read_regular(path, _LARGEST_FILE).decode(), "TOML")
     except FileNotFoundError:
         return Annotation()
     except (OSError, ValueError, InputError) as error:
         raise InputError(f"{path}: cannot read this file: {error}; mend it, or delete it") from error
     return annotated(Annotation(), content, str(path))
-
-
-def _text(path: Path) -> str:
-    """The text of the file; checks apply to the opened file, and a pipe does not block."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    with open(descriptor, encoding="utf-8") as stream:
-        state = os.fstat(descriptor)
-        if not stat.S_ISREG(state.st_mode) or state.st_size > _LARGEST_FILE:
-            raise InputError(f"{path}: no file, or larger than {_LARGEST_FILE:,} bytes: not read")
-        return stream.read()
 
 
 def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> Annotation:

@@ -9,7 +9,6 @@ from typing import Any
 
 from tripod_doe.checksum_list import LIST, checksums, damaged_lines, refuse_changed
 from tripod_doe.errors import CubeError, InputError, option
-from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.file_digest import is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading
@@ -118,7 +117,6 @@ def _item_bytes(variable: Any) -> int:
 
 def _checked_journal(path: Path) -> CheckedFile:
     try:
-        refuse_irregular(path, CubeError)
         damaged = damage(path)
     except sqlite3.Error as error:
         return CheckedFile(path, f"cannot be read: {error}")

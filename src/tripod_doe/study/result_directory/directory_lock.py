@@ -6,23 +6,21 @@ known to have ended.
 """
 
 import contextlib
-import errno
 import fcntl
 import json
 import os
 import secrets
 import socket
-import stat
 import time
 from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import open_locked, read_regular
 
 _LOCK = ".lock"
 _SIGNING = 0.2  # seconds in which a process that has the lock names itself
-_LONGEST = 1000  # characters of the signature
+_LONGEST = 1000  # bytes of the signature
 _MOST_PROCESSES, _END_OF_TIME = 2**31, 1e12
 _CLOCK = 2.0  # seconds by which the start of a process is uncertain
 
@@ -49,7 +47,7 @@ class DirectoryLock:
         self._signed = self._sign()
 
     def _locked(self, take_over: bool) -> int:
-        lock = _opened(self._file)
+        lock = open_locked(self._file, os.O_CREAT | os.O_RDWR)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             holder = _holder(self._file)
@@ -101,25 +99,10 @@ class DirectoryLock:
         os.close(self._lock)
 
 
-def _opened(file: Path) -> int:
-    """Open the lock's file, which is the owner's alone; a link to a file elsewhere would be emptied.
-
-    Raises:
-        OSError: If it cannot be opened, or is no plain file of its own.
-    """
-    lock = os.open(file, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-    state = os.fstat(lock)
-    if not stat.S_ISREG(state.st_mode) or state.st_nlink > 1:
-        os.close(lock)
-        raise OSError(errno.ELOOP, f"{file.name} is a link, or no file")
-    return lock
-
-
 def _holder(file: Path) -> dict[str, Any]:
     """Host, number and token of the holder of a directory; empty where they are not known."""
     try:
-        refuse_irregular(file)
-        holder = json.loads(file.read_text()[:_LONGEST])
+        holder = json.loads(read_regular(file, _LONGEST))
     except (OSError, ValueError, RecursionError, InputError):
         return {}
     if not isinstance(holder, dict) or not isinstance(holder.get("host"), str):

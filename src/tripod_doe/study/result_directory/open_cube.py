@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.study.cube.file_checks import study_hash
 from tripod_doe.study.journal import SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
 
@@ -170,8 +170,9 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
         CubeError: If it was damaged or edited.
     """
     path = directory / "study.toml"
-    refuse_irregular(path, CubeError)
-    if path.exists() and journal.recall(STUDY) not in (None, text_digest(path.read_bytes())):
+    if not path.exists():
+        return
+    if journal.recall(STUDY) not in (None, text_digest(read_regular(path, STUDY_BYTES, CubeError, links=True))):
         raise CubeError(
             f"{path}: damaged or edited: it is not the study of these results; run the study again with the same "
             f"{option('out')}, which stores it there"

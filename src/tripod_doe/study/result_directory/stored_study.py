@@ -15,7 +15,7 @@ from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import CubeError, InputError, near_match, option
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import TEXT_BYTES, read_regular, refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
@@ -32,6 +32,9 @@ FUNCTION = "function"
 
 DERIVED = "derived"
 """Note in the journal: responses that were added to the results, as JSON of their tables by name."""
+
+
+_TABLE_BYTES = 100_000_000  # of a table that is sent to a client
 
 
 @dataclass(frozen=True)
@@ -153,7 +156,7 @@ def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
         plain = f"table_{copy.name}" if "/" in name or "\\" in name else name
         if plain != name:
             part["table"] = plain
-        tables[plain] = read_text(copy, "table")
+        tables[plain] = read_text(copy, "table", _TABLE_BYTES)
     return tomlkit.dumps(document), tables
 
 
@@ -191,9 +194,9 @@ def keep_sources(study: Study, directory: Path) -> dict[str, str]:
     """
     for design in (study.file.design, *study.file.designs.values()):
         if design.kind == "table" and design.table is not None:
-            text = read_text(study.folder.file(design.table, "table"), "table")
+            text = read_text(study.folder.file(design.table, "table"), "table", TEXT_BYTES)
             copy = table_copy(directory, design.table)
-            if not copy.is_file() or copy.read_text(encoding="utf-8") != text:
+            if not copy.is_file() or read_regular(copy, links=True).decode() != text:
                 write_listed(copy, text)
     if isinstance(study.simulator, FunctionSimulator):
         return {FUNCTION: json.dumps(study.simulator.record, default=str)}
