@@ -11,8 +11,8 @@ import os
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from tripod_doe.errors import InputError
 
@@ -52,7 +52,7 @@ def refuse_irregular(path: Path, error: type[InputError] = InputError, links: bo
 @contextmanager
 def opened_regular(
     path: Path, most: int = TEXT_BYTES, error: type[InputError] = InputError, links: bool = False
-) -> Iterator[BinaryIO]:
+) -> Iterator[BufferedReader]:
     """Open a file for reading, as `read_regular`."""
     shell = str(path).startswith(_OF_SHELLS)
     if not shell:
