@@ -96,6 +96,41 @@ def test_a_doubtful_verdict_names_the_cheapest_sure_model_and_its_price():
     assert "(sure at 1 of them, about " in sentence
 
 
+def test_several_reasons_make_one_verdict_with_the_weightiest_first():
+    """Regression: a line for each range that points leave, whose first was not that of the verdict."""
+    models, unknown = np.full(4, "coarse", object), np.full(4, "", object)
+    left = [
+        Departure("coarse", ValidRange("crown", "it tilts", high=0), np.array([True, False, True, True]), np.ones(3)),
+        Departure(
+            "coarse", ValidRange("swing", "it swings", high=3), np.array([True, True, False, False]), np.full(2, 4.0)
+        ),
+        Departure(
+            "coarse", ValidRange("needle", "it holds", high=0.5), np.ones(4, bool), np.array([1.0, 0.6, 1.0, 1.0])
+        ),
+    ]
+    summary = ModelSummary()
+    summary.add(ModelErrors("third order", "fine", models, np.full(4, 0.01), np.full(4, 0.01), unknown, left))
+    verdict, _, ranges = summary.texts
+    assert "mostly since model coarse holds for needle up to 0.5 only (3 points)" in verdict
+    assert ranges == (
+        "Model coarse is outside its range at all 4 points: needle up to 0.5, there 0.6 to 1; it holds; "
+        "also swing up to 3, at 2 points 4; also crown up to 0, at 3 points 1."
+    )
+
+
+def test_a_joint_that_vibrates_has_one_reason():
+    """Regression: the verdict's reason was repeated behind "error not known", and as a share of similar joints."""
+    simulator = load_simulator("joint")
+    given = {"groove_sliding_friction": np.full(2, 0.15), "joint_angle_deg": np.full(2, 12.0)}
+    points = simulator.columns({}, given, 2)
+    outside = [each.outside for each in simulator.model_errors(points).departures if "share" in each.left.quantity]
+    assert np.all(outside)
+    verdict, error, *ranges = model_notes(simulator, points, {"vibrates": np.ones(2)})
+    assert "since the joint vibrates by itself" in verdict
+    assert error == "Model kinetostatic: error not known."
+    assert not any("share" in each for each in ranges)
+
+
 def test_a_run_with_a_large_numerical_error_is_sent_to_the_finest_model():
     simulator = load_simulator("joint")
     columns = simulator.columns({}, {"joint_angle_deg": np.array([10.0])}, 1)

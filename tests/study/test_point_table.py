@@ -34,6 +34,13 @@ def test_the_point_is_named_with_what_was_given(table):
     assert table.splitlines()[1] == "point  joint_angle_deg 12, torque_n_m 80, speed_rpm 600; model equilibrium"
 
 
+def test_a_doubtful_point_names_the_flag_of_a_surer_model():
+    """Regression: it named a key of study files."""
+    table = point_table(simulate_point(joint_angle_deg=1, torque_n_m=50))
+    assert "; check it with --model rollers (sure there, about " in table
+    assert 'model = "' not in table
+
+
 def test_a_joint_without_thrust_has_no_largest_order():
     assert "Largest" not in point_table(simulate_point(model="equilibrium", torque_n_m=0))
 

@@ -122,7 +122,7 @@ class JointSimulator(Simulator):
             ratios, vibration = operating_ratios(own), vibration_errors(own)
             vibration[vibrates[rows] == 0] = 0.0
             expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration, vibrates[rows] == 1)
-            quantities = own | ratios | {SHARE: vibration_share(vibration)}
+            quantities = own | ratios | {SHARE: np.where(vibrates[rows] == 1, 0.0, vibration_share(vibration))}
             for left in model.valid:
                 inside = (quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high)
                 beyond = ~inside & ~has_no_thrust(ratios)

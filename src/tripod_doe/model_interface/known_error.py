@@ -61,7 +61,16 @@ class ValidRange:
     def text(self) -> str:
         """The range in words: ``swing_ratio (its definition) up to 0.2``."""
         name = f"{self.quantity} ({self.meaning})" if self.meaning else self.quantity
-        return f"{name} {allowed_range(self.low, self.high, self.unit)}"
+        return f"{name} {self._ends}"
+
+    @property
+    def short(self) -> str:
+        """The range without the definition of its quantity: ``swing_ratio up to 0.2``."""
+        return f"{self.quantity} {self._ends}"
+
+    @property
+    def _ends(self) -> str:
+        return allowed_range(self.low, self.high, self.unit)
 
 
 @dataclass(frozen=True)
@@ -72,3 +81,13 @@ class Departure:
     left: ValidRange  # the range
     outside: NDArray[np.bool_]  # which points leave it, shape (point,)
     values: FloatArray  # its quantity at these points, shape (points outside,)
+
+    @property
+    def reason(self) -> str:
+        """Why a point outside is doubtful."""
+        return f"model {self.model} holds for {self.left.short} only"
+
+    @property
+    def excess(self) -> FloatArray:
+        """Value over the upper end of the range at the points outside; 1 where that end is 0, or below the range."""
+        return np.fmax(self.values / self.left.high, 1.0) if self.left.high > 0 else np.ones(self.values.shape)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors, ValidRange
+from tripod_doe.model_interface.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
 from tripod_doe.model_interface.verdict import VerdictCount
 from tripod_doe.quantities import count_of, number
 
@@ -40,6 +40,25 @@ class _KnownErrors:
         self.reasons.update(errors.unknown[own & ~known].tolist())
 
 
+@dataclass
+class _Left:
+    """A range that some of the points counted so far leave."""
+
+    range: ValidRange
+    points: int = 0
+    values: tuple[float, float] = (np.inf, -np.inf)
+
+    def add(self, departure: Departure) -> None:
+        """Count the points outside."""
+        self.points += departure.values.size
+        self.values = _widened(self.values, departure.values)
+
+    @property
+    def ends(self) -> str:
+        """The smallest and the largest value outside."""
+        return " to ".join(dict.fromkeys(number(end, digits=2) for end in self.values))
+
+
 def _widened(ends: tuple[float, float], values: FloatArray) -> tuple[float, float]:
     """Widen a range so that it holds some values."""
     low, high = ends
@@ -58,8 +77,7 @@ class ModelSummary:
         self._verdicts = VerdictCount()
         self._of = "", ""
         self._errors: dict[str, _KnownErrors] = {}
-        self._outside: Counter[tuple[str, ValidRange]] = Counter()
-        self._values: dict[tuple[str, ValidRange], tuple[float, float]] = {}
+        self._left: dict[str, dict[str, _Left]] = {}  # ranges that points leave, by model and reason
 
     def add(self, errors: ModelErrors, numerical: FloatArray | None = None) -> NDArray[np.int8]:
         """Add some points: known errors of their models, and ranges that they leave; return the `Trust` of each.
@@ -71,9 +89,9 @@ class ModelSummary:
         for model in dict.fromkeys(errors.models):
             self._errors.setdefault(model, _KnownErrors()).add(errors, errors.models == model)
         for departure in errors.departures:
-            key = departure.model, departure.left
-            self._outside[key] += int(departure.outside.sum())
-            self._values[key] = _widened(self._values.get(key, (np.inf, -np.inf)), departure.values)
+            if departure.values.size:
+                left = self._left.setdefault(departure.model, {}).setdefault(departure.reason, _Left(departure.left))
+                left.add(departure)
         return self._verdicts.add(errors, numerical)
 
     def add_checks(self, models: NDArray[np.object_], prices: Mapping[str, float]) -> None:
@@ -116,19 +134,25 @@ class ModelSummary:
                 yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{share}: use a finer model"
         if known.reasons:
             share = _share(known.count - known.known, known.count)
-            yield f"error not known{share}: {_in_words(known.reasons.most_common())}"
+            said = "".join(self.verdict_texts)
+            reasons = [(reason, count) for reason, count in known.reasons.most_common() if reason not in said]
+            yield f"error not known{share}" + (f": {_in_words(reasons)}" if reasons else "")
 
     @property
     def departure_texts(self) -> list[str]:
-        """One sentence per range that points leave."""
+        """One sentence per model with the ranges that points leave; the main reason of a verdict first."""
         sentences = []
-        for (model, left), outside in self._outside.items():
-            if outside:
-                count = self._errors[model].count
-                where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
-                ends = " to ".join(dict.fromkeys(number(end, digits=2) for end in self._values[model, left]))
-                text = f"{left.text}, {'here' if count == 1 else 'there'} {ends}"
-                sentences.append(f"Model {model}{self._which} is outside its range{where}: {text}; {left.reason}.")
+        for model, left in self._left.items():
+            count = self._errors[model].count
+            order = sorted(left, key=lambda reason: (-self._verdicts.points_by(reason), -left[reason].points))
+            first, *others = (left[reason] for reason in order)
+            where = _share(first.points, count) or (" here" if count == 1 else f" at all {count:,} points")
+            text = f"{first.range.text}, {'here' if count == 1 else 'there'} {first.ends}; {first.range.reason}"
+            more = "".join(
+                f"; also {each.range.short}, {'here' if count == 1 else f'at {_points(each.points)}'} {each.ends}"
+                for each in others
+            )
+            sentences.append(f"Model {model}{self._which} is outside its range{where}: {text}{more}.")
         return sentences
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
-from tripod_doe.quantities import allowed_range, count_of, duration
+from tripod_doe.quantities import count_of, duration
 
 LARGE_ERROR = 0.2
 """Relative error of a model; if one of ten similar points has more, the result is doubtful."""
@@ -47,7 +47,7 @@ TRUST_ATTRIBUTES: dict[str, Any] = {
 }
 """CF flags of the variable ``trust``."""
 
-_OWN_REASONS = 8  # number of fixed reasons; later ones state that a model is outside its range
+_OWN_REASONS = 8  # number of fixed reasons; later ones are those of the errors, and of ranges that points leave
 _NOTABLE, _LARGE = f"{100 * NOTABLE_ERROR:g} %", f"{100 * LARGE_ERROR:g} %"
 
 
@@ -94,11 +94,13 @@ def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdic
     for text in errors.stated:
         reasons.append(text)
         reason[(errors.unknown == text) & (reason == 5)] = len(reasons) - 1
+    worst = np.zeros(trust.size)
     for departure in errors.departures:
-        ends = allowed_range(departure.left.low, departure.left.high, departure.left.unit)
-        reasons.append(f"model {departure.model} holds for {departure.left.quantity} {ends} only")
-        first = departure.outside & (reason < _OWN_REASONS)
-        trust[first], reason[first] = Trust.DOUBTFUL, len(reasons) - 1
+        reasons.append(departure.reason)
+        excess = np.zeros(trust.size)
+        excess[departure.outside] = departure.excess
+        chosen = (excess > worst) & ((reason < _OWN_REASONS) | (worst > 0))
+        trust[chosen], reason[chosen], worst[chosen] = Trust.DOUBTFUL, len(reasons) - 1, excess[chosen]
     if numerical is not None:
         inexact = np.nan_to_num(numerical) > NOTABLE_ERROR
         trust[inexact], reason[inexact] = Trust.DOUBTFUL, 6
@@ -123,6 +125,10 @@ class VerdictCount:
         for (trust, reason), count in zip(pairs.T.tolist(), counts.tolist(), strict=True):
             self.counts[Trust(trust), judged.reasons[reason]] += count
         return judged.trust
+
+    def points_by(self, reason: str) -> int:
+        """Number of doubtful points with this main reason."""
+        return self.counts[Trust.DOUBTFUL, reason]
 
     def sentences(self, which: str = "") -> list[str]:
         """The verdict as one sentence with its main reason; none without points.

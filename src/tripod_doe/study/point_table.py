@@ -1,5 +1,6 @@
 """One simulated point as text for people: outputs with their labels, three significant digits."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,7 +25,7 @@ def point_table(point: SimulatedPoint) -> str:
         f"outcome  {point.outcome.label}{detail}",
         *_place(point),
         *_largest_orders(point.outputs),
-        *point.model_notes,
+        *(re.sub(r'with model = "(\w+)"', r"with --model \1", note) for note in point.model_notes),
     ]
     unknown = [name for name, values in point.outputs.items() if np.isnan(np.asarray(values.data, float)).all()]
     for name, values in point.outputs.items():

@@ -18,14 +18,6 @@ from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
 
 
-def _reads(analysis: Analysis, study: Study) -> bool:
-    """Whether an analysis can read the design of a study, or a part of a product."""
-    design, parts = study.file.design, study.file.designs
-    if design.kind == "product" and analysis.crossed:
-        return any(parts[name].kind in analysis.designs for name in design.of if name in parts)
-    return design.kind in analysis.designs
-
-
 def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -> tuple[Analysis, BaseModel]:
     """Find an analysis of one study's cube, and check its settings before anything runs.
 
@@ -41,11 +33,12 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
         reason = "only a workflow can ask for this analysis;" if kind in ANALYSES else "unknown analysis"
         raise study.fail(where, f"kind = {kind!r}: {reason}{near_match(str(kind), known)}")
     analysis = ANALYSES[kind]
-    if not _reads(analysis, study):
-        wanted = (
-            f"a design of kind {' or '.join(analysis.designs)}{', or a product with one' if analysis.crossed else ''}"
-        )
-        raise study.fail(where, f"{kind} needs {wanted}; this study's is {study.file.design.kind}")
+    design = study.file.design
+    parts = [study.file.designs[name].kind for name in design.of] if design.kind == "product" else []
+    if not {design.kind, *(parts if analysis.crossed else ())} & set(analysis.designs):
+        wanted = f"a design of kind {' or '.join(analysis.designs)}" + ", or a product with one" * analysis.crossed
+        own = f"a product of {' and '.join(parts)}" if parts else design.kind
+        raise study.fail(where, f"{kind} needs {wanted}; this study's is {own}")
     if analysis.independent and study.file.design.correlation:
         raise study.fail(where, f"{kind}: {CORRELATED}")
     try:

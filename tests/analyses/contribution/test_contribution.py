@@ -312,6 +312,18 @@ def test_the_joint_has_all_its_shares(tmp_path):
             "contribution needs a design of kind ablation, or a product with one; this study's is grid",
         ),
         (
+            '[design]\nkind="product"\n[design.ops]\n[design.off]\nkind="ablation"\n[analysis.contribution]',
+            r'\[design\]: a product needs of = \["ops", "off"\], the names of two or more sub-designs',
+        ),
+        (
+            '[design]\nkind="product"\nof=["ops"]\n[design.ops]\n[analysis.contribution]',
+            r"a product needs of = \[...\], the names of two or more sub-designs, each with a table",
+        ),
+        (
+            '[design]\nkind="product"\nof=["a", "b"]\n[design.a]\n[design.b]\n[analysis.contribution]',
+            "this study's is a product of grid and grid",
+        ),
+        (
             '[design]\nkind="ablation"\n[analysis.sobol]',
             "sobol needs a design of kind saltelli; this study's is ablation",
         ),

@@ -90,7 +90,7 @@ def test_a_factor_of_one_study_alone_is_matched_with_the_base_of_the_other(runs)
     found = diff(runs / "list", runs / "a")
     assert found.points == {"a": 3, "b": 6, "shared": 2}
     assert [one.difference for one in found.results] == []
-    assert found.equal == 13
+    assert [(one.variable, one.numbers, one.points) for one in found.equal] == [("thrust_amplitude", 13, 2)]
     assert "thrust_amplitude (13 numbers a point): equal at all 2 shared points" in diff_text(found)
 
 
@@ -187,8 +187,25 @@ def test_a_number_on_one_side_alone_is_no_equality(runs):
     amplitude[0, 0, 3] = np.nan
     found = diff_cubes(cube, cube.assign(thrust_amplitude=amplitude))
     assert [(one.part, one.points) for one in found.one_sided] == [({"order": 3}, 1)]
-    assert "equal at all shared points" not in diff_text(found)
+    assert "equal at" not in diff_text(found)
     assert "thrust_amplitude, order 3: a number on one side alone at 1 point" in diff_text(found)
+
+
+def test_a_variable_that_is_asked_for_and_equal_is_named(runs):
+    """Regression: nothing was printed for it beside one that differs."""
+    cube = td.open_cube(runs / "a")
+    phases = cube["thrust_phase_deg"].copy()
+    phases[0, 0] = np.nan
+    cube = cube.assign(thrust_phase_deg=phases)
+    found = diff_cubes(
+        cube, cube.assign(thrust_amplitude=2 * cube["thrust_amplitude"]), ["thrust_amplitude", "thrust_phase_deg"]
+    )
+    (equal,) = found.equal
+    assert equal.points == 5
+    line = f"thrust_phase_deg ({equal.numbers} numbers a point): equal wherever both have one (5 or more of 6 shared points)"
+    assert line in diff_text(found)
+    assert "thrust_amplitude (" not in diff_text(found)
+    assert "equal,thrust_phase_deg,5 points,,,," in diff_csv(found).splitlines()
 
 
 @pytest.mark.parametrize("name", ["fixed_parameters", "package_versions"])

@@ -347,10 +347,10 @@ def test_credentials_that_cannot_be_meant_are_refused(case, tmp_path, given, mes
 def test_a_connection_without_tls_is_warned_of(capsys):
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0") as cluster:
         ExistingScheduler(cluster.scheduler_address).connect_first().close()
-    assert (
-        "a connection without TLS: a program that reaches this scheduler or its workers can run"
-        in capsys.readouterr().err
-    )
+    warning = capsys.readouterr().err
+    assert "a connection without TLS: a program that reaches this scheduler or its workers can run" in warning
+    assert "close it with tls_ca_file, tls_cert and tls_key; page 'On a cluster'" in warning
+    assert ".md" not in warning  # no file that an installed package lacks
 
 
 def test_an_address_without_a_protocol_is_one_of_tcp():

@@ -57,6 +57,15 @@ class OneSided:
 
 
 @dataclass(frozen=True)
+class EqualVariable:
+    """A variable whose numbers are equal in two results wherever both have one."""
+
+    variable: str
+    numbers: int  # parts with numbers, as the orders
+    points: int  # the least number of shared points at which a part is compared
+
+
+@dataclass(frozen=True)
 class OutcomeDifference:
     """A shared point that ended in another way."""
 
@@ -76,7 +85,7 @@ class Diff:
     outcomes: list[OutcomeDifference] = field(default_factory=list)
     results: list[ResultDifference] = field(default_factory=list)  # the largest first
     one_sided: list[OneSided] = field(default_factory=list)
-    equal: int = 0  # parts of variables that are equal at all shared points
+    equal: list[EqualVariable] = field(default_factory=list)
     compared: list[str] = field(default_factory=list)  # the variables
     others: list[str] = field(default_factory=list)  # further variables that both have, which were not compared
     note: str = ""  # why results were not compared
@@ -130,8 +139,10 @@ def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], vari
     one_sided: list[OneSided] = []
     parts = [part for name in names for part in _parts(a, b, name, at, (rows_a, rows_b), one_sided)]
     changed = sorted((part for part in parts if part.weight > _ROUNDING), key=lambda part: -part.weight)
+    differ = {part.variable for part in changed} | {part.variable for part in one_sided}
+    counts = {name: [part.compared for part in parts if part.variable == name] for name in names if name not in differ}
+    equal = [EqualVariable(name, len(own), min(own)) for name, own in counts.items() if own]
     note = "" if len(at) else "No point of A has the same factor values as a point of B."
-    equal = len(parts) - len(changed)
     return Diff(study, parameters, program, points, outcomes, changed, one_sided, equal, names, others, note)
 
 

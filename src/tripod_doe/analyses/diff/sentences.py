@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tripod_doe.analyses.diff.definitions import KeyDifference
-from tripod_doe.analyses.diff.diff import Diff, ResultDifference
+from tripod_doe.analyses.diff.diff import Diff, EqualVariable, ResultDifference
 from tripod_doe.errors import printable
 from tripod_doe.page_parts.main_results import unit_text
 from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, with_unit
@@ -47,10 +47,8 @@ def _points_lines(found: Diff) -> list[str]:
     if found.results:
         lines.append("largest differences of results at shared points, A -> B")
         lines += _first((f"  {_result(one)}" for one in found.results), len(found.results))
-    elif found.equal and not found.one_sided:
-        names, numbers = ", ".join(found.compared), count_of(found.equal, "number")
-        lines.append(f"{names} ({numbers} a point): equal at all {count_of(counts['shared'], 'shared point')}")
-    elif not found.equal:
+    lines += _first((_equal(one, counts["shared"]) for one in found.equal), len(found.equal))
+    if not (found.results or found.equal or found.one_sided):
         lines.append("no result has a number on both sides")
     lines += _first(
         (
@@ -69,6 +67,12 @@ def _first(lines: Iterator[str], count: int) -> Iterator[str]:
         yield line
     if count > _MOST:
         yield f"  and {count - _MOST:,} more: --format csv lists all"
+
+
+def _equal(one: EqualVariable, shared: int) -> str:
+    every = count_of(shared, "shared point")
+    where = f"at all {every}" if one.points == shared else f"wherever both have one ({one.points:,} or more of {every})"
+    return f"{one.variable} ({count_of(one.numbers, 'number')} a point): equal {where}"
 
 
 def _result(one: ResultDifference) -> str:
@@ -136,8 +140,11 @@ def diff_csv(found: Diff) -> str:
     for outcome in found.outcomes:
         writer.writerow(map(csv_cell, ["outcome", "outcome", _place(outcome.at), outcome.a, outcome.b, "", ""]))
     for lost in found.one_sided:
-        place = f"{lost.points} points"
+        place = count_of(lost.points, "point")
         writer.writerow(map(csv_cell, ["one side alone", _named(lost.variable, lost.part), place, "", "", "", ""]))
+    for equal in found.equal:
+        place = count_of(equal.points, "point")
+        writer.writerow(map(csv_cell, ["equal", equal.variable, place, "", "", "", ""]))
     for one in found.results:
         relative = one.relative if math.isfinite(one.relative) else ""
         cells = ["result", _named(one.variable, one.part), _place(one.at), one.a, one.b, one.difference, relative]

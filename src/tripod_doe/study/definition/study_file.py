@@ -60,6 +60,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
         raise InputError("\n".join([str(error), *_wrong_besides(text, origin)])) from error
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
     _check_sources(origin, file, folder)
+    _at(origin, "[design]", lambda: _check_parts(file))
     auto = file.base.get("model") == AUTO
     base = _base(origin, simulator, _given(file.base), file.factors)
     file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
@@ -215,7 +216,19 @@ def _parts(file: StudyFile) -> list[DesignTable]:
     """The existing sub-designs of a product; of any other study its only design."""
     if file.design.kind != "product":
         return [file.design]
-    return [file.designs[name] for name in file.design.of if name in file.designs]
+    return [file.designs[name] for name in file.design.of]
+
+
+def _check_parts(file: StudyFile) -> None:
+    """Refuse a product whose sub-designs are not named, before an analysis misses one of them."""
+    names, known = file.design.of, list(file.designs)
+    if file.design.kind != "product":
+        return
+    if len(names) < 2:
+        example, tables = (json.dumps(known), "") if len(known) > 1 else ("[...]", ", each with a table [design.NAME]")
+        raise InputError(f"a product needs of = {example}, the names of two or more sub-designs{tables}")
+    if unknown := [name for name in names if name not in known]:
+        raise InputError(f"of: no sub-design [design.{unknown[0]}]{near_match(unknown[0], known)}")
 
 
 def _varied_around_base(file: StudyFile) -> set[str]:

@@ -78,15 +78,11 @@ def _product(request: Request) -> Made:
     """Every point of the first sub-design with every point of the next."""
     study, factors = request.study, request.factors
     names, tables = study.file.design.of, study.file.designs
-    if len(names) < 2:
-        raise InputError("a product needs of = at least two sub-designs")
     parts: list[Mapping[str, Column]] = []
     rows: list[Mapping[str, Column]] = []
     notes: list[str] = []
     taken: dict[str, str] = {}
     for name in names:
-        if name not in tables:
-            raise InputError(f"of: no sub-design [design.{name}]{near_match(name, tables)}")
         if tables[name].factors is None and tables[name].kind not in ("ablation", "table"):
             raise InputError(f"[design.{name}]: give the factors that it varies")
         if tables[name].kind == "product":
@@ -111,7 +107,7 @@ def _product(request: Request) -> Made:
 
 def _product_count(request: Request) -> int:
     tables = request.study.file.designs
-    parts = (tables[name] for name in request.table.of if name in tables)
+    parts = (tables[name] for name in request.table.of)
     return math.prod(count_part(request.study, part, request.factors) or 1 for part in parts if part.kind != "product")
 
 

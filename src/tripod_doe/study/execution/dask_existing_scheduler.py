@@ -140,9 +140,11 @@ class ExistingScheduler:
         """
         client = self.connect() if self.wait is None else self._connect_within(self.wait)
         if not client.scheduler.address.startswith(_TLS):
+            files = f"{option('tls_ca_file')}, {option('tls_cert')} and {option('tls_key')}"
             print(
                 f"{self}: a connection without TLS: a program that reaches this scheduler or its workers can run code "
-                "there, and here; see docs/reference/cluster.md",
+                f"there, and here: close it with {files}; "
+                "page 'On a cluster' of the documentation (tripod-doe docs) says how",
                 file=sys.stderr,
             )
         return client
