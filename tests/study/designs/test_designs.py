@@ -281,7 +281,7 @@ def test_keys_know_a_point_by_its_values():
         ),
         ('[design]\nkind="table"\ntable="nowhere.csv"', "cannot read"),
         ("[design]\nkind='grid'", "no factors"),
-        ('[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a"]', "two sub-designs"),
+        ('[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a"]', "two or more sub-designs"),
         (
             '[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a","b"]\n[design.a]\nfactors=["speed_rpm"]',
             r"design.b",
