@@ -53,3 +53,18 @@ def test_other_models_err_in_proportion_to_the_order():  # regression
 def test_similar_points_make_no_third_order_surer_than_the_models_differ():  # regression
     sure = error_of([0.0] * 3, [0.0] * 3)
     assert sure.own[0, 1] >= 0.003 * 20
+
+
+def test_other_orders_err_as_on_record():
+    """Regression: 13 % was assumed of each, in which errors of most orders were not held."""
+    orders, predicted = [1, 3, 4], np.array([[0.2, 20.0, 5.0]])
+    columns = SIMULATOR.columns(
+        {}, {"model": np.array(["equilibrium"], object), "joint_angle_deg": np.array([10.0])}, 1
+    )
+    error = model_error(SIMULATOR, columns, orders, predicted.astype(complex), "recorded")
+    assert error.whole[0, 0] == pytest.approx(0.004 * 20)
+    assert error.whole[0, 2] == pytest.approx(np.hypot(5.0, 0.007 * 20))
+    assert "of orders 1 and 4 from 145 runs of needles" in error.source
+    alone = model_error(SIMULATOR, columns, [4], predicted[:, 2:].astype(complex), "recorded")
+    assert alone.whole[0, 0] == pytest.approx(np.sqrt(3) * 0.13 * 5.0)
+    assert "of order 4 none is" in alone.source

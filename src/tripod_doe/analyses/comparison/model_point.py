@@ -13,7 +13,7 @@ from tripod_doe.analyses.diff.definitions import fixed_parameters
 from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
-from tripod_doe.joint.known_errors.other_orders import deviations_of_orders
+from tripod_doe.joint.known_errors.other_orders import SOURCE, deviations_of_orders
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.order_tracking import CELLS
@@ -164,7 +164,7 @@ def model_uncertainty(
         whole[asked] = error.whole[0]
         if others:
             whole, turned = np.where(np.isnan(others[0]), whole, others[0]), others[1]
-            origin += "; other orders and phases from 145 random joints"
+            origin += f"; other orders and phases from {SOURCE}"
         else:
             turned = np.degrees(np.arctan2(whole, amplitude))
         deviation = np.hypot(whole, deviation)

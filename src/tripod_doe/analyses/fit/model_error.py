@@ -26,13 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.joint.known_errors.other_orders import SOURCE, deviations_of_orders
+from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Accuracy, Quantity, Simulator
 from tripod_doe.quantities import number, numbers_in_words
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
 _LEAST = 0.003  # relative, of the third order: medians of ten similar points are no surer
-_OTHER = 0.13  # relative error of any order but the third where it is not on record: those points, too
+_OTHER = 0.13  # relative error of any order but the third where it is not on record, or not beside the third
 _FINEST = {3: 0.003, 2: 0.05}  # between two implementations of the finest model
 _FINEST_OTHER = 0.05
 _LENGTH = {"kinetostatic": 0.2}  # of logarithms of the joint angle, over which errors are alike
@@ -105,9 +107,11 @@ def model_error(
         else:
             usual = np.full(len(amplitude), _OTHER)
         relative[:, column] = np.where(finest, _FINEST.get(order, _FINEST_OTHER), usual)
-    whole = relative * amplitude
+    others = _other_orders(columns["model"], orders, amplitude)
+    on_record = np.isfinite(others)
+    whole = np.where(on_record, others / np.sqrt(3), relative * amplitude)
     recorded = np.zeros(len(amplitude), bool)  # whether the error of the second order is
-    if 2 in orders and 3 in orders:
+    if 2 in orders and 3 in orders and not on_record.any():
         at, by = list(orders).index(2), list(orders).index(3)
         missed = second * amplitude[:, by]
         recorded = np.isfinite(missed) & ~finest
@@ -129,11 +133,26 @@ def model_error(
             of_second = (
                 "of the second order, parts of what each groove gives and of what the turning of its needles adds"
             )
-    words = _origin(orders, bool(finest.all()), known, of_second)
+    words = _origin(orders, bool(finest.all()), known, of_second, bool(on_record.any()))
     return ModelError(own, shared, words)
 
 
-def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None) -> str:
+def _other_orders(models: NDArray[Any], orders: Sequence[int], amplitude: FloatArray) -> FloatArray:
+    """Standard deviations on record of all orders but the third, N, shape (record, order); NaN where there are none.
+
+    They are parts of the third order, too, so that none is known without it.
+    """
+    deviations = np.full(amplitude.shape, np.nan)
+    if 3 in orders:
+        every = np.zeros(ORDERS.size)
+        for row, model in enumerate(models):
+            every[list(orders)] = amplitude[row]
+            if (known := deviations_of_orders(str(model), every)) is not None:
+                deviations[row] = known[0][list(orders)]
+    return deviations
+
+
+def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None, others: bool) -> str:
     """Where the errors come from, in words.
 
     Args:
@@ -141,17 +160,20 @@ def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], secon
         finest: Whether all points are of the finest model.
         third: Whether an error of the third order is on record, shape (record,).
         second: What is known of the second order, in words; None where nothing is.
+        others: Whether the errors of other orders are on record.
     """
     if finest:
         words, known, assumed = "from two implementations of this model", {*_FINEST}, _FINEST_OTHER
     else:
-        known, assumed = {3, 2 if second else 3}, _OTHER
+        known, assumed = {*orders} if others else {3, 2 if second else 3}, _OTHER
         words = "recorded for similar points"
         if not third.all():
             words += (
                 f"; at {int((~third).sum())} of {third.size} records none is, and {_deviation(_ASSUMED)} is assumed"
             )
         words += f"; {second}" if second else ""
+        if rest := sorted(set(orders) - {3, 2 if second else 3}) if others else []:
+            words += f"; of order{'s' * (len(rest) > 1)} {numbers_in_words(rest)} from {SOURCE}"
     if others := sorted(set(orders) - known):
         which = f"order{'s' * (len(others) > 1)} {numbers_in_words(others)}"
         words += f"; of {which} none is, and {_deviation(assumed)} is assumed"

@@ -15,6 +15,9 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import ORDERS
 
+SOURCE = "145 runs of needles at random joints"
+"""Where these errors come from, in words."""
+
 _UNKNOWN = math.nan
 # by model and order: deviation of the amplitude, over itself and over the third order, and of the phase in deg
 _RECORDED: dict[str, dict[int, tuple[float, float, float]]] = {
