@@ -16,6 +16,7 @@ from tripod_doe.joint.balance_models import some_vibrate
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import (
     FINEST,
+    NOT_LOOKED_AT,
     QUANTITY,
     WITHOUT_ITS_VIBRATION,
     WITHOUT_VIBRATION,
@@ -112,14 +113,18 @@ class JointSimulator(Simulator):
     ) -> ModelErrors:
         """Errors of the third order against `needles`, from similar measured points.
 
-        If the outputs state whether a joint vibrates, the vibration of other joints no longer matters.
+        If the outputs state whether a joint vibrates, the vibration of other joints no longer matters; if they do not
+        and a similar joint vibrates, its result is not sure: of such recorded joints that would be, 4 of 57 vibrate by
+        which their third order changes by more than 5 %, of those without vibrating neighbours 3 of 364.
         """
         count = len(points["model"])
         expected, limit, unknown = np.empty(count), np.empty(count), np.empty(count, object)
         vibrates = (outputs or {}).get(VIBRATES, np.full(count, np.nan))
-        departures = []
+        departures, unsettled = [], np.zeros(count, bool)
         for model, rows, own in _by_model(points):
             ratios, vibration = operating_ratios(own), vibration_errors(own)
+            if model.name in WITHOUT_VIBRATION:
+                unsettled[rows] = np.isnan(vibrates[rows]) & vibration.any(axis=1) & ~has_no_thrust(ratios)
             vibration[vibrates[rows] == 0] = 0.0
             expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration, vibrates[rows] == 1)
             quantities = own | ratios | {SHARE: np.where(vibrates[rows] == 1, 0.0, vibration_share(vibration))}
@@ -131,7 +136,9 @@ class JointSimulator(Simulator):
                 departures.append(Departure(model.name, left, outside, quantities[left.quantity][beyond]))
         models_of = np.asarray(points["model"], object)
         stated = (WITHOUT_ITS_VIBRATION,)
-        return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures, stated)
+        return ModelErrors(
+            QUANTITY, FINEST, models_of, expected, limit, unknown, departures, stated, unsettled, NOT_LOOKED_AT
+        )
 
     def numerical_errors(self, outputs: Mapping[str, NDArray[Any]]) -> FloatArray | None:
         """Relative numerical error of the third order, if the run reports it; zero for a zero order."""

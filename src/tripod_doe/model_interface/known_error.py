@@ -28,6 +28,10 @@ class ModelErrors:
     unknown: NDArray[np.object_]  # why the error is unknown, shape (point,); empty if it is known
     departures: Sequence[Departure] = ()  # valid ranges of these models, each with the points outside
     stated: Sequence[str] = ()  # texts of `unknown` that a verdict states as they are
+    # unsettled, why_unsettled: points that nobody is sure of although similar points err little, shape (point,), None
+    # for no point; and the reason
+    unsettled: NDArray[np.bool_] | None = None
+    why_unsettled: str = ""
 
     def of(self, rows: NDArray[np.bool_]) -> ModelErrors:
         """The errors at some of the points."""
@@ -42,6 +46,7 @@ class ModelErrors:
             limit=self.limit[rows],
             unknown=self.unknown[rows],
             departures=departures,
+            unsettled=None if self.unsettled is None else self.unsettled[rows],
         )
 
 

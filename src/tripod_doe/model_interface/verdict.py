@@ -104,6 +104,10 @@ def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdic
     if numerical is not None:
         inexact = np.nan_to_num(numerical) > NOTABLE_ERROR
         trust[inexact], reason[inexact] = Trust.DOUBTFUL, 6
+    if errors.unsettled is not None:
+        chosen = errors.unsettled & (trust == Trust.SURE)
+        reasons.append(errors.why_unsettled)
+        trust[chosen], reason[chosen] = Trust.USABLE, len(reasons) - 1
     return Verdicts(trust, reason, reasons)
 
 

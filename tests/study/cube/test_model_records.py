@@ -66,3 +66,27 @@ def test_a_joint_that_vibrates_is_doubtful_without_its_vibration(tmp_path):
     with td.open_cube(tmp_path / "out") as cube:
         assert cube["vibrates"].values[1] == 1
         assert cube["trust"].values.tolist() == [Trust.SURE, Trust.DOUBTFUL]
+
+
+@pytest.mark.parametrize(("friction", "word"), [(0.045, "sure"), (0.055, "usable")])
+def test_nobody_is_sure_of_a_joint_like_vibrating_ones_that_was_not_looked_at(friction, word):
+    """Regression: a joint was "sure" where similar ones vibrate, unless the study kept whether it does."""
+    study = parse_study(
+        f"""
+[study]
+name = "t"
+[base]
+groove_sliding_friction = {friction}
+[factors.joint_angle_deg]
+values = [13.0, 13.1]
+"""
+    )
+    points = make_points(study)
+    records = model_records(study, points, np.ones(points.count, bool))
+    (verdict,) = records.verdict
+    assert f": {word} at all 2 points, since " in verdict
+    assert ("was not looked at (keep vibrates)" in verdict) == (word == "usable")
+    calm = study.simulator.model_errors(
+        study.simulator.columns(study.base, points.columns, 2), {"vibrates": np.zeros(2)}
+    )
+    assert not calm.unsettled.any()
