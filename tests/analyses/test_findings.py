@@ -336,6 +336,14 @@ def test_factors_that_change_together_are_not_told_apart(make_cube):
     assert not re.search(r"(increases|decreases|proportional|averaged)", told)
 
 
+def test_a_one_way_course_is_stated_at_both_ends(make_cube):
+    """Regression: "from 589,000 (at 10 mm/s) to 32,600 (at 233 mm/s)" of values up to 1000 mm/s, level from 233 on."""
+    cube = make_cube(SIZES.format(values=[1, 2, 3, 4], bend=1e-9))
+    values = np.broadcast_to(np.array([9.0, 2.0, 2.0 + 1e-12, 2.0 + 2e-12])[:, None], cube["y"].shape)
+    (told,) = [s for s in find(cube.assign(y=cube["y"].copy(data=values))) if "decreases with x" in s]
+    assert told.startswith("y decreases with x, from 9 (at 1) to 2 (at 4)")
+
+
 def test_too_few_points_for_a_regression_is_not_said_to_confound_factors(make_cube):
     """Regression: "does not separate the effects: there are too few points" beside an analysis that does."""
     text = ISHIGAMI.replace('"saltelli"\nsamples = 64', '"plackett-burman"')

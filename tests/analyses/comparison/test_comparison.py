@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 from dataclasses import replace
 from pathlib import Path
@@ -409,6 +410,24 @@ def test_a_model_that_is_not_periodic_is_less_sure():
     unsure = compare(record, model({3: (14.0, -75.0)}).assign(thrust_amplitude_scatter=scatter), 0.0).sel(order=3)
     assert (int(sure["agrees"]), int(unsure["agrees"])) == (0, 1)
     assert float(unsure["amplitude_difference_uncertainty"]) == pytest.approx(1.96 * 0.3, rel=1e-4)
+
+
+def test_an_order_below_its_uncertainty_does_not_agree_with_anything():
+    """Regression: "Orders 1 to 12 all agree" of a record whose noise hides all but the third."""
+    rotation = np.arange(0, 8 * 360, 3.0)
+    noise = np.random.default_rng(0).standard_normal(rotation.size)
+    record = Measurement(rotation, 14 * np.cos(np.radians(3 * rotation - 75)) + noise, None, "zero")
+    orders = np.arange(13)
+    answers = xr.Dataset(
+        {
+            "thrust_amplitude": ("order", np.where(orders == 3, 14.0, np.where(orders > 0, 1e-3, 0.0))),
+            "thrust_phase_deg": ("order", np.where(orders == 3, -75.0, 0.0)),
+        },
+        coords={"order": orders},
+    )
+    said = find_in_comparison(compare(record, answers, 0.0), "c")[0]
+    assert re.match("Order 3 (agrees within|differs by more than) the uncertainties", said)
+    assert said.endswith("; orders 1, 2 and 4 to 12 are smaller than these uncertainties, which decides nothing.")
 
 
 @pytest.mark.parametrize(("order", "why"), [(1, True), (2, True), (4, True), (6, False)])

@@ -16,7 +16,7 @@ import pandas as pd
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, VERDICTS
 from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
-from tripod_doe.analyses.comparison.sentences import asymmetry_text
+from tripod_doe.analyses.comparison.sentences import asymmetry_text, too_small_text
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
@@ -104,13 +104,17 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
         return []
     differing = Counter(row.order for row in compared if row.verdict == DIFFERS)
     lacking = Counter(row.order for row in compared if row.verdict == _NONE)
-    same = [order for order in range(1, 13) if order not in differing and order not in lacking]
+    together = {  # an order that is nowhere larger than its uncertainty agrees with anything
+        order for order in range(1, 13) if any(_is_seen(row) for row in compared if row.order == order)
+    }
+    alike = [order for order in range(1, 13) if order not in differing and order not in lacking]
+    same, small = ([order for order in alike if (order in together) is seen] for seen in (True, False))
     agree = (
         f"order{'s' * (len(same) > 1)} {numbers_in_words(same)} agree{'s' * (len(same) == 1)} in all" if same else ""
     )
     sentences = []
     if differing:
-        others = f"; {agree}" if same else ""
+        others = (f"; {agree}" if same else "") + too_small_text(small)
         sentences = [
             "Differences beyond the uncertainties of measurement and model together: "
             f"{_by_count(differing)} of {every}{others}."
@@ -119,13 +123,22 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
         which = (
             "Orders 1 to 12 all agree" if len(same) == 12 else f"{agree[:1].upper()}{agree[1:].removesuffix(' in all')}"
         )
-        sentences = [f"{which} within the uncertainties of measurement and model together in {every}."]
+        sentences = [
+            f"{which} within the uncertainties of measurement and model together in {every}{too_small_text(small)}."
+        ]
+    elif small:
+        sentences = ["Every order is smaller than the uncertainties together: nothing is decided."]
     if lacking:
         sentences.append(
             f"{asymmetry_text(sorted(lacking))}; records have more there than their scatter ({_by_count(lacking)} of "
             f"{every}): joint or rig are not symmetric."
         )
     return sentences
+
+
+def _is_seen(row: OverviewRow) -> bool:
+    """Whether an order is larger than its uncertainties together."""
+    return max(row.measured, row.computed) > float(np.hypot(row.measured_error, np.nan_to_num(row.computed_error)))
 
 
 def _by_count(orders: Counter[int]) -> str:

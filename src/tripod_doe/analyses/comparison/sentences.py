@@ -61,18 +61,35 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
 
 
 def _verdict_sentence(comparison: xr.Dataset) -> str:
-    """Which orders differ, and which agree."""
+    """Which orders differ, which agree, and which are too small to tell."""
     verdicts = dict(zip(comparison["order"].values.tolist(), comparison["agrees"].values.tolist(), strict=True))
+    sizes = np.fmax(comparison["measured_amplitude"], comparison["model_amplitude"])
+    seen = dict(zip(verdicts, (sizes > comparison["amplitude_difference_uncertainty"]).values.tolist(), strict=True))
     differ = [order for order, verdict in verdicts.items() if verdict == 0]
-    agree = [order for order, verdict in verdicts.items() if verdict == 1]
+    agree = [order for order, verdict in verdicts.items() if verdict == 1 and seen[order]]
+    hidden = [order for order, verdict in verdicts.items() if verdict == 1 and not seen[order]]
+    small = too_small_text(hidden)
+    if not differ and not agree:
+        return f"Every order is smaller than the {_TOGETHER}: nothing is decided."
     if not differ:
         every = " all" * (len(agree) == len(verdicts) - 1)
-        return f"{_orders(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}."
+        return f"{_orders(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}{small}."
     start = f"{_orders(differ)} {'differ' if len(differ) > 1 else 'differs'} by more than the {_TOGETHER}"
     if not agree:
-        return f"{start}; none agrees."
+        return f"{start}{small or '; none agrees'}."
     others = _orders(agree)
-    return f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}."
+    return f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}{small}."
+
+
+def too_small_text(orders: list[int]) -> str:
+    """Orders that agree only since they are smaller than their uncertainties, as the end of a sentence."""
+    if not orders:
+        return ""
+    several = len(orders) > 1
+    return (
+        f"; {_orders(orders).lower()} {'are' if several else 'is'} smaller than these uncertainties, which decides "
+        "nothing"
+    )
 
 
 def _asymmetry(comparison: xr.Dataset) -> list[str]:

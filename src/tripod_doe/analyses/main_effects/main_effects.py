@@ -58,6 +58,7 @@ class Comparison:
     whole: IntArray  # numbers of these settings
     several: IntArray  # numbers of the settings at which there are at least two levels
     steps: FloatArray  # changes from each level to the next one that there is, over all settings, shape (pair,)
+    ends: IntArray  # numbers of these two levels, shape (pair, 2)
     largest: float  # largest change at one setting; 0 if no two points can be compared
     # the largest change over the value there, of settings where the response is not nearly zero
     relative: float
@@ -85,6 +86,7 @@ def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) ->
         whole=owner[whole & several],
         several=owner[several],
         steps=np.diff(mean)[same],
+        ends=np.stack([cells[:-1], cells[1:]], axis=1)[same] % levels,
         largest=float(spread.max()),
         relative=float((spread[seen] / size[seen]).max(initial=0.0)),
     )
@@ -128,6 +130,9 @@ class FactorEffect:
     # rising, falling: steps with a rise or a fall beyond the error
     rising: int = 0
     falling: int = 0
+    # largest step on one side of zero, of a factor of both signs over which the response rises and falls, but on each
+    # side rises with the size of the factor, or falls: only those steps are then counted; NaN for all others
+    outward: float = np.nan
     # averaged, held: other factors over which the settings differ, and those that keep one value at all of them
     # although they vary elsewhere in the design
     averaged: tuple[str, ...] = ()
@@ -171,7 +176,7 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
         if ground is Ground.CURVES:
             effects.append(_by_curves(name, varying, levels[name][0], compared, settings[:, at], error))
         elif ground is Ground.STEPS:
-            effects.append(_by_steps(name, varying, compared, settings[:, at], error))
+            effects.append(_by_steps(name, varying, levels[name][0], compared, settings[:, at], error))
         else:
             with one_thread():
                 effects.append(_by_regression(name, varying, response, error))
@@ -221,23 +226,39 @@ def _by_curves(
 
 
 def _by_steps(
-    name: str, columns: Mapping[str, Column], compared: Comparison, setting: IntArray, error: float
+    name: str, columns: Mapping[str, Column], levels: Column, compared: Comparison, setting: IntArray, error: float
 ) -> FactorEffect:
     averaged, held = _surroundings(name, columns, np.isin(setting, compared.several))
+    numeric, steps, outward = is_numeric(columns[name]), compared.steps, np.nan
+    if numeric and levels[0] < 0 < levels[-1] and min((steps > error).sum(), (steps < -error).sum()) > 0:
+        by_size = _outward_steps(levels.astype(float)[compared.ends], steps)
+        if by_size.size and min((by_size > error).sum(), (by_size < -error).sum()) == 0 < np.ptp(by_size):
+            steps, outward = by_size, float(np.abs(by_size).max())
     return FactorEffect(
         name,
-        is_numeric(columns[name]),
+        numeric,
         Ground.STEPS,
         error=error,
         largest=compared.largest,
         relative=compared.relative,
-        settings=compared.steps.size,
-        of_settings=compared.steps.size,
-        rising=int((compared.steps > error).sum()),
-        falling=int((compared.steps < -error).sum()),
+        settings=steps.size,
+        of_settings=steps.size,
+        rising=int((steps > error).sum()),
+        falling=int((steps < -error).sum()),
         averaged=averaged,
         held=held,
+        outward=outward,
     )
+
+
+def _outward_steps(ends: FloatArray, steps: FloatArray) -> FloatArray:
+    """The steps between two values of one sign, or zero, as changes away from zero.
+
+    Args:
+        ends: Values of the factor, shape (pair, 2).
+    """
+    rows = (ends >= 0).all(axis=1) | (ends <= 0).all(axis=1)
+    return steps[rows] * np.sign(np.diff(np.abs(ends[rows]), axis=1)[:, 0])
 
 
 def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:

@@ -194,8 +194,7 @@ class EffectWording:
         rest = curve - (slope * levels + offset)
         straight = 1 - float(rest @ rest) / float(((curve - curve.mean()) ** 2).sum())
         if straight < _STRAIGHT or levels.size < 3:
-            ends = self._extremes(effect)
-            ends = ends if effect.shape is Shape.RISING else ends[::-1]
+            ends = self._at_levels(effect, (0, -1))
             return f"{self.start} {verb} with {self._signed(effect)}, from {ends[0]} to {ends[1]}{self.where(effect)}"
         # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
         step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
@@ -268,10 +267,12 @@ class EffectWording:
 
     def _extremes(self, effect: FactorEffect) -> list[str]:
         """Smallest and largest value of the mean curve, with their levels."""
+        return self._at_levels(effect, (int(np.argmin(effect.mean)), int(np.argmax(effect.mean))))
+
+    def _at_levels(self, effect: FactorEffect, ends: tuple[int, int]) -> list[str]:
+        """Two values of the mean curve, with their levels."""
         by = "at " if effect.numeric else ""
-        ends = int(np.argmin(effect.mean)), int(np.argmax(effect.mean))
-        least, most = (float(effect.mean[at]) for at in ends)
-        digits = min(digits_apart(least, most), _MOST_DIGITS)
+        digits = min(digits_apart(*(float(effect.mean[at]) for at in ends)), _MOST_DIGITS)
         return [
             f"{self.value(float(effect.mean[at]), digits)} ({by}{self.at(effect, effect.level[at].item())})"
             for at in ends
@@ -310,9 +311,10 @@ class EffectWording:
 
     def _steps(self, effect: FactorEffect) -> str:
         """The signs of the steps in one factor, unless they rise and fall."""
-        label, pairs = factor_label(self.cube, effect.factor), effect.settings
+        label, pairs, by_size = factor_label(self.cube, effect.factor), effect.settings, math.isfinite(effect.outward)
         alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
-        most = f"by up to {self.value(effect.largest)}"
+        alone += ", on one side of zero," * by_size
+        most = f"by up to {self.value(effect.outward if by_size else effect.largest)}"
         held = f" ({self._held(effect)})" if effect.held else ""
         if not effect.numeric:
             return f"In {alone}{held}, {self.name} changes {most}."
@@ -320,8 +322,9 @@ class EffectWording:
             return f"In {alone}{held}, {self.name} changes {most}, not beyond its numerical error."
         verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
         every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
+        more = f"the size of {label}" if by_size else self._signed(effect)
         rest = "" if moved == pairs else ", and does not change beyond its numerical error in the others"
-        return f"{every}{held}, {self.name} {verb} with {self._signed(effect)}, {most}{rest}."
+        return f"{every}{held}, {self.name} {verb} with {more}, {most}{rest}."
 
     def no_direction(self, effects: list[FactorEffect]) -> str:
         """Factors over which some steps rise and others fall: one sentence, the largest change first."""
