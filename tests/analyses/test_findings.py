@@ -15,6 +15,7 @@ from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.sensitivity.charts import rotation_charts
 from tripod_doe.page_parts.main_outputs import OutputPart, quantile_text
 from tripod_doe.page_parts.main_results import factor_text, main_effect, responses
+from tripod_doe.page_parts.tables import cost_rows
 
 LINE = """
 [study]
@@ -516,6 +517,25 @@ def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
     told = "The effect of speed is incomplete: this model has no inertia."
     assert told in find(make_cube(STILL.format(model="equilibrium")))
     assert told not in find(make_cube(STILL.format(model="kinetostatic")))
+
+
+def test_a_factor_that_the_model_does_not_represent_is_named(make_cube):
+    """Regression: a Morris study ranked such factors last, and a page nowhere said that the model leaves them out."""
+    told = "Output inertia is not represented by model kinetostatic: all of its values give the same thrust."
+    text = STILL.replace("speed_rpm", "output_inertia_kg_m2").replace("300, 600, 1200", "0.01, 0.02")
+    assert told in find(make_cube(text.format(model="kinetostatic")))
+
+
+def test_points_that_repeat_others_are_computed_and_counted_once(make_cube):
+    """Regression: costs, averages and notes counted a point of a list twice that was computed once."""
+    once = make_cube(ZIP)
+    twice = once.isel(point=[0, 1, 2, 2, 2, 2])
+    for cube in (once, twice):
+        cube["outcome_detail"] = ("point", np.full(cube.sizes["point"], "a note", object))
+    assert cost_rows(twice) == cost_rows(once)
+    assert [s for s in find(twice) if "largest" in s or "a note" in s] == [
+        s for s in find(once) if "largest" in s or "a note" in s
+    ]
 
 
 def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):

@@ -9,13 +9,15 @@ import xarray as xr
 
 from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, unseparated
-from tripod_doe.model_interface import Outcome
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS
+from tripod_doe.model_interface import NOT_REPRESENTED, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen
 from tripod_doe.page_parts.main_results import (
     ERRORS,
     ORDINALS,
     Response,
     asked,
+    computed_once,
     design_kind,
     factor_label,
     factor_names,
@@ -51,7 +53,8 @@ def find(cube: xr.Dataset) -> list[str]:
     sentences, shown = [], representative_points(part)
     if bool(finished(shown).any()):
         every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
-        sentences = [_dominant_order(shown)] if every_order else []
+        weighted = design_kind(cube) in SAMPLED_DESIGNS  # there a point that is drawn twice counts twice
+        sentences = [_dominant_order(shown if weighted else computed_once(shown))] if every_order else []
         sentences += _responses(shown) + _missing_effects(shown) + subset_sentences(part)
         if design_kind(cube) == "multifidelity":
             sentences.append(
@@ -100,13 +103,16 @@ def _responses(cube: xr.Dataset) -> list[str]:
 
 
 def _missing_effects(cube: xr.Dataset) -> list[str]:
-    """Name the factors whose effect no model of the study includes in full."""
+    """Name the factors whose effect no model of the study includes in full, or at all."""
     missing = json.loads(str(cube.attrs.get("missing_effects", "{}")))
-    return [
-        f"The effect of {factor_label(cube, factor)} is incomplete: {missing[factor]}."
-        for factor in factor_names(cube)
-        if factor in missing and np.unique(cube[factor].values).size > 1
-    ]
+    sentences = []
+    for factor in factor_names(cube):
+        if factor in missing and np.unique(cube[factor].values).size > 1:
+            label, why = factor_label(cube, factor), missing[factor]
+            none = f"{label[:1].upper()}{label[1:]} is {why}: all of its values give the same thrust."
+            partly = f"The effect of {label} is incomplete: {why}."
+            sentences.append(none if why.startswith(NOT_REPRESENTED) else partly)
+    return sentences
 
 
 def _notes(cube: xr.Dataset) -> list[str]:
@@ -114,6 +120,7 @@ def _notes(cube: xr.Dataset) -> list[str]:
     design = [f"The design: {note}." for note in str(cube.attrs.get("design_notes", "")).splitlines()]
     if "outcome_detail" not in cube:
         return design
+    cube = computed_once(cube)
     details = cube["outcome_detail"].values[finished(cube).values]
     noted = details[details != ""]
     text = f"{noted.size:,} points finished with a note (outcome_detail)"
@@ -164,8 +171,9 @@ def _dominant_order(cube: xr.Dataset) -> str:
     first, second = (int(mean["order"].values[i]) for i in np.argsort(mean.values)[::-1][:2])
     if float(mean.sel(order=first)) == 0:
         return "The thrust force has no rotating order: all amplitudes are zero."
-    size, over = _mean_text(amplitude.sel(order=first))
-    next_size, _ = _mean_text(amplitude.sel(order=second))
+    points = points_in_words(cube)
+    size, over = _mean_text(amplitude.sel(order=first), points)
+    next_size, _ = _mean_text(amplitude.sel(order=second), points)
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
     beyond = rotating.max("order") - rotating.sel(order=first)
     other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
@@ -176,10 +184,14 @@ def _dominant_order(cube: xr.Dataset) -> str:
     )
 
 
-def _mean_text(amplitude: xr.DataArray) -> tuple[str, str]:
-    """A mean over the points, and over what; of several models its range, as a mean over models belongs to no joint."""
+def _mean_text(amplitude: xr.DataArray, points: str) -> tuple[str, str]:
+    """A mean over the points, and over what; of several models its range, as a mean over models belongs to no joint.
+
+    Args:
+        points: Which points these are, if not all of the study.
+    """
     models, everywhere = _by_model(amplitude)
-    over = " on average over the study" if amplitude.count() > 1 else ""
+    over = f" on average {points or 'over the study'}" if amplitude.count() > 1 else ""
     if len(models) < 2:
         return number(float(amplitude.mean())), over
     least, most = min(models.values()), max(models.values())

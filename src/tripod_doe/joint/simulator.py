@@ -35,6 +35,7 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.contact_damping_parameters import settled
 from tripod_doe.model_interface import (
+    NOT_REPRESENTED,
     NUMERICS,
     Accuracy,
     BlockResult,
@@ -181,7 +182,8 @@ class JointSimulator(Simulator):
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
         """Parameters that lack an effect in a model, each with what the model leaves out."""
-        return MODELS[model].lacks
+        ignored = dict.fromkeys(sorted(MODELS[model].ignores), f"{NOT_REPRESENTED} model {model}")
+        return ignored | dict(MODELS[model].lacks)
 
     def compile(self, model: str, method: str) -> None:
         """Compile the kernels of a model and a method, or load their machine code, by a short run."""

@@ -12,13 +12,14 @@ from tripod_doe.model_interface.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIB
 from tripod_doe.model_interface.output import MIRRORED_BY, ZERO_AT, Dimension, Output
 from tripod_doe.model_interface.parameter import Parameter, Value, check_parameters, is_set, read_parameters
 from tripod_doe.model_interface.required_accuracy import Accuracy, Quantity
-from tripod_doe.model_interface.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
+from tripod_doe.model_interface.simulator import NOT_REPRESENTED, NUMERICS, Methods, Simulator, by_name, model_notes
 from tripod_doe.model_interface.verdict import TRUST_ATTRIBUTES, Trust
 
 __all__ = [
     "DETAIL_ATTRIBUTES",
     "MIRRORED_BY",
     "NOTABLE_ERROR",
+    "NOT_REPRESENTED",
     "NUMERICS",
     "OUTCOME_ATTRIBUTES",
     "OUTCOME_MEANINGS",

@@ -28,6 +28,9 @@ Methods = Mapping[str, Mapping[str, float]]
 NUMERICS = ("relative_tolerance", "step_s")
 """Numerics parameters that only some methods use; with other methods they must not be set."""
 
+NOT_REPRESENTED = "not represented by"
+"""How `Simulator.missing_effects` begins for a parameter without any effect."""
+
 
 _COMPILED: set[tuple[str, str, str]] = set()
 """Scenes, models and methods that this process has compiled."""
@@ -200,7 +203,7 @@ class Simulator(ABC):
         raise KeyError(model)
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
-        """Parameters whose effect a model neglects, wholly or in part, each with the neglected effect."""
+        """Parameters whose effect a model neglects, each with the neglected part, or `NOT_REPRESENTED` and the model."""
         return {}
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:

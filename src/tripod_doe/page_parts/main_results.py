@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -153,6 +154,17 @@ def waiting(cube: xr.Dataset) -> xr.DataArray:
 def asked(cube: xr.Dataset) -> xr.DataArray:
     """Whether the point must run: True for all points except those that a constraint excludes."""
     return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
+
+
+def computed_once(cube: xr.Dataset) -> xr.Dataset:
+    """The points without those that repeat another one: these are computed once, and have its results and its costs."""
+    if cube["outcome"].dims != ("point",):
+        return cube  # a grid has no point twice
+    columns = point_columns(cube, np.ones(cube.sizes["point"], bool))
+    if not columns:
+        return cube
+    again = pd.DataFrame(columns).duplicated().to_numpy()
+    return cube.isel(point=np.flatnonzero(~again)) if again.any() else cube
 
 
 def representative_points(cube: xr.Dataset) -> xr.Dataset:

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome, Parameter
-from tripod_doe.page_parts.main_results import asked, factor_names, factor_unit, finished, unit_text, waiting
+from tripod_doe.page_parts.main_results import (
+    asked,
+    computed_once,
+    factor_names,
+    factor_unit,
+    finished,
+    unit_text,
+    waiting,
+)
 from tripod_doe.quantities import duration, level, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
@@ -105,6 +113,7 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     """Costs of the points: (quantity, value, how it was measured); empty if no costs are recorded."""
     if "cpu_seconds" not in cube or not bool(cube["cpu_seconds"].notnull().any()):
         return []
+    cube = computed_once(cube)
     run = cube["cpu_seconds"].notnull().values
     count, cpu, wall = int(run.sum()), float(cube["cpu_seconds"].sum()), cube["wall_seconds"].values[run]
     rows = [

@@ -16,11 +16,13 @@ import tripod_doe as td
 from tripod_doe.analyses.multifidelity.estimates import estimate
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
+from tripod_doe.analyses.multifidelity.sentences import _gain
 from tripod_doe.analyses.multifidelity.split import find_split, within
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
 from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.main_outputs import OutputPart
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
@@ -401,3 +403,12 @@ def test_the_joint_takes_its_own_models():
     assert list(dict.fromkeys(points.columns["model"])) == ["needles", "rollers", "kinetostatic", "equilibrium"]
     with pytest.raises(InputError, match="model is a base value"):
         parse_study(text + '[base]\nmodel = "needles"\n')
+
+
+@pytest.mark.parametrize(("gain", "warned"), [(4.0, False), (0.5, True)])
+def test_a_ratio_above_one_is_said_to_be_a_loss(gain, warned):
+    """Regression: "relative to needles alone at the same price: 2 for its mean" left the reader to see the loss."""
+    part = OutputPart("y", "y", "N", xr.Dataset({"gain": gain, "variance_gain": 3.0}))
+    (sentence,) = _gain(part, "needles")
+    assert f": {1 / gain:g} for its mean and 0.33 for its variance" in sentence
+    assert sentence.endswith("above 1, the truth alone would have been better.") is warned

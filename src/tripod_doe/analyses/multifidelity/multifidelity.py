@@ -45,6 +45,17 @@ def _half(estimated: Estimate, confidence: float) -> float:
     return float(stdtrit(freedom, 0.5 + confidence / 2) * np.sqrt(estimated.variance))
 
 
+def half_of_total(estimated: Estimate, confidence: float) -> float:
+    """Half width of the interval of a total index: as that of its logarithm, of which one is the most that counts.
+
+    Squares of few samples are skewed: at 16 and 48 samples of the truth symmetric intervals held in 90 to 92 % where
+    these hold in 92 to 96 % (benchmarks/RESULTS.md).
+    """
+    half = _half(estimated, confidence)
+    part = min(half / estimated.value, 1.0) if estimated.value > 0 else 1.0
+    return half * float(np.expm1(part)) / part if half > 0 else half
+
+
 def _gain(estimated: Estimate, alone: float) -> float:
     """Variance of the truth alone at the price of the whole study over the variance of the estimate."""
     return estimated.alone / alone / estimated.variance if estimated.variance > 0 else np.nan
@@ -65,10 +76,10 @@ def _of_component(values: list[FloatArray], alone: float, settings: Multifidelit
         "gain": np.array(_gain(estimates.mean, alone)),
         "variance_gain": np.array(_gain(estimates.variance, alone)),
     }
-    for name, indices in (("S1", estimates.first), ("ST", estimates.total)):
+    for name, indices, half in (("S1", estimates.first, _half), ("ST", estimates.total, half_of_total)):
         if indices:
             answers[name] = np.array([each.value for each in indices])
-            answers[f"{name}_conf"] = np.array([_half(each, settings.confidence) for each in indices])
+            answers[f"{name}_conf"] = np.array([half(each, settings.confidence) for each in indices])
             answers[f"{name}_gain"] = np.array([_gain(each, alone) for each in indices])
     points = [each[:, [0, -1]] if estimates.first else each for each in values]  # those of a block that are independent
     asked = len(settings.probabilities)

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.sensitivity.sentences import sobol_sentence
+from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs, quantile_text
 from tripod_doe.page_parts.main_results import listed
 from tripod_doe.quantities import count_of, duration, interval, number, squared, with_unit
@@ -46,7 +47,16 @@ def _gain(part: OutputPart, truth: str) -> list[str]:
         if gains.size:
             ends = list(dict.fromkeys(number(1 / gain, 2) for gain in (gains.max(), gains.min())))
             shares.append(f"{' to '.join(ends)} for its total indices")
-    return [f"The squared error for {part.what}, relative to {truth} alone at the same price: {listed(shares)}."]
+    worse = any(float(each) < 1 for each in _known_gains(answers))
+    more = "; above 1, the truth alone would have been better" if worse else ""
+    return [f"The squared error for {part.what}, relative to {truth} alone at the same price: {listed(shares)}{more}."]
+
+
+def _known_gains(answers: xr.Dataset) -> FloatArray:
+    """All gains that the sentence on them states, shape (gain,)."""
+    stated = [answers[key].values.ravel() for key in ("gain", "variance_gain", "ST_gain") if key in answers]
+    gains = np.concatenate(stated)
+    return np.asarray(gains[np.isfinite(gains)], float)
 
 
 def _samples(result: xr.Dataset) -> str:
