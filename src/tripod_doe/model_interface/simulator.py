@@ -203,7 +203,7 @@ class Simulator(ABC):
         raise KeyError(model)
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
-        """Parameters whose effect a model neglects, each with the neglected part, or `NOT_REPRESENTED` and the model."""
+        """Parameters whose effect a model neglects, each with the neglected part, or with `NOT_REPRESENTED`."""
         return {}
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:

@@ -63,8 +63,9 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
 def _verdict_sentence(comparison: xr.Dataset) -> str:
     """Which orders differ, which agree, and which are too small to tell."""
     verdicts = dict(zip(comparison["order"].values.tolist(), comparison["agrees"].values.tolist(), strict=True))
-    sizes = np.fmax(comparison["measured_amplitude"], comparison["model_amplitude"])
-    seen = dict(zip(verdicts, (sizes > comparison["amplitude_difference_uncertainty"]).values.tolist(), strict=True))
+    sizes = np.fmax(comparison["measured_amplitude"].values, comparison["model_amplitude"].values)
+    beyond = sizes > comparison["amplitude_difference_uncertainty"].values
+    seen = dict(zip(verdicts, beyond.tolist(), strict=True))
     differ = [order for order, verdict in verdicts.items() if verdict == 0]
     agree = [order for order, verdict in verdicts.items() if verdict == 1 and seen[order]]
     hidden = [order for order, verdict in verdicts.items() if verdict == 1 and not seen[order]]

@@ -152,7 +152,7 @@ def _other_orders(models: NDArray[Any], orders: Sequence[int], amplitude: FloatA
     return deviations
 
 
-def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None, others: bool) -> str:
+def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None, recorded: bool) -> str:
     """Where the errors come from, in words.
 
     Args:
@@ -160,19 +160,19 @@ def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], secon
         finest: Whether all points are of the finest model.
         third: Whether an error of the third order is on record, shape (record,).
         second: What is known of the second order, in words; None where nothing is.
-        others: Whether the errors of other orders are on record.
+        recorded: Whether the errors of other orders are on record.
     """
     if finest:
         words, known, assumed = "from two implementations of this model", {*_FINEST}, _FINEST_OTHER
     else:
-        known, assumed = {*orders} if others else {3, 2 if second else 3}, _OTHER
+        known, assumed = {*orders} if recorded else {3, 2 if second else 3}, _OTHER
         words = "recorded for similar points"
         if not third.all():
             words += (
                 f"; at {int((~third).sum())} of {third.size} records none is, and {_deviation(_ASSUMED)} is assumed"
             )
         words += f"; {second}" if second else ""
-        if rest := sorted(set(orders) - {3, 2 if second else 3}) if others else []:
+        if rest := sorted(set(orders) - {3, 2 if second else 3}) if recorded else []:
             words += f"; of order{'s' * (len(rest) > 1)} {numbers_in_words(rest)} from {SOURCE}"
     if others := sorted(set(orders) - known):
         which = f"order{'s' * (len(others) > 1)} {numbers_in_words(others)}"
