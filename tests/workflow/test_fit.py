@@ -334,6 +334,7 @@ def test_a_plan_prices_it(written, capsys):
     assert "records      8" in said
     assert "2 numbers" in said
     assert "CPU time" in said
+    assert 6 < plan_fit(file, timing=False).seconds[1] < 15, "imports, page and looks cost more than 1,224 points"
     assert main(["run", str(file), "--out", "nowhere"]) == 2
     assert "tripod-doe fit" in capsys.readouterr().err
 
@@ -368,4 +369,4 @@ def test_records_at_one_operating_point_with_an_unknown_each_are_priced_each(tmp
             f'per = "{per}"\n[records]\nfiles = ["rig_*.csv"]\nreference_angle_deg = 0\n'
         )
         prices[per] = plan_fit(tmp_path / "fit.toml", timing=False).seconds[1]
-    assert prices["record"] > 9 * prices["all"]
+    assert prices["record"] - 8 > 9 * (prices["all"] - 6), "6 to 8 s are beside the points"

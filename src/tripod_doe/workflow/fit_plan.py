@@ -12,10 +12,13 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.plan import RECORDED, Plan, plan
 
-_DESCENT, _PER_UNKNOWN = 16, 4  # evaluations of all records in a descent: fixed, and per unknown
+# evaluations of all records for a start, its descents after both looks together: fixed, and per unknown
+_DESCENT, _PER_UNKNOWN = 16, 4
 _PROFILE = 24  # evaluations of all records for the profile of a scalar
 _CORRECTIONS = 3  # usual evaluations with the requested model
-_OWN_SECONDS = 3e-3  # CPU time of an evaluation without its points
+# CPU time beside the points (benchmarks/RESULTS.md): imports, records and page; both looks at the interpolated model,
+# per unknown; an evaluation
+_START_SECONDS, _LOOK_SECONDS, _OWN_SECONDS = 6.0, 0.55, 3e-3
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
             for each, count, model in zip(plans, counts, models, strict=True)
             if each.cpu_hours
         ]
-        low, mean, high = (sum(part) + _OWN_SECONDS * trials for part in zip(*parts, strict=True))
+        beside = _START_SECONDS + _LOOK_SECONDS * width + _OWN_SECONDS * trials
+        low, mean, high = (sum(part) + beside for part in zip(*parts, strict=True))
         seconds = low, mean, high
     asked = counts[1] if len(counts) > 1 else 0
     return FitPlan(records, tuple(rig.layout.names()), search, asked, (rig.model, rig.cheap), tuple(plans), seconds)
