@@ -253,6 +253,18 @@ def test_records_lie_beside_their_table(written, tmp_path):
     assert main(["plan", str(above), "--no-timing"]) == 0
 
 
+@pytest.mark.parametrize("again", ["record_1.csv", "copy.csv"])
+def test_a_record_that_would_count_twice_is_refused(written, again):
+    """Before, its intervals were too short by the root of two."""
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    (file.parent / "copy.csv").write_bytes((file.parent / "record_1.csv").read_bytes())
+    table = file.with_name("records.csv")
+    first = table.read_text().splitlines()[1].partition(",")[2]
+    table.write_text(f"{table.read_text().rstrip()}\n{again},{first}\n")
+    with pytest.raises(InputError, match=rf"{again}: the same record as .*record_1.csv, which would count twice"):
+        plan_fit(file, timing=False)
+
+
 def test_an_empty_cell_of_the_table_is_what_the_record_states(written):
     """Wrong before: "expected a number"."""
     file = written(HEAD + UNKNOWNS + RECORDS)
@@ -358,8 +370,8 @@ def test_the_answer_of_the_documentation(tmp_path):
 
 def test_records_at_one_operating_point_with_an_unknown_each_are_priced_each(tmp_path):
     """Equal records were priced as one, though each has points of its own: forty times too cheap, past any limit."""
-    rows = "".join(f"{at},{20 * np.sin(np.radians(3 * at)):.4f}\n" for at in range(0, 360 * 6, 5))
     for which in range(10):
+        rows = "".join(f"{at},{(20 + which) * np.sin(np.radians(3 * at)):.4f}\n" for at in range(0, 360 * 6, 5))
         (tmp_path / f"rig_{which}.csv").write_text(f"rotation_deg,thrust_n\n{rows}")
     prices = {}
     for per in ("all", "record"):

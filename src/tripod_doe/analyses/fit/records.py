@@ -42,6 +42,7 @@ class RigRecord:
     reference_angle_deg: float | None  # None where the record is aligned by an order
     sign: float | None  # of the force; None where it is not known
     remarks: tuple[str, ...] = ()  # sentences on what was assumed when it was read
+    digest: str = ""  # of its file
 
 
 @dataclass(frozen=True)
@@ -58,14 +59,17 @@ def read_records(request: FitRequest, parameters: Mapping[str, Parameter]) -> li
     """Read all records of a fit.
 
     Raises:
-        InputError: For every file that cannot be read or used, and for a table that names what is not known.
+        InputError: For every file that cannot be read or used, for files with the same content, and for a table that
+            names what is not known.
     """
     asked = list(_listed(request, parameters))
-    records, wrong = list[RigRecord](), list[str]()
+    records, wrong, seen = list[RigRecord](), list[str](), dict[str, Path]()
     with speaking_of_keys():
         for row in asked:
             try:
                 records.append(_read(request, row, parameters))
+                if (same := seen.setdefault(records[-1].digest, row.path)) is not row.path:
+                    wrong.append(f"{row.path}: the same record as {same}, which would count twice; remove one of them")
             except InputError as error:
                 wrong.append(str(error))
     if wrong:
@@ -187,6 +191,7 @@ def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter
         reference_angle_deg=settings["reference_angle_deg"],
         sign=None if sign == "free" else float(sign),
         remarks=measured.remarks,
+        digest=measured.digest,
     )
 
 
