@@ -69,6 +69,7 @@ def compared(columns, changed) -> pd.DataFrame:
         {
             "joint_angle_deg": columns["joint_angle_deg"],
             "groove_friction": columns["groove_sliding_friction"],
+            "needle_friction": columns["needle_sliding_friction"],
             "third_changed": changed,
         }
     )
@@ -77,7 +78,7 @@ def compared(columns, changed) -> pd.DataFrame:
 def followed_with_needles() -> pd.DataFrame:
     """Joints of model_errors.csv whose reference is a run of `needles` that finished."""
     table = pd.read_csv(RECORDED, comment="#")
-    for name in ("joint_angle_deg", "groove_sliding_friction"):
+    for name in ("joint_angle_deg", "groove_sliding_friction", "needle_sliding_friction"):
         table[name] = table[name].fillna(JOINT_PARAMETERS[name].default)
     return compared(table, 0.0)[(table["needles"] == 1) & table["kinetostatic"].notna()]
 

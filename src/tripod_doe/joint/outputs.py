@@ -213,7 +213,7 @@ _OUTPUTS = [
         VIBRATES,
         "1",
         "",
-        "whether the joint vibrates by itself, 1 or 0; where no recorded joint of such an angle and groove friction "
+        "whether the joint vibrates by itself, 1 or 0; where no recorded joint of such an angle and such frictions "
         "vibrates, a balance does not look, and model rollers does",
         optional=True,
     ),

@@ -8,7 +8,7 @@ from operating_points import points
 
 from tripod_doe.joint.known_errors import vibration_record
 from tripod_doe.joint.known_errors.error_estimate import WITHOUT_VIBRATION, known_errors, similar_errors
-from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
+from tripod_doe.joint.known_errors.vibration_record import SHARE, may_vibrate, vibration_errors, vibration_share
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.model_interface import Accuracy, Quantity, model_notes
@@ -19,8 +19,9 @@ FLUTTERING = {"joint_angle_deg": 17.0, "torque_n_m": -300.0, "speed_rpm": 1500.0
 
 def test_a_joint_is_compared_with_the_recorded_ones_nearest_in_angle_and_friction(monkeypatch, tmp_path):
     """Exact: ten joints at one place, three of which lose a fifth of their third order; ten far from them."""
-    rows = ["10,0.1,-0.2"] * 3 + ["10,0.1,0"] * 7 + ["2,0.01,0"] * 10
-    (tmp_path / "some.csv").write_text("\n".join(["# some", "joint_angle_deg,groove_friction,third_changed", *rows]))
+    rows = ["10,0.1,0.03,-0.2"] * 3 + ["10,0.1,0.03,0"] * 7 + ["2,0.01,0.03,0"] * 10
+    head = ["# some", "joint_angle_deg,groove_friction,needle_friction,third_changed"]
+    (tmp_path / "some.csv").write_text("\n".join([*head, *rows]))
     monkeypatch.setattr(vibration_record, "VIBRATING", tmp_path / "some.csv")
     vibration_record._recorded.cache_clear()
     try:
@@ -54,7 +55,7 @@ def test_a_balance_states_what_vibration_may_make_of_its_error(model):
     _, limit, unknown = known_errors(model, block)
     assert unknown[0] or limit[0] > 0.53
     (share,) = vibration_share(vibration_errors(block))
-    assert share > 0.5
+    assert share > 0.1  # where the range of balances ends
     assert any(SHARE in told for told in model_notes(simulator, block, {}))
 
 
@@ -84,3 +85,12 @@ def test_a_choice_counts_what_vibration_makes_of_similar_errors():
 def test_models_that_follow_vibrations_have_no_such_range():
     for name, model in MODELS.items():
         assert (SHARE in {valid.quantity for valid in model.valid}) == (name in WITHOUT_VIBRATION)
+
+
+def test_a_joint_may_vibrate_by_the_friction_of_its_needles():
+    """Regression: with this needle friction joints of little groove friction vibrate (15.6 deg, -152 N m, 1,223 rpm: 796 Hz).
+
+    They were not looked at, since only angle and groove friction were compared.
+    """
+    angle, groove = np.array([15.64, 15.64]), np.array([0.034, 0.034])
+    assert may_vibrate(angle, groove, np.array([0.01, 0.143])).tolist() == [False, True]

@@ -80,9 +80,11 @@ def _roller(derived: DerivedConstants, k: int) -> tuple[Body, SphereRow]:
     )
     trunnion = pose.attitude.apply(_Z)
     flank = derived.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
+    along = np.array(
+        [flank[1], -flank[0]]
+    )  # times a turn's first two components: motion along the groove, at the flank
     # its spin on the trunnion takes the slip along the groove to zero
-    slip = pose.velocity[2] - radius * np.cross(pose.rotation, flank)[2]
-    spin = slip / (radius * np.cross(trunnion, flank)[2])
+    spin = (pose.velocity[2] / radius - pose.rotation[:2] @ along) / (trunnion[:2] @ along)
     ahead = (values.bearing_radial_clearance + 2 * derived.needle_load) * flank  # of its trunnion
     rolling = Pose(pose.position + ahead, pose.attitude, pose.velocity, pose.rotation + spin * trunnion)
     body = moving_body(f"roller {k + 1}", mass, (across, across, polar), rolling)

@@ -34,7 +34,8 @@ def undecided_rows(points: JointValues[FloatArray], rows: IntArray) -> IntArray:
     """Rows whose joints may vibrate: similar recorded joints vibrate, or have more damping."""
     joints = points.take(rows)
     less = joints.contact_damping_time < GREASED  # as joints on record have it
-    return rows[less | may_vibrate(np.degrees(joints.joint_angle), joints.groove_sliding_friction)]
+    frictions = joints.groove_sliding_friction, joints.needle_sliding_friction
+    return rows[less | may_vibrate(np.degrees(joints.joint_angle), *frictions)]
 
 
 def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:

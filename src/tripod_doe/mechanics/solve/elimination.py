@@ -17,6 +17,8 @@ end of the matrix, hold the reduced system of the tail. Then
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -40,30 +42,41 @@ def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]
         last: Bodies that are eliminated last.
     """
     elements = list(elements)
-    count = int(block_of_body.max(initial=-1)) + 1
+    ends = [(block_of_body[table["body_a"]].tolist(), block_of_body[table["body_b"]].tolist()) for table in elements]
+    touching = tuple(tuple(zip(*blocks, strict=True)) for blocks in ends)
+    tail = frozenset(int(block_of_body[body]) for body in last) - {-1}
+    pattern, pairs = _pattern(int(block_of_body.max(initial=-1)) + 1, touching, tail)
+    for table, blocks in zip(elements, pairs, strict=True):
+        table["pair"] = blocks
+    return pattern
+
+
+@lru_cache(maxsize=16)
+def _pattern(
+    count: int, touching: tuple[tuple[tuple[int, int], ...], ...], tail: frozenset[int]
+) -> tuple[Pattern, list[IntArray]]:
+    """Pattern of so many rows, and blocks of each table's elements; kept, since joints differ in numbers only."""
     graph: list[set[int]] = [set() for _ in range(count)]
-    for table in elements:
-        for a, b in zip(block_of_body[table["body_a"]], block_of_body[table["body_b"]], strict=True):
-            if a >= 0 and b >= 0:
-                graph[a].add(int(b))
-                graph[b].add(int(a))
-    tail = {int(block_of_body[body]) for body in last} - {-1}
+    for a, b in chain.from_iterable(touching):
+        if a >= 0 and b >= 0:
+            graph[a].add(b)
+            graph[b].add(a)
     order, neighbours = _minimum_degree(graph, tail)
     number: dict[tuple[int, int], int] = {}
     for pivot, others in zip(order, neighbours, strict=True):
         for place in ((pivot, pivot), *((i, pivot) for i in others), *((pivot, i) for i in others)):
             number.setdefault(place, len(number))
-    for table in elements:
-        blocks_a, blocks_b = block_of_body[table["body_a"]], block_of_body[table["body_b"]]
-        for row, a, b in zip(table, blocks_a, blocks_b, strict=True):
-            row["pair"] = [number.get((int(i), int(j)), -1) for i, j in ((a, a), (a, b), (b, a), (b, b))]
+    pairs = [
+        np.array([[number.get(place, -1) for place in ((a, a), (a, b), (b, a), (b, b))] for a, b in table], np.int64)
+        for table in touching
+    ]
     places = np.array(list(number), np.int64).reshape(-1, 2)
     lengths = np.array([len(others) for others in neighbours], np.int64)
 
     def flat(values: Iterable[int]) -> IntArray:
         return np.fromiter(values, np.int64)
 
-    return Pattern(
+    pattern = Pattern(
         diagonal=flat(number[pivot, pivot] for pivot in order),
         order=flat(order),
         start=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
@@ -78,9 +91,10 @@ def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]
         tail=count - len(tail),
         tail_block=number[order[-len(tail)], order[-len(tail)]] if tail else len(number),
     )
+    return pattern, [blocks.reshape(-1, 4) for blocks in pairs]
 
 
-def _minimum_degree(graph: list[set[int]], tail: set[int]) -> tuple[list[int], list[list[int]]]:
+def _minimum_degree(graph: list[set[int]], tail: frozenset[int]) -> tuple[list[int], list[list[int]]]:
     """Order of elimination, the tail last, and the neighbours that each pivot still has when its turn comes."""
     left = {i: set(others) for i, others in enumerate(graph)}
     order, neighbours = [], []

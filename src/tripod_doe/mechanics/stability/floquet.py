@@ -161,6 +161,8 @@ def _differentiate(tables, work, positions, velocities, time, stabilisation, sma
     for row in range(count):
         body = tables.body_of_row[row]
         for d in range(6):
+            if tables.bodies[body].free[d] == 0.0:
+                continue
             for kind in range(2):
                 step = small[2 * kind + d // 3]
                 column = slopes[kind, 6 * row + d]
