@@ -60,8 +60,18 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
         shape (point, recorded joint): Relative to the third order with vibration; 0 where the recorded joint does not
             vibrate.
     """
+    return _errors_like(_places(*_compared(points)), ALIKE)
+
+
+def near_vibrating(points: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """As `may_vibrate`, of points as in `vibration_errors`."""
+    return may_vibrate(*_compared(points))
+
+
+def _compared(points: Mapping[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Angle in deg and both sliding frictions, 0 where they are switched off."""
     angle, groove, groove_slides, needle, needle_slides = (points[name] for name in VIBRATES_BY)
-    return _errors_like(_places(angle, groove * groove_slides, needle * needle_slides), ALIKE)
+    return angle, groove * groove_slides, needle * needle_slides
 
 
 def may_vibrate(angle: NDArray[Any], groove: NDArray[Any], needle: NDArray[Any]) -> NDArray[np.bool_]:
