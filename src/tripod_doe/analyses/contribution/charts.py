@@ -205,7 +205,7 @@ def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str]) -> Non
                 axes.text(
                     start + size / 2,
                     row,
-                    f"{size:.3g}",
+                    f"{size:.0f}",  # whole percents: longer numbers cover the narrow parts beside them
                     ha="center",
                     va="center",
                     fontsize=7.5,
