@@ -30,7 +30,7 @@ class Trust(IntEnum):
     SURE = 0
     """Nine in ten similar points are within `NOTABLE_ERROR`."""
     USABLE = 1
-    """Similar points are mostly within `NOTABLE_ERROR`, and nine in ten within `LARGE_ERROR`."""
+    """Similar points are mostly within `NOTABLE_ERROR`, and nine in ten within `LARGE_ERROR`; or one is unsettled."""
     DOUBTFUL = 2
     """Neither, or the error is not known, or the model does not hold there."""
 
