@@ -10,6 +10,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.main_effects.charts import effect_charts
+from tripod_doe.analyses.main_effects.main_effects import factor_effects
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.sensitivity.charts import rotation_charts
@@ -524,6 +525,19 @@ def test_a_factor_that_the_model_does_not_represent_is_named(make_cube):
     told = "Output inertia is not represented by model kinetostatic: all of its values give the same thrust."
     text = STILL.replace("speed_rpm", "output_inertia_kg_m2").replace("300, 600, 1200", "0.01, 0.02")
     assert told in find(make_cube(text.format(model="kinetostatic")))
+
+
+def test_steps_across_zero_are_judged_by_the_size_of_the_factor():
+    """Regression: "no single direction over torque" of trajectories whose steps cross zero, where both sides grow."""
+    torque = np.array([-150.0, 50, -150, 50, -50, 150, -50, 150])
+    other = np.array([1.0, 1, 2, 2, 3, 3, 4, 4])
+    for least, told in ((0.5, True), (0.1, False)):  # at a tenth, 50 N m of drive give more than 150 of coast
+        coast = np.where(other == 1, least, 0.5)
+        value = other * np.where(torque < 0, coast, 1.0) * np.abs(torque)
+        (effect, _) = factor_effects({"torque": torque, "other": other}, value)
+        assert np.isfinite(effect.outward) == told
+        assert effect.both_ways != told
+        assert not told or (effect.crossing and effect.settings == effect.rising == 4)
 
 
 def test_points_that_repeat_others_are_computed_and_counted_once(make_cube):

@@ -326,6 +326,8 @@ def check_steps(sentence: str, truth: Truth, at: int) -> None:
         assert min(up, down) > 0
         pairs = [pair for group in truth.groups(at) for pair in zip(*map(itertools.pairwise, group), strict=True)]
         moves = [(b - a) * np.sign(abs(y) - abs(x)) for (x, y), (a, b) in pairs if x * y >= 0]
+        if "different sizes" in sentence:
+            moves = [(b - a) * np.sign(abs(y) - abs(x)) for (x, y), (a, b) in pairs if abs(x) != abs(y)]
         assert len(moves) == number_after(r"In (?:all )?(?:\d+ of )?", sentence)
         rising = "increases" in sentence
         assert all((move if rising else -move) > -1.1e-9 * np.abs(truth.values).max() for move in moves)

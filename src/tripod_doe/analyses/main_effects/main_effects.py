@@ -130,9 +130,11 @@ class FactorEffect:
     # rising, falling: steps with a rise or a fall beyond the error
     rising: int = 0
     falling: int = 0
-    # largest step on one side of zero, of a factor of both signs over which the response rises and falls, but on each
-    # side rises with the size of the factor, or falls: only those steps are then counted; NaN for all others
+    # outward, crossing: of a factor of both signs over which the response rises and falls, but in one direction with
+    # the size of the factor: the largest such step, and whether that holds across zero, too, or on each side alone. Only
+    # those steps are then counted. NaN for all other factors.
     outward: float = np.nan
+    crossing: bool = False
     # averaged, held: other factors over which the settings differ, and those that keep one value at all of them
     # although they vary elsewhere in the design
     averaged: tuple[str, ...] = ()
@@ -229,11 +231,14 @@ def _by_steps(
     name: str, columns: Mapping[str, Column], levels: Column, compared: Comparison, setting: IntArray, error: float
 ) -> FactorEffect:
     averaged, held = _surroundings(name, columns, np.isin(setting, compared.several))
-    numeric, steps, outward = is_numeric(columns[name]), compared.steps, np.nan
+    numeric, steps, outward, crossing = is_numeric(columns[name]), compared.steps, np.nan, False
     if numeric and levels[0] < 0 < levels[-1] and min((steps > error).sum(), (steps < -error).sum()) > 0:
-        by_size = _outward_steps(levels.astype(float)[compared.ends], steps)
-        if by_size.size and min((by_size > error).sum(), (by_size < -error).sum()) == 0 < np.ptp(by_size):
-            steps, outward = by_size, float(np.abs(by_size).max())
+        for any_side in (True, False):
+            by_size = _outward_steps(levels.astype(float)[compared.ends], steps, any_side)
+            up, down = int((by_size > error).sum()), int((by_size < -error).sum())
+            if min(up, down) == 0 < max(up, down):
+                steps, outward, crossing = by_size, float(np.abs(by_size).max()), any_side
+                break
     return FactorEffect(
         name,
         numeric,
@@ -248,17 +253,21 @@ def _by_steps(
         averaged=averaged,
         held=held,
         outward=outward,
+        crossing=crossing,
     )
 
 
-def _outward_steps(ends: FloatArray, steps: FloatArray) -> FloatArray:
-    """The steps between two values of one sign, or zero, as changes away from zero.
+def _outward_steps(ends: FloatArray, steps: FloatArray, any_side: bool) -> FloatArray:
+    """The steps between two values of different size, as changes away from zero.
 
     Args:
         ends: Values of the factor, shape (pair, 2).
+        any_side: Whether steps across zero are among them; else those between values of one sign, or zero, alone.
     """
-    rows = (ends >= 0).all(axis=1) | (ends <= 0).all(axis=1)
-    return steps[rows] * np.sign(np.diff(np.abs(ends[rows]), axis=1)[:, 0])
+    further = np.sign(np.diff(np.abs(ends), axis=1)[:, 0])
+    one_side = (ends >= 0).all(axis=1) | (ends <= 0).all(axis=1)
+    rows = (further != 0) & (one_side | any_side)
+    return steps[rows] * further[rows]
 
 
 def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:

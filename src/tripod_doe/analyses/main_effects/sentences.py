@@ -41,8 +41,9 @@ def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorE
             yield wording.sentence(effect)
     if mixed:
         yield wording.no_direction(mixed)
-    if weak:
-        yield wording.weak(weak)
+    for group in (True, False):  # those without any effect are not among those with a small one
+        if alike := [effect for effect in weak if (effect.largest > wording.rounding) is group]:
+            yield wording.weak(alike)
     if unseen:
         yield wording.unseen(unseen)
 

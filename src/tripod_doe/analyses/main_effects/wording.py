@@ -281,7 +281,7 @@ class EffectWording:
     def _words(self, effect: FactorEffect) -> str:
         """A factor whose mean curve is no rule: words, one value of each sign, or a course of few settings."""
         if effect.shape is Shape.NONE:
-            return f"{self._flat(effect) if effect.rise <= self._rounding else self._means(effect)}."
+            return f"{self._flat(effect) if effect.rise <= self.rounding else self._means(effect)}."
         least, most = self._extremes(effect)
         label = factor_label(self.cube, effect.factor)
         rest = f"{self._against(effect) if effect.numeric else ''}{self._alike(effect)}"
@@ -302,7 +302,7 @@ class EffectWording:
 
     def _flat(self, effect: FactorEffect) -> str:
         """No effect in the mean although single settings change: an interaction."""
-        beyond = " beyond its numerical error" * (effect.rise > self._rounding)
+        beyond = " beyond its numerical error" * (effect.rise > self.rounding)
         return (
             f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)}{beyond} ("
             f"{self.where(effect).removeprefix(', ')}), but at single settings of the other factors the change reaches "
@@ -313,7 +313,8 @@ class EffectWording:
         """The signs of the steps in one factor, unless they rise and fall."""
         label, pairs, by_size = factor_label(self.cube, effect.factor), effect.settings, math.isfinite(effect.outward)
         alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
-        alone += ", on one side of zero," * by_size
+        alone += ", on one side of zero," * (by_size and not effect.crossing)
+        alone += " and have different sizes of it" * (by_size and effect.crossing)
         most = f"by up to {self.value(effect.outward if by_size else effect.largest)}"
         held = f" ({self._held(effect)})" if effect.held else ""
         if not effect.numeric:
@@ -370,7 +371,7 @@ class EffectWording:
         changed = [_DRIVE if _only_sign(self.cube, name) else factor_label(self.cube, name) for name in names]
         head = _at_head(changed, names)
         largest, several = max(effect.largest for effect in effects), len(effects) > 1
-        if largest <= self._rounding:
+        if largest <= self.rounding:
             verb = f"{'have' if several else 'has'} no effect on {self.name}"
         else:
             bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
@@ -382,7 +383,7 @@ class EffectWording:
         return f"{head} {verb}{self._everywhere(effects)}."
 
     @property
-    def _rounding(self) -> float:
+    def rounding(self) -> float:
         """Up to which change nothing changes."""
         return _ROUNDING * float(np.nanmax(np.abs(self.response.values.values)))
 
