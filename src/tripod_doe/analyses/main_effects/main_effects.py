@@ -131,8 +131,8 @@ class FactorEffect:
     rising: int = 0
     falling: int = 0
     # outward, crossing: of a factor of both signs over which the response rises and falls, but in one direction with
-    # the size of the factor: the largest such step, and whether that holds across zero, too, or on each side alone. Only
-    # those steps are then counted. NaN for all other factors.
+    # the size of the factor: the largest such step, and whether that holds across zero, too, or on each side alone.
+    # Only those steps are then counted. NaN for all other factors.
     outward: float = np.nan
     crossing: bool = False
     # averaged, held: other factors over which the settings differ, and those that keep one value at all of them
