@@ -64,6 +64,16 @@ def test_the_brief_schema_names_every_key_parameter_and_output(capsys):
     assert {*keys, *simulator.parameters, *simulator.outputs} <= first
 
 
+def test_usual_names_of_the_thrust_are_known(capsys):
+    """Regression: ten names by letters, as 'trust' for Fx."""
+    outputs = load_simulator("joint").outputs
+    for usual in ("Fx", "GAF", "axial force", "generated axial force", "axial_force"):
+        assert closest(usual, outputs) == "; did you mean 'thrust' or 'thrust_amplitude'?", usual
+    assert "thrust" not in closest("Fx", load_simulator("joint").parameters)
+    assert main(["simulate", "--variable", "GAF"]) == 2
+    assert "did you mean 'thrust' or 'thrust_amplitude'?" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("wrong", "meant"),
     [

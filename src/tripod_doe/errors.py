@@ -25,6 +25,14 @@ _LONGEST_LINE = 4_000  # characters
 _MOST_LINES = 200
 _LONGEST_NAME = 100  # characters of a name for which near ones are looked for
 _SYNONYMS = {"mu": "friction", "cof": "friction", "roller": "groove", "bearing": "needle"}  # words for those of names
+_THRUST = {
+    "fx",
+    "gaf",
+    "axial force",
+    "generated axial force",
+    "thrust force",
+    "axialkraft",
+}  # usual names of the thrust
 _CONTROL = re.compile(
     r"[^\S\n ]|[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]"
 )
@@ -161,6 +169,8 @@ def closest(name: str, known: Iterable[str]) -> str:
     cutoff = _NEAR if len(name) > 4 else _NEAR_SHORT
     near = difflib.get_close_matches(name, names, n=1, cutoff=cutoff)
     words = set(re.findall(r"[^\W_]+", name))
+    if " ".join(re.findall(r"[^\W_]+", name.lower())) in _THRUST:
+        near = [other for other in ("thrust", "thrust_amplitude") if other in names] or near
     same_words = _with_words(words, names) or _with_words({_SYNONYMS.get(word, word) for word in words}, names)
     by_words = len(words) > 1 and 0 < len(same_words) <= _MOST_MEANT
     meant = longer or (same_words if by_words else near or same_words)

@@ -17,6 +17,8 @@ from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
+from tripod_doe.quantities import duration
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points
@@ -297,5 +299,13 @@ def test_the_error_of_the_model_stands_beside_the_chance():
     for key, least in (("exceedance_model_low", 60.8 / 0.99), ("exceedance_model_high", 60.8 / 1.01)):
         assert float(result[key]) == pytest.approx(norm(60, 0.5).sf(least), abs=0.02)
     assert float(result["exceedance_low"]) <= norm(60, 0.5).sf(60.8) <= float(result["exceedance_high"])
-    said = " ".join(find_in_tolerance(tolerance(cube, settings), "t"))
-    assert "(of the order 1 % in the median)" in said
+    cube.attrs["models"] = "kinetostatic"
+    result = tolerance(cube, settings)
+    said = " ".join(find_in_tolerance(result, "t"))
+    assert "that nine in ten points similar to it had (for half of the points at most 1 %)" in said
+    samples = int(re.search(r"samples = (\d+) in \[design\], and run it", said)[1])
+    prices = [
+        duration(samples * load_simulator("joint").recorded_price({"model": name}), 2)
+        for name in ("rollers", "needles")
+    ]
+    assert f'; with model = "rollers" or "needles" in [base] (about {" or ".join(prices)} of CPU time), since' in said

@@ -13,7 +13,7 @@ from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_t
 from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
-from tripod_doe.quantities import count_of, interval, number, text_range, with_unit
+from tripod_doe.quantities import count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable
 
@@ -78,9 +78,10 @@ def _of_model(part: xr.Dataset) -> str:
     if not wide > _WIDER * own:
         return ""
     low, high = (number(100 * end[1], 2) for end in ends)
+    usual = number(100 * float(part.attrs["model_error_usual"]), 2)
     return (
-        f" by this model, and between {low} and {high} % if each point is off by the error that nine in ten points "
-        f"similar to it keep (of the order {number(100 * float(part.attrs['model_error_usual']), 2)} % in the median)"
+        f" by this model, and between {low} and {high} % if each point is off by the largest error that nine in ten "
+        f"points similar to it had (for half of the points at most {usual} %)"
     )
 
 
@@ -302,16 +303,19 @@ def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     return [
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
         f"study, with seed = {int(part.attrs['seed_of_points']) + 1} and samples = {samples} in [design], and run it: "
-        f"tripod-doe run COPY.toml --out DIR{_finer(part)}. For the change that is named first, confirm = {samples} in "
-        "the analysis does that by itself."
+        f"tripod-doe run COPY.toml --out DIR{_finer(part, samples)}. For the change that is named first, confirm = "
+        f"{samples} in the analysis does that by itself."
     ]
 
 
-def _finer(part: xr.Dataset) -> str:
-    """A finer model for the run that confirms, where the error of this one matters."""
-    return '; with model = "rollers" or "needles" in [base], since the error of this model counts here' * bool(
-        _of_model(part)
-    )
+def _finer(part: xr.Dataset, samples: int) -> str:
+    """The finer models for the run that confirms, with their prices, where the error of this one matters."""
+    prices = json.loads(str(part.attrs.get("finer_models", "{}")))
+    if not (prices and _of_model(part)):
+        return ""
+    models = " or ".join(f'"{name}"' for name in prices)
+    times = " or ".join(duration(samples * each, 2) for each in prices.values())
+    return f"; with model = {models} in [base] (about {times} of CPU time), since the error of this model counts here"
 
 
 def _percent(value: float, half: float) -> str:

@@ -34,6 +34,8 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_tables import parse_file
 
 _THIRD = "thrust_amplitude_3"  # the quantity whose error of the model is on record
 
@@ -145,6 +147,19 @@ def _limit_of_model(cube: xr.Dataset, sample: Sample) -> FloatArray:
     """The stated errors of the model at the points, shape (known,)."""
     errors = cube[MODEL_ERROR_LIMIT].values[sample.rows] if MODEL_ERROR_LIMIT in cube else np.empty(0)
     return np.asarray(errors[np.isfinite(errors)])
+
+
+def _model_attributes(cube: xr.Dataset, sample: Sample) -> dict[str, str | float]:
+    """The stated error in the middle of the points, and the finer models with their recorded prices; empty without."""
+    limit = _limit_of_model(cube, sample)
+    if not limit.size:
+        return {}
+    file, used = parse_file(cube.attrs["study"], "the study in the cube"), str(cube.attrs.get("models", "")).split(", ")
+    simulator = load_simulator(file.study.scene)
+    ranks = [rank for rank, name in enumerate(simulator.model_names, 1) if name in used]
+    finer = simulator.model_names[max(ranks) :] if ranks else ()
+    prices = {name: simulator.recorded_price({"model": name}) for name in finer}
+    return {"model_error_usual": float(np.median(limit)), "finer_models": json.dumps(prices)}
 
 
 def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
@@ -281,7 +296,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         keep=settings.keep,
         confirm=settings.confirm,
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
-        **({"model_error_usual": float(np.median(limit))} if (limit := _limit_of_model(cube, sample)).size else {}),
+        **_model_attributes(cube, sample),
         seed_of_points=sample.design.seed,
         samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
