@@ -21,7 +21,7 @@ version = release = re.search(r'^version = "(.+)"', (_HERE.parent / "pyproject.t
 html_title = f"tripod_doe {version}"
 language = "en"
 
-extensions = ["myst_parser", "mathml", "repository_files", "page_lists"]
+extensions = ["myst_parser", "mathml", "repository_files", "page_lists", "search_words"]
 root_doc = "index"
 exclude_patterns = ["site/**", "**.ipynb_checkpoints"]
 nitpicky = True
@@ -37,6 +37,7 @@ html_static_path = ["site/static"]
 html_css_files = ["site.css"]
 templates_path = ["site/templates"]
 html_favicon = "../src/tripod_doe/service/page/assets/icon.svg"
+html_search_scorer = str(_HERE / "site" / "search_order.js")
 html_copy_source = False
 html_show_sourcelink = False
 html_show_copyright = False
