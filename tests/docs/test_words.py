@@ -59,6 +59,22 @@ def test_files_that_the_code_names_exist():
     assert missing == []
 
 
+SOURCES = [
+    path.as_posix()
+    for folder in ("src", "tests", "docs", "benchmarks", "measurements")
+    for path in (ROOT / folder).rglob("*.py")
+]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.stem)
+def test_modules_that_a_page_names_exist(page):
+    """Regression: a renamed module was still named in running text, where no link would break."""
+    text = page.read_text(encoding="utf-8")
+    written = set(re.findall(r"[Ss]ave this as\s+`([^`]+)`", text))
+    named = set(re.findall(r"`((?:[\w-]+/)*[\w-]+\.py)`", text)) - written
+    assert [name for name in sorted(named) if not any(path.endswith(f"/{name}") for path in SOURCES)] == []
+
+
 STALE = re.compile(r"\b(?:told|so many|nobody|those of|that of|dear(?:er|est)?)\b", re.IGNORECASE)
 """Words that a reader stumbles over; each has a plainer one."""
 PLAIN = [
