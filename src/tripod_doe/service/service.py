@@ -20,6 +20,7 @@ from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.found_directories import FoundDirectories
 from tripod_doe.service.runs.one_run import OneRun
+from tripod_doe.service.runs.result_directory import EXCHANGED, is_exchanged
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
@@ -66,11 +67,12 @@ class Service:
         self.runs = Supervisor(settings)
         self.found = FoundDirectories(settings.folder, self.runs, self._plan_directory)
         self._pool = WorkerPool(2, settings.limits, waiting=40)
+        self._finding = WorkerPool(1, settings.limits)
         self._planning = WorkerPool(1, settings.limits, waiting=settings.limits.queued)
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
         self._of_readers = WorkerPool(1, settings.limits, waiting=40), WorkerPool(1, settings.limits)
-        self._pools = (self._pool, self._planning, self._computing, self._large, *self._of_readers)
+        self._pools = (self._pool, self._finding, self._planning, self._computing, self._large, *self._of_readers)
         self.threads = _SPARE_THREADS + sum(pool.threads for pool in self._pools)
         self.shares = Shares(settings.folder)
         self.computes = True
@@ -117,9 +119,9 @@ class Service:
         self.found.watch()
 
     def _plan_directory(self, path: Path) -> Any:
-        """Counts of the study of a directory that the command line filled."""
+        """Counts of the study of a directory that the command line filled, on a worker for such questions alone."""
         limits = self.settings.limits
-        return self._pool.ask(f"{_QUESTIONS}:plan_directory", limits.simulate_seconds, path=str(path), limits=limits)
+        return self._finding.ask(f"{_QUESTIONS}:plan_directory", limits.query_seconds, path=str(path), limits=limits)
 
     def close(self) -> None:
         """End supervision and workers; runs go on."""
@@ -341,9 +343,12 @@ class Service:
         """The directory of a run, for delivery.
 
         Raises:
-            RefusedError: 404 if there is no such run, 403 if its directory holds a file that must not be delivered.
+            RefusedError: 404 if there is no such run, or its directory holds other results; 403 if it holds a file that
+                must not be delivered.
         """
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
+        if is_exchanged(run, directory):
+            raise RefusedError(404, f"{run_id}: {EXCHANGED}")
         extended = (directory / UPLOAD).is_dir()  # by this service, whose files are private in any directory
         check_delivered(directory, bool(run.place) and not extended)
         return directory

@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.regular_files import STUDY_BYTES, read_regular
+from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
-from tripod_doe.service.runs.result_directory import page_of
+from tripod_doe.service.runs.result_directory import is_exchanged, page_of
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
+from tripod_doe.study.definition.study_folder import table_copy
 from tripod_doe.study.journal import journal_path
 
 _PERIOD = 2.0  # seconds between two looks
@@ -86,7 +87,7 @@ class FoundDirectories:
             run = known.get(name)
             if self._ended.is_set():
                 return
-            if run is None or (run.state.at_rest and run.kind == "study" and not run.binned):
+            if run is None or (run.kind == "study" and not run.binned and _may_be_another(run, self._folder / name)):
                 self._look_at(self._folder / name, run)
 
     def _look_at(self, path: Path, run: Run | None) -> None:
@@ -97,39 +98,48 @@ class FoundDirectories:
         signature = _signature(path)
         if signature is None or signature == self._seen.get(path.name):
             return
-        is_another = run is not None and run.inode not in (0, signature.inode)
-        if run is None or is_another or _is_continued(path, run, signature):
-            try:
+        try:
+            is_another = run is not None and is_exchanged(run, path)
+            if run is None or is_another or _is_continued(path, run, signature):
                 check_delivered(path, found=True)
                 plan = self._plan(path)
-                # a new file may get the inode of a deleted one, so the name of the study counts, too
+                # journals of earlier versions have no number, and a new file may get the inode of a deleted one
                 if run is not None and (is_another or plan["name"] != run.name):
                     self._runs.forget([run])
                 self._runs.adopt(path, plan)
-            except (AllBusyError, ServerEndsError):
-                return  # the next look tries again
-            except (RefusedError, TripodDoeError, WorkerFailedError, OSError) as error:
-                log.warning("%s is not shown: %s", path.name, error)
-            except Exception:  # still show the others
-                if not self._ended.is_set():
-                    log.exception("%s is not shown", path.name)
+        except (AllBusyError, ServerEndsError):
+            return  # the next look tries again
+        except (RefusedError, TripodDoeError, WorkerFailedError, OSError) as error:
+            log.warning("%s is not shown: %s", path.name, error)
+        except Exception:  # still show the others
+            if not self._ended.is_set():
+                log.exception("%s is not shown", path.name)
         self._seen[path.name] = signature
+
+
+def _may_be_another(run: Run, path: Path) -> bool:
+    """Whether the directory of a run must be looked at: the run is at rest, or its results were exchanged."""
+    return run.state.at_rest or (run.is_left_alone and is_exchanged(run, path))
 
 
 def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
     """Whether the command line went on in the directory of a run at rest.
 
-    In a run that the service made, by another study than the one that was submitted: times alone change in a copy.
+    In a run that the service made, by another study or table than was submitted: times alone change in a copy.
     """
     shown = 1e9 * datetime.fromisoformat(run.updated).timestamp()
     if run.place:
         return signature.newest > shown
-    submitted = path / UPLOAD / main_file("study")
-    return signature.study > shown and submitted.is_file() and _content(submitted) != _content(path / "study.toml")
+    return signature.newest > shown and _is_another_study(path)
 
 
-def _content(path: Path) -> bytes:
-    return read_regular(path, STUDY_BYTES)
+def _is_another_study(path: Path) -> bool:
+    """Whether the study of a directory, or a table of it, is another one than was submitted there."""
+    submitted = {file.name: file for file in (path / UPLOAD).glob("*")}
+    main = submitted.pop(main_file("study"), None)
+    pairs = [(file, table_copy(path, name)) for name, file in submitted.items()]
+    pairs += [(main, path / "study.toml")] if main else []
+    return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in pairs)
 
 
 def _signature(path: Path) -> Signature | None:

@@ -3,6 +3,7 @@
 So the next server gets the same answer, whoever started the run.
 """
 
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -12,9 +13,13 @@ from typing import Any
 from tripod_doe.errors import CubeError
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
-from tripod_doe.study.journal import COMPUTING, Journal
+from tripod_doe.study.journal import COMPUTING, Journal, journal_path
+from tripod_doe.study.journal.rows import results_number
 from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
+
+EXCHANGED = "its directory holds the results of another run: put its own back, or delete this run"
+"""Why nothing of a run is delivered or run."""
 
 _LEAST = 1_000_000  # free bytes that a run needs to end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
@@ -81,6 +86,27 @@ def remove_stages(directory: Path) -> None:
     """Remove the stages of a search's earlier run: the search starts again, and reuses the stored points."""
     with suppress(OSError):
         (directory / STEPS).unlink()
+
+
+def results_in(directory: Path) -> dict[str, int]:
+    """What shows whose results are in a directory, by the names of a `Run`; zeros without a journal."""
+    path = journal_path(directory)
+    try:
+        return {"inode": os.lstat(path).st_ino, "results": results_number(path)}
+    except OSError:
+        return {"inode": 0, "results": 0}
+
+
+def is_exchanged(run: Run, directory: Path) -> bool:
+    """Whether a directory holds other results than those of its run.
+
+    What the command line fills is known by its file: links to one run do not open a copy of it that goes on elsewhere.
+    A run of the service stays itself in a copy of the whole folder.
+    """
+    here = results_in(directory)
+    if run.results and here["results"] != run.results:
+        return True
+    return bool(run.place and run.inode) and here["inode"] != run.inode
 
 
 def page_of(directory: Path) -> Path:

@@ -86,7 +86,9 @@ class Run:
     updated: str = ""
     retry_failed: bool = False  # whether the queued run repeats failed points
     place: str = ""  # name of its directory, if the command line filled it; else empty, and the id is the name
-    inode: int = 0  # of the journal in that directory: another one means the results of another run
+    # inode, results: of the journal in its directory, and the number of the results in it; 0 if unknown
+    inode: int = 0
+    results: int = 0
     taken: bool = False  # whether the service runs that directory's study, after an extension here
     # key, digest: the client's Idempotency-Key, and the hash of its upload
     key: str | None = None

@@ -102,10 +102,11 @@ class Supervisor:
             return {run.place or run.id: run for run in (*self._runs.values(), *self._bin.all())}
 
     def forget(self, gone: Sequence[Run]) -> None:
-        """Forget runs of the command line that are at rest, and whose directories were removed."""
+        """Forget runs that no process of the service is at work on, as their directories were removed or exchanged."""
         with self._lock:
-            for run in gone:
-                if run.state.at_rest and run.id not in self._changing and self._runs.get(run.id) == run:
+            for run in [self._runs[run.id] for run in gone if run.id in self._runs]:
+                if (run.state.at_rest or run.is_left_alone) and run.id not in self._changing:
+                    self._forget_work(run.id)
                     if not self.settings.read_only:
                         self._table.remove(run.id)
                     del self._runs[run.id]
@@ -113,12 +114,11 @@ class Supervisor:
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
         """Show a directory of the folder that the command line filled, or is filling, perhaps once more."""
-        journal = journal_path(directory).stat()
-        study = {"state": State.RUNNING, "inode": journal.st_ino, **_planned(plan)}
+        study = {"state": State.RUNNING, **result_directory.results_in(directory), **_planned(plan)}
         with self._lock:
             run = self.by_place().get(directory.name)
             if run is None:
-                written = stamp(datetime.fromtimestamp(journal.st_mtime, UTC))
+                written = stamp(datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC))
                 study |= {"created": written, "updated": written, "place": directory.name}
                 run = self._put(Run(secrets.token_hex(8), **study))
             elif run.state.at_rest and run.id not in self._changing:
@@ -221,6 +221,8 @@ class Supervisor:
                 raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
             if processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, "another process computes into the directory of this run")
+            if result_directory.is_exchanged(run, self.directory(run_id)):
+                raise RefusedError(409, result_directory.EXCHANGED)
             self._refuse_full_queue()
             return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
@@ -441,6 +443,8 @@ class Supervisor:
             run = self._runs[run_id]
             if not run.state.alive:
                 return
+            if not run.results and (here := result_directory.results_in(directory))["results"]:
+                run = self._put(replace(run, **here))
             if alive:
                 if (counts, steps, doing) != (run.counts, run.steps, run.message):
                     eta = progress.eta_seconds(counts)
@@ -488,7 +492,8 @@ class Supervisor:
 
     def _start(self, run_id: str) -> None:
         run, directory = self._runs[run_id], self.directory(run_id)
-        self._put(run.changed(state=State.RUNNING))  # before the start: after a kill here, the run is seen to be dead
+        # before the start: after a kill here, the run is seen to be dead. A run replaces a damaged journal.
+        self._put(run.changed(state=State.RUNNING, inode=0, results=0))
         try:
             remove_report(directory)
             if run.is_search:

@@ -21,6 +21,7 @@ from tripod_doe.study.journal.rows import (
     BlockRow,
     DamagedRowError,
     NoteRow,
+    results_number,
     write_journal,
 )
 from tripod_doe.study.journal.sqlite_pages import logged_rows, stored_rows
@@ -236,7 +237,7 @@ def rescue(path: Path, reason: str) -> str:
     notes[REPAIRS] = str(int(notes.get(REPAIRS, 0)) + 1)
     kept = _free_name(path)
     os.link(path, kept)
-    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(whole)), notes)
+    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(whole)), notes, results_number(path))
     return (
         f"{path}: the journal is damaged ({reason}): {count_of(len(whole), 'block')} can be read, "
         f"{f'at least {newest - len(whole):,} cannot' if newest > len(whole) else 'others may be lost'}; "

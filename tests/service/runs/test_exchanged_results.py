@@ -1,0 +1,120 @@
+"""Results that are exchanged in the folder of a server: links to the former ones lead nowhere, at once."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.uploads import UPLOAD
+from tripod_doe.service.runs.found_directories import FoundDirectories
+from tripod_doe.service.runs.run_table import State
+from tripod_doe.service.service import Service
+from tripod_doe.service.settings import Settings
+from tripod_doe.study.definition.study_folder import table_copy
+from tripod_doe.study.journal import Journal
+from tripod_doe.study.result_directory.directory_lock import DirectoryLock
+
+PLAN = {"kind": "study", "name": "shared", "question": "", "unique": 3, "expected_outcomes": []}
+
+
+def filled(path):
+    path.mkdir()
+    (path / "study.toml").write_text("[study]\n")
+    Journal(path).close()
+    return path
+
+
+@pytest.fixture
+def service(tmp_path):
+    (tmp_path / "runs").mkdir()
+    service = Service(Settings(tmp_path / "runs", workers=0))
+    yield service
+    service.runs._table.close()
+
+
+@pytest.fixture
+def look(service):
+    """Look once for directories of the command line."""
+    return FoundDirectories(service.settings.folder, service.runs, lambda path: PLAN)._look
+
+
+def refused(service, run_id):
+    with pytest.raises(RefusedError) as error:
+        service.directory(run_id)
+    return error.value.status
+
+
+@pytest.mark.parametrize("running", [False, True])
+def test_a_found_run_is_known_by_its_results_at_each_answer(service, look, tmp_path, running):
+    """Regression: while it ran, and until the next look, its link opened what had taken its place."""
+    place = filled(tmp_path / "runs" / "shared")
+    secret = filled(tmp_path / "secret")
+    lock = DirectoryLock(place) if running else None
+    look()
+    (run,) = service.runs.all()
+    assert run.state.alive == running
+    assert service.directory(run.id) == place
+    place.rename(tmp_path / "away")
+    secret.rename(place)
+    assert refused(service, run.id) == 404
+    look()
+    (other,) = service.runs.all()
+    assert other.id != run.id
+    assert service.directory(other.id) == place
+    if lock:
+        lock.release()
+
+
+def test_results_that_get_the_inode_of_deleted_ones_are_others(service, look, tmp_path, monkeypatch):
+    place = filled(tmp_path / "runs" / "shared")
+    look()
+    (run,) = service.runs.all()
+    shutil.rmtree(place)
+    filled(place)
+    inode = (place / "journal.sqlite").stat().st_ino
+    service.runs._runs[run.id] = run.changed(inode=inode)
+    assert refused(service, run.id) == 404
+
+
+def test_a_run_of_the_service_is_known_by_its_results(service, tmp_path):
+    """Regression: it was known by its directory's name alone."""
+    upload = tmp_path / "upload"
+    upload.mkdir()
+    run = service.runs._put(service.runs.submit(upload, PLAN).changed(state=State.RUNNING))
+    place = service.directory(run.id)
+    Journal(place).close()
+    service.runs._look_at(run.id)
+    assert service.runs.find(run.id).state is State.FAILED
+    assert service.directory(run.id) == place
+    place.rename(tmp_path / "away")
+    shutil.copytree(tmp_path / "away", place)  # as in a copy of the whole folder
+    assert service.directory(run.id) == place
+    shutil.rmtree(place)
+    filled(place)
+    assert refused(service, run.id) == 404
+    with pytest.raises(RefusedError, match="the results of another run"):
+        service.runs.resume(run.id)
+
+
+def test_a_run_whose_table_alone_the_command_line_exchanged_is_shown_anew(service, look, tmp_path):
+    """Regression: the list kept the counts of the table that was submitted."""
+    upload = tmp_path / "upload"
+    upload.mkdir()
+    (upload / "study.toml").write_text("[study]\n")
+    (upload / "points.csv").write_text("x\n1\n")
+    run = service.runs._put(service.runs.submit(upload, PLAN).changed(state=State.FINISHED))
+    place = service.directory(run.id)
+    assert (place / UPLOAD / "points.csv").is_file()
+    (place / "study.toml").write_text("[study]\n")
+    Journal(place).close()
+    copy = table_copy(place, "points.csv")
+    copy.parent.mkdir()
+    copy.write_text("x\n1\n")
+    look()
+    assert not service.runs.find(run.id).place
+    copy.write_text("x\n1\n2\n")
+    (place / "cube.nc").touch()
+    look()
+    assert service.runs.find(run.id).place == run.id
