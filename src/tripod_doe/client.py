@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from html import escape
 from http.client import HTTPException
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 from urllib.error import HTTPError, URLError
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 from urllib.request import Request
 
 import numpy as np
 
-from tripod_doe.errors import CubeError, InputError, TripodDoeError
+from tripod_doe.errors import CubeError, InputError, TripodDoeError, printable
 from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.definition.scenes import load_simulator
@@ -41,6 +41,9 @@ _FILE_KEYS = ("study", "table", "file", "files", "measurement")  # whose values 
 _SECONDS = 120.0  # a simulated point may take that long
 _PAUSE = 0.5  # seconds between two questions about a run
 _TRIES = 5  # where the service is busy
+_MOST_BYTES = {"application/json": 500_000_000}  # of an answer in memory
+_MOST_FILE_BYTES, _MOST_REFUSAL_BYTES = 5_000_000_000, 1_000_000
+_TEXTS, _COUNTS = ("id", "name", "state", "message"), ("total", "finished", "failed", "missing")  # of a run
 
 StudyLike = Mapping[str, Any] | str | Path
 
@@ -142,6 +145,8 @@ class Service:
         """
         page = {"page": 1} if most else {}
         records = self.ask("GET", "/runs", query={"text": text, "tag": list(tag), **page})
+        if not isinstance(records, list):
+            raise TripodDoeError(f"{self.url}: its answer is no list of runs")
         return [ServiceRun(self, record) for record in records[:most]]
 
     def find(self, name: str) -> ServiceRun:
@@ -178,23 +183,33 @@ class Service:
         status, kind, answer = self._sent(request, _TRIES if again else 1)
         if status >= 300:  # no redirection is followed, and what it says is no answer
             raise _refused(status, answer, path)
-        return json.loads(answer or b"null") if kind == "application/json" else answer
+        try:
+            return json.loads(answer or b"null") if kind == "application/json" else answer
+        except (ValueError, RecursionError) as error:
+            raise TripodDoeError(f"{self.url}: its answer is not JSON") from error
 
     def _sent(self, request: Request, tries: int) -> tuple[int, str, bytes]:
         """Status, type and body of an answer, asked for again while the service is busy."""
         for left in reversed(range(tries)):
             try:
                 with self._opener.open(request, timeout=_SECONDS) as answer:
-                    return answer.status, answer.headers.get_content_type(), answer.read()
+                    kind = answer.headers.get_content_type()
+                    return answer.status, kind, self._content(answer, _MOST_BYTES.get(kind, _MOST_FILE_BYTES))
             except HTTPError as error:
                 with error:
                     if error.code != 503 or not left:
-                        return error.code, error.headers.get_content_type(), error.read()
+                        return error.code, error.headers.get_content_type(), error.read(_MOST_REFUSAL_BYTES)
             except (URLError, HTTPException, OSError) as error:
                 reason = getattr(error, "reason", None) or error
                 raise InputError(f"{self.url}: no answer ({reason}); is the server running?") from None
             time.sleep(_PAUSE)
         raise AssertionError
+
+    def _content(self, answer: BinaryIO, most: int) -> bytes:
+        content = answer.read(most + 1)
+        if len(content) > most:
+            raise TripodDoeError(f"{self.url}: an answer of more than {most:,} bytes, and no more are read")
+        return content
 
 
 @dataclass
@@ -203,6 +218,9 @@ class ServiceRun:
 
     service: Service
     record: dict[str, Any]  # as the service describes it
+
+    def __post_init__(self) -> None:
+        self._take(self.record)
 
     @property
     def id(self) -> str:
@@ -244,7 +262,7 @@ class ServiceRun:
                 time.sleep(_PAUSE)
                 self.refresh()
         if self.state == "failed":
-            raise TripodDoeError(f"{self.name}: {self.record['message']}")
+            raise TripodDoeError(printable(f"{self.name}: {self.record['message']}"))
         return self
 
     def stop(self) -> ServiceRun:
@@ -345,13 +363,18 @@ class ServiceRun:
     def _ask(self, method: str, path: str, body: Mapping[str, Any] | None = None, **words: Any) -> Any:
         return self.service.ask(method, f"/runs/{quote(self.id, safe='')}{path}", body, **words)
 
-    def _take(self, record: dict[str, Any]) -> ServiceRun:
+    def _take(self, record: Any) -> ServiceRun:
+        """Take what the service says; TripodDoeError if it describes no run."""
+        points = record.get("points") if isinstance(record, dict) else None
+        is_run = isinstance(points, dict) and all(isinstance(record.get(key), str) for key in _TEXTS)
+        if not is_run or not all(type(points.get(key)) is int for key in _COUNTS):
+            raise TripodDoeError(f"{self.service.url}: its answer describes no run")
         self.record = record
         return self
 
     def __repr__(self) -> str:
         done = self.points["total"] - self.points["missing"]
-        return f"<run {self.name!r}: {self.state}, {done:,} of {self.points['total']:,} points>"
+        return f"<run {self.name!r}: {printable(self.state)}, {done:,} of {self.points['total']:,} points>"
 
     def _repr_html_(self) -> str:
         """The run as a notebook shows it."""
@@ -442,4 +465,5 @@ def _refused(status: int, answer: bytes, path: str) -> TripodDoeError:
     except (ValueError, KeyError, TypeError, AttributeError):
         text = f"{path}: the server answered {status}"
     kinds: Mapping[int, Callable[[str], TripodDoeError]] = {404: CubeError, 409: CubeError}
+    text = printable(text)
     return TripodDoeError(text) if status >= 500 else kinds.get(status, InputError)(text)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import json
 import threading
+from email.message import Message
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import numpy as np
@@ -10,7 +13,8 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.client import _selection, submission
+from tripod_doe import client
+from tripod_doe.client import Service, _selection, submission
 from tripod_doe.errors import TripodDoeError
 
 
@@ -35,6 +39,63 @@ def test_a_redirection_is_neither_followed_nor_taken_for_an_answer():
             td.connect(f"http://127.0.0.1:{server.server_port}", token="secret")
         server.shutdown()
     assert asked == ["/api/v1/runs?page=1"]
+
+
+RUN = {"id": "a", "name": "a", "state": "finished", "message": ""}
+POINTS = {"total": 9, "finished": 9, "failed": 0, "missing": 0}
+
+
+class Answers:
+    """An opener of a server that says what it likes."""
+
+    def __init__(self, content, kind="application/json"):
+        self.content, self.kind = content, kind
+
+    def open(self, request, timeout):
+        answer = io.BytesIO(self.content)
+        answer.status, answer.headers = 200, Message()
+        answer.headers["Content-Type"] = self.kind
+        return answer
+
+
+def service_that_says(content, kind="application/json"):
+    service = Service("http://127.0.0.1:1", "token")
+    service._opener = Answers(content if isinstance(content, bytes) else json.dumps(content).encode(), kind)
+    return service
+
+
+def test_a_state_with_control_characters_does_not_reach_the_terminal():
+    (run,) = service_that_says([RUN | {"state": "\x1b]0;pwned\x07", "points": POINTS}]).runs()
+    assert "\x1b" not in repr(run)
+    (run,) = service_that_says([RUN | {"state": "failed", "message": "\x1b[2J", "points": POINTS}]).runs()
+    with pytest.raises(TripodDoeError) as failed:
+        run.wait(progress=False)
+    assert "\x1b" not in str(failed.value)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        {},
+        [1],
+        [RUN],
+        [RUN | {"points": POINTS | {"total": "9"}}],
+        [RUN | {"name": 3, "points": POINTS}],
+        b"{",
+        b"[" * 99_999,
+    ],
+)
+def test_what_describes_no_run_is_refused_in_words(answer):
+    """Regression: a total of "9" was a TypeError."""
+    with pytest.raises(TripodDoeError, match="its answer"):
+        service_that_says(answer).runs()
+
+
+def test_an_answer_without_end_is_not_read_to_its_end(monkeypatch):
+    monkeypatch.setattr(client, "_MOST_FILE_BYTES", 1_000)
+    assert len(service_that_says(b"x" * 1_000, "text/html").ask("GET", "/")) == 1_000
+    with pytest.raises(TripodDoeError, match="an answer of more than 1,000 bytes"):
+        service_that_says(b"x" * 1_001, "text/html").ask("GET", "/")
 
 
 def test_a_text_that_is_spelled_as_a_file_sends_no_file(tmp_path):

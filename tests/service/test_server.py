@@ -16,6 +16,10 @@ from server_process import LONG, Server, committed, runs_in
 from service_client import COAST
 
 from started import Process
+from tripod_doe.service.server import add_demo
+from tripod_doe.service.service import Service
+from tripod_doe.service.settings import Settings
+from tripod_doe.service.workers.worker_pool import WorkerFailedError
 
 
 def test_the_server_prints_one_line_and_ends_in_time_with_a_hundred_streams(serve):
@@ -142,6 +146,19 @@ def test_kills_lose_no_finished_point_and_run_none_twice(serve, tmp_path):
     status, rows = server.ask(f"/runs/{run_id}/query?variable=thrust_rms&select=order%3D3")
     assert status == 200
     assert sum(row["outcome"] == "finished" for row in rows) == len(keys)
+
+
+def test_a_demonstration_that_cannot_start_keeps_the_server_from_nothing(tmp_path, monkeypatch, capsys):
+    """Regression: a worker that failed at the start ended the server with a traceback."""
+    service = Service(Settings(tmp_path, workers=0))
+
+    def failed(body):
+        raise WorkerFailedError("check: the worker has ended")
+
+    monkeypatch.setattr(service, "submit", failed)
+    add_demo(service)
+    assert "it cannot run now: check: the worker has ended" in capsys.readouterr().err
+    service.runs._table.close()
 
 
 @pytest.mark.slow

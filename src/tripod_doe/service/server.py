@@ -18,17 +18,19 @@ from types import FrameType
 
 import uvicorn
 
-from tripod_doe.errors import InputError, option
+from tripod_doe.errors import InputError, TripodDoeError, option
 from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.regular_files import open_locked
 from tripod_doe.service.app import create_app
 from tripod_doe.service.log import start_log
+from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs.run_table import TABLE
 from tripod_doe.service.security.connections import limited_protocol
 from tripod_doe.service.security.delivered_files import is_open_to_change
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.forking import end_fork_server
+from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
 
 _GRACE = 3  # seconds for open answers at the end
 _QUESTION_GRACE = 1.5  # seconds for questions; then there is time left to tell their clients that the server ends
@@ -188,6 +190,10 @@ def add_demo(service: Service) -> None:
     if any(run.name == name for run in service.runs.all()):
         return
     print(f"tripod-doe: running the study {name!r} for the first look", file=sys.stderr)
-    run = service.submit(json.dumps({"study": text}).encode())
+    try:
+        run = service.submit(json.dumps({"study": text}).encode())
+    except (TripodDoeError, AllBusyError, WorkerFailedError, ServerEndsError, RefusedError) as error:
+        print(f"tripod-doe: it cannot run now: {error or 'all workers are at work'}", file=sys.stderr)
+        return
     while not service.runs.find(run.id).state.at_rest:
         time.sleep(_LOOK)

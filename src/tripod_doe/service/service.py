@@ -6,6 +6,7 @@ import logging
 import shutil
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
@@ -41,6 +42,7 @@ _UPLOADS = ".upload-"
 _QUESTIONS = "workers.worker_functions"
 _ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches; the first is the result
 _SMALL_SECONDS = 5.0  # CPU time of a short answer
+_MOST_LARGE = 2  # large questions of a reader: one at work, and one that waits
 _SPARE_THREADS = 40  # for requests that need no worker
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps without an analysis
 
@@ -73,6 +75,8 @@ class Service:
         self._large = WorkerPool(1, settings.limits)
         self._of_readers = WorkerPool(1, settings.limits, waiting=40), WorkerPool(1, settings.limits)
         self._pools = (self._pool, self._finding, self._planning, self._computing, self._large, *self._of_readers)
+        self._large_open: Counter[str] = Counter()  # large questions per reader
+        self._counting = threading.Lock()
         self.threads = _SPARE_THREADS + sum(pool.threads for pool in self._pools)
         self.shares = Shares(settings.folder)
         self.computes = True
@@ -189,11 +193,25 @@ class Service:
         except LateError:
             if seconds <= _SMALL_SECONDS:
                 raise
-            return self._large.ask(question, seconds, as_json, self.left, **arguments)
+            return self.ask_large(question, as_json, **arguments)
 
-    def ask_large(self, question: str, **arguments: Any) -> Any:
-        """Ask a question with a large answer, on a separate worker, so that small questions need not wait."""
-        return self._large.ask(question, self.settings.limits.query_seconds, False, self.left, **arguments)
+    def ask_large(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
+        """Ask a question with a large answer, on a separate worker, so that small questions need not wait.
+
+        Raises:
+            AllBusyError: Also if one such question of this reader is at work, and another one waits.
+        """
+        reader = self.settings.key if self.settings.read_only else ""
+        with self._counting:
+            if reader and self._large_open[reader] >= _MOST_LARGE:
+                raise AllBusyError
+            self._large_open[reader] += 1
+        try:
+            return self._large.ask(question, self.settings.limits.query_seconds, as_json, self.left, **arguments)
+        finally:
+            with self._counting:
+                self._large_open[reader] -= 1
+                self._large_open += Counter()  # drops zeros
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question of `workers.worker_functions` about the body of a request."""

@@ -17,8 +17,8 @@ from tripod_doe.study.definition.toml_text import parse_toml
 class HeadTable(Table):
     """[workflow]: name and question."""
 
-    name: str = Field(min_length=1, description="short name of the workflow")
-    question: str = Field("", description="the question it answers, as the report repeats it")
+    name: str = Field(min_length=1, max_length=200, description="short name of the workflow")
+    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
 
 
 class Overrides(Table):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import stat
+from math import nan
 
 import pytest
 from service_client import ADDRESS, API, READ_TOKEN, TOKEN
@@ -54,6 +55,20 @@ def writes(app):
         for method in operations:
             if method in ("post", "patch", "put", "delete"):
                 yield method, path
+
+
+@pytest.mark.parametrize(
+    "planted", [{"expires": 1e300}, {"expires": "9"}, {"created": True}, {"digest": 3}, {"id": []}, {"expires": nan}]
+)
+def test_a_row_that_is_none_of_ours_is_refused_where_the_file_is_read(tmp_path, planted):
+    """Regression: each request without a session was an internal error."""
+    known = Shares(tmp_path)
+    known.add("a", 3)
+    (row,) = json.loads((tmp_path / SHARES).read_text())
+    (tmp_path / SHARES).write_text(json.dumps([row | planted]))
+    assert known.open() == []
+    with pytest.raises(InputError, match="delete the file"):
+        Shares(tmp_path)
 
 
 def test_a_link_opens_its_run_in_a_browser_and_for_programs(browser, link, coast):

@@ -54,6 +54,11 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5\nstd = -2", "std = -2: must be above 0"),
         ("[study]\nname = ''", "name = '': must not be empty"),
         (
+            HEAD + f'question = "{"x" * 3_000_000}"',
+            "question = .*: must have at most 4,000 characters",
+        ),  # in each list of runs
+        (f'[study]\nname = "{"x" * 201}"', "name = .*: must have at most 200 characters"),
+        (
             HEAD + FACTOR + "[designs.a]\nkind = 'grid'",
             r"unknown key 'designs'; a sub-design is written \[design.NAME\]",
         ),
@@ -169,7 +174,8 @@ def test_files_that_only_cost_time_are_refused_in_a_sentence(text):
 
 
 def test_names_with_dots_in_a_text_are_no_keys():
-    study = parse_study('[study]\nname = "text"\nquestion = "' + "a_word-with/slashes " * 5000 + '"\n')
+    words = "a_word-with/slashes "
+    study = parse_study(f'[study]\nname = "text"\nquestion = "{words * 190}"\n# {words * 5_000}\n')
     assert study.file.study.name == "text"
 
 

@@ -14,8 +14,8 @@ from tripod_doe.study.definition.table_file import TableFile, read_table_file
 class HeadTable(Table):
     """[optimisation]: the question, what answers it, and how sure an answer must be under scatter."""
 
-    name: str = Field(min_length=1, description="short name of the optimisation")
-    question: str = Field("", description="the question it answers, as the report repeats it")
+    name: str = Field(min_length=1, max_length=200, description="short name of the optimisation")
+    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
     scene: str = Field("joint", description="scene that is simulated")
     function: str | None = Field(None, description="package.module:function to run in place of a scene")
     quantile: float = Field(

@@ -140,7 +140,7 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     stored = netCDF4.Dataset(path, mode)
     if excess := _excess(stored, os.path.getsize(path)):
         stored.close()
-        raise CubeError(f"{path}: {excess}: its end is lost, or it was made to fill the memory of its reader")
+        raise CubeError(f"{path}: {excess}, its end is lost, or it was made to fill the memory of its reader")
     return stored
 
 
@@ -148,12 +148,12 @@ def _excess(stored: netCDF4.Dataset, own: int) -> str:
     """What a file of this size announces beyond what it can hold, in words."""
     announced, chunk = announced_bytes(stored), _largest_chunk(stored)
     if announced > _MISSING + _DENSEST * own:
-        return f"announces {size(announced)} of values in a file of {size(own)}"
+        return f"announces {size(announced)} of values in a file of {size(own)}: nearly all are missing"
     if chunk > _LARGEST_CHUNK:
-        return f"has a chunk of {size(chunk)}; the largest that is read has {size(_LARGEST_CHUNK)}"
+        return f"has a chunk of {size(chunk)}; at most {size(_LARGEST_CHUNK)} are read: another program wrote it"
     texts = [variable for variable in _all_variables(stored) if variable.dtype is str and variable.ndim]
     if any(_has_more_letters(variable, own) for variable in texts):
-        return f"announces more letters of texts than fit in a file of {size(own)}"
+        return f"announces more letters of texts than fit in a file of {size(own)}: another program wrote it"
     return ""
 
 

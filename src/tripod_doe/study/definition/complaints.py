@@ -61,6 +61,7 @@ def _complaint(item: ErrorDetails, model: type[BaseModel]) -> str:
 _EXPECTED = {
     "string_type": "expected text in quotes",
     "string_too_short": "must not be empty",
+    "string_too_long": "must have at most {max_length:,} characters",
     "bool_type": "expected true or false",
     "bool_parsing": "expected true or false",
     "float_type": "expected a number",

@@ -46,8 +46,8 @@ class Table(BaseModel):
 class StudyTable(Table):
     """[study]: the question, and the scene or function that answers it."""
 
-    name: str = Field(min_length=1, description="short name of the study")
-    question: str = Field("", description="the question it answers, as the report repeats it")
+    name: str = Field(min_length=1, max_length=200, description="short name of the study")
+    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
     scene: str = Field("joint", description="scene that is simulated")
     function: str | None = Field(None, description="package.module:function to run in place of a scene")
 
