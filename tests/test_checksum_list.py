@@ -119,6 +119,18 @@ def test_a_kill_at_any_moment_damages_no_file(tmp_path, monkeypatch, count):
         refuse_changed(path)
 
 
+def test_a_page_without_a_checksum_is_refused_where_one_is_due(tmp_path):
+    """Regression: the service delivered a page whose list was removed without a word."""
+    path = write_listed(tmp_path / "index.html", "text")
+    refuse_changed(path, unlisted=True)
+    (tmp_path / LIST).rename(tmp_path / f".{LIST}.next")  # killed before the list was in its place
+    refuse_changed(path, unlisted=True)
+    (tmp_path / f".{LIST}.next").unlink()
+    refuse_changed(path)
+    with pytest.raises(CubeError, match="does not fit its checksum"):
+        refuse_changed(path, unlisted=True)
+
+
 def test_a_damaged_file_is_known_at_once(tmp_path):
     """Regression: each look at the list of runs waited a second for the steps of a damaged one."""
     path = write_listed(tmp_path / "steps.json", "[1]")
