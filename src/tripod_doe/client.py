@@ -366,8 +366,8 @@ class ServiceRun:
     def _take(self, record: Any) -> ServiceRun:
         """Take what the service says; TripodDoeError if it describes no run."""
         points = record.get("points") if isinstance(record, dict) else None
-        is_run = isinstance(points, dict) and all(isinstance(record.get(key), str) for key in _TEXTS)
-        if not is_run or not all(type(points.get(key)) is int for key in _COUNTS):
+        counts = [type(points.get(key)) for key in _COUNTS] if isinstance(points, dict) else []
+        if {*counts} != {int} or not all(isinstance(record.get(key), str) for key in _TEXTS):
             raise TripodDoeError(f"{self.service.url}: its answer describes no run")
         self.record = record
         return self

@@ -21,7 +21,7 @@ from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.found_directories import FoundDirectories
 from tripod_doe.service.runs.one_run import OneRun
-from tripod_doe.service.runs.result_directory import EXCHANGED, is_exchanged
+from tripod_doe.service.runs.result_directory import refuse_exchanged
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
@@ -365,8 +365,7 @@ class Service:
                 must not be delivered.
         """
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
-        if is_exchanged(run, directory):
-            raise RefusedError(404, f"{run_id}: {EXCHANGED}")
+        refuse_exchanged(run, directory)
         extended = (directory / UPLOAD).is_dir()  # by this service, whose files are private in any directory
         check_delivered(directory, bool(run.place) and not extended)
         return directory

@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import CubeError
+from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 from tripod_doe.study.journal import COMPUTING, Journal, journal_path
 from tripod_doe.study.journal.rows import results_number
 from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
-
-EXCHANGED = "its directory holds the results of another run: put its own back, or delete this run"
-"""Why nothing of a run is delivered or run."""
 
 _LEAST = 1_000_000  # free bytes that a run needs to end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
@@ -88,7 +86,7 @@ def remove_stages(directory: Path) -> None:
         (directory / STEPS).unlink()
 
 
-def results_in(directory: Path) -> dict[str, int]:
+def results_in(directory: Path) -> dict[str, Any]:
     """What shows whose results are in a directory, by the names of a `Run`; zeros without a journal."""
     path = journal_path(directory)
     try:
@@ -107,6 +105,14 @@ def is_exchanged(run: Run, directory: Path) -> bool:
     if run.results and here["results"] != run.results:
         return True
     return bool(run.place and run.inode) and here["inode"] != run.inode
+
+
+def refuse_exchanged(run: Run, directory: Path) -> None:
+    """Refuse (RefusedError 404) a run whose directory holds other results."""
+    if is_exchanged(run, directory):
+        raise RefusedError(
+            404, f"{run.id}: its directory holds the results of another run: put its own back, or delete this run"
+        )
 
 
 def page_of(directory: Path) -> Path:

@@ -76,8 +76,7 @@ class Supervisor:
         self._bin.show(run for run in rows if run.binned)
         for run in [run for run in rows if not run.binned]:
             if not run.place or is_directory(self.settings.folder / run.place):
-                self._runs[run.id] = run
-                self.events.publish(run)
+                self._show(run)
             elif not self.settings.read_only:
                 self._table.remove(run.id)
         if not self.settings.read_only:
@@ -221,8 +220,7 @@ class Supervisor:
                 raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
             if processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, "another process computes into the directory of this run")
-            if result_directory.is_exchanged(run, self.directory(run_id)):
-                raise RefusedError(409, result_directory.EXCHANGED)
+            result_directory.refuse_exchanged(run, self.directory(run_id))
             self._refuse_full_queue()
             return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
@@ -402,10 +400,9 @@ class Supervisor:
 
     def _forget_work(self, run_id: str) -> None:
         """Drop the data about the process of an ended run."""
-        self._stop_by.pop(run_id, None)
         self._interrupted.discard(run_id)
-        self._progress.pop(run_id, None)
-        self._endings.pop(run_id, None)
+        for kept in (self._stop_by, self._progress, self._endings):
+            kept.pop(run_id, None)
 
     def _read_again(self) -> None:
         """Take over the changes of the server that runs studies in this folder."""
@@ -492,8 +489,7 @@ class Supervisor:
 
     def _start(self, run_id: str) -> None:
         run, directory = self._runs[run_id], self.directory(run_id)
-        # before the start: after a kill here, the run is seen to be dead. A run replaces a damaged journal.
-        self._put(run.changed(state=State.RUNNING, inode=0, results=0))
+        self._put(run.changed(state=State.RUNNING, inode=0, results=0))  # before the start, so that a kill is noticed
         try:
             remove_report(directory)
             if run.is_search:
