@@ -50,7 +50,8 @@ def read_annotation(directory: Path) -> Annotation:
     except FileNotFoundError:
         return Annotation()
     except (OSError, ValueError, InputError) as error:
-        raise InputError(f"{path}: cannot read this file: {error}; mend it, or delete it") from error
+        reason = str(error).removeprefix(f"{path}: ")
+        raise InputError(f"{path}: cannot read this file: {reason}; mend it, or delete it") from error
     return annotated(Annotation(), content, str(path))
 
 
