@@ -538,6 +538,10 @@ def test_steps_across_zero_are_judged_by_the_size_of_the_factor():
         assert np.isfinite(effect.outward) == told
         assert effect.both_ways != told
         assert not told or (effect.crossing and effect.settings == effect.rising == 4)
+    # none of the four pairs is on one side of zero, and a fifth that is makes no rule
+    more = np.append(torque, [50.0, 150]), np.append(other, [9.0, 9]), np.append(value, [1.0, 2])
+    (effect, _) = factor_effects({"torque": more[0], "other": more[1]}, more[2])
+    assert np.isnan(effect.outward)
 
 
 def test_points_that_repeat_others_are_computed_and_counted_once(make_cube):

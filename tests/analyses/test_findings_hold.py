@@ -328,7 +328,8 @@ def check_steps(sentence: str, truth: Truth, at: int) -> None:
         moves = [(b - a) * np.sign(abs(y) - abs(x)) for (x, y), (a, b) in pairs if x * y >= 0]
         if "different sizes" in sentence:
             moves = [(b - a) * np.sign(abs(y) - abs(x)) for (x, y), (a, b) in pairs if abs(x) != abs(y)]
-        assert len(moves) == number_after(r"In (?:all )?(?:\d+ of )?", sentence)
+        assert len(moves) == (1 if "only pair" in sentence else number_after(r"In (?:all )?(?:\d+ of )?", sentence))
+        assert ",," not in sentence
         rising = "increases" in sentence
         assert all((move if rising else -move) > -1.1e-9 * np.abs(truth.values).max() for move in moves)
         assert number_after("by up to ", sentence) == pytest.approx(np.abs(moves).max(), rel=6e-3)

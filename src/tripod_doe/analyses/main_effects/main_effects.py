@@ -236,7 +236,7 @@ def _by_steps(
         for any_side in (True, False):
             by_size = _outward_steps(levels.astype(float)[compared.ends], steps, any_side)
             up, down = int((by_size > error).sum()), int((by_size < -error).sum())
-            if min(up, down) == 0 < max(up, down):
+            if min(up, down) == 0 < max(up, down) and 2 * by_size.size >= compared.steps.size:  # few pairs are no rule
                 steps, outward, crossing = by_size, float(np.abs(by_size).max()), any_side
                 break
     return FactorEffect(

@@ -313,7 +313,7 @@ class EffectWording:
         """The signs of the steps in one factor, unless they rise and fall."""
         label, pairs, by_size = factor_label(self.cube, effect.factor), effect.settings, math.isfinite(effect.outward)
         alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
-        alone += ", on one side of zero," * (by_size and not effect.crossing)
+        alone += ", on one side of zero" * (by_size and not effect.crossing)
         alone += " and have different sizes of it" * (by_size and effect.crossing)
         most = f"by up to {self.value(effect.outward if by_size else effect.largest)}"
         held = f" ({self._held(effect)})" if effect.held else ""
