@@ -17,7 +17,7 @@ from tripod_doe.analyses.optimisation.correction import Correction
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.neighbours import Neighbours, around, places_of
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
-from tripod_doe.analyses.optimisation.pareto_front import Archive, apart, front_rows, knee, spread
+from tripod_doe.analyses.optimisation.pareto_front import Archive, apart, front_rows, knee, largest_gains, scaled
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import (
     Solved,
@@ -31,6 +31,7 @@ from tripod_doe.analyses.optimisation.search import (
     NARROWEST,
     WIDEST,
     Search,
+    confirmation_batches,
     first_generation,
     last_share,
     leading,
@@ -50,7 +51,6 @@ from tripod_doe.study.result_directory.directory import ResultDirectory, make_di
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
 from tripod_doe.workflow.steps_file import Stages
 
-_ROUNDS = 3  # rounds of candidates that a correction proposes, after the first round
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
 _MOST_GENERATIONS = 30  # generations written for programs that watch the run
@@ -322,19 +322,18 @@ class _Run:
             "confirmation", f"the best candidates once more{f' by {problem.confirm}' * bool(problem.confirm)}"
         )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
-        chosen = self._first_confirmed(archive) if self.is_corrected else self._leading(archive.judged)
+        first, *batches = confirmation_batches(self.table.confirmed, len(problem.signs))
+        chosen = self._first_confirmed(archive, first)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
-        for rounds in range(_ROUNDS if fine else 0, 0, -1):
+        for at, count in enumerate(batches if fine else []):
             assert fine is not None
             correction = Correction.of(archive, chosen, fine)
             if self.left and self.is_corrected:
-                self._search_corrected(correction, rounds)
+                self._search_corrected(correction, len(batches) - at)
                 archive = self.archive()
-            better = correction(archive)
-            new = np.array([row for row in self._leading(better, True) if row not in chosen], int)
+            new = self._next_confirmed(correction(archive), chosen, count)
             if not new.size:
                 break
-            new = new[: max(self.table.confirmed // 2, 1)]
             chosen = np.concatenate([chosen, new])
             fine = Judged.joined([fine, self.judge(archive.units[new], sample, problem.confirm)])
         start = self.judge(archive.units[:1], sample, problem.confirm)
@@ -369,29 +368,43 @@ class _Run:
         )
         return Neighbours(centres, centre, variable, units, beside, at_centre)
 
-    def _first_confirmed(self, archive: Archive) -> IntArray:
-        """Candidates that show the difference of two models: leading candidates, far apart from each other."""
-        aims, most = archive.judged.objectives * self.problem.signs, self.table.confirmed
-        if aims.shape[1] > 1 and archive.judged.feasible.any():
-            return self._leading(archive.judged)
-        rows = leading(aims, archive.judged, max(len(aims) // 4, most))
-        return rows[apart(archive.units[rows], most)]
+    def _first_confirmed(self, archive: Archive, count: int) -> IntArray:
+        """Candidates that promise most; of a single objective that a better model judges, leading ones far apart."""
+        aims, some = archive.judged.objectives * self.problem.signs, archive.judged.feasible.any()
+        if not self.is_corrected or (some and aims.shape[1] > 1):
+            none = np.empty(0, int)
+            return self._next_confirmed(archive.judged, none, count) if some else none
+        rows = leading(aims, archive.judged, max(len(aims) // 4, count))
+        return rows[apart(archive.units[rows], count)]
 
-    def _leading(self, judged: Judged, is_corrected: bool = False) -> IntArray:
-        """The candidates to confirm: some of the front, far apart, or the best candidates of a single objective.
+    def _next_confirmed(self, better: Judged, chosen: IntArray, count: int) -> IntArray:
+        """The candidates that promise most beside those that were judged once more; none if none promises anything.
 
-        If no candidate is feasible after a correction, the candidates closest to feasible.
+        If no candidate is feasible after the correction, the candidates closest to feasible.
+
+        Args:
+            better: All candidates, as corrected; those in `chosen` as they were judged once more.
         """
-        aims = judged.objectives * self.problem.signs
-        if is_corrected and not judged.feasible.any():
-            far = np.maximum(judged.violations, 0).sum(axis=1)
+        aims = better.objectives * self.problem.signs
+        if not better.feasible.any():
+            far = np.maximum(better.violations, 0).sum(axis=1)
+            far[chosen] = np.inf
             near = np.flatnonzero(np.isfinite(far) & np.isfinite(aims).all(axis=1))
-            return np.asarray(near[np.argsort(far[near], kind="stable")][: self.table.confirmed])
-        if aims.shape[1] > 1:
-            rows = front_rows(aims, judged.feasible)
-            return rows[spread(aims[rows], self.table.confirmed)] if rows.size else rows
-        able = np.flatnonzero(judged.feasible & np.isfinite(aims[:, 0]))
-        return np.asarray(able[np.argsort(aims[able, 0], kind="stable")][: self.table.confirmed])
+            return np.asarray(near[np.argsort(far[near], kind="stable")][:count])
+        if aims.shape[1] == 1:
+            return self._best_rows(better, chosen, count)
+        rows = front_rows(aims, better.feasible)
+        places = scaled(aims[rows])
+        new = ~np.isin(rows, chosen)
+        return rows[new][largest_gains(places[~new], places[new], count)]
+
+    def _best_rows(self, judged: Judged, but: IntArray, count: int) -> IntArray:
+        """The best candidates of a single objective but some, and but what is worse than the best of these."""
+        values = np.where(judged.feasible, judged.objectives[:, 0] * self.problem.signs[0], np.inf)
+        most = values[but].min(initial=np.inf)
+        values[but] = np.inf
+        able = np.flatnonzero(np.isfinite(values) & (values < most))
+        return np.asarray(able[np.argsort(values[able], kind="stable")][:count])
 
 
 def optimise(

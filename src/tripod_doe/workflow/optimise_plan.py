@@ -66,7 +66,7 @@ def plan_optimisation(
     how = timing, recorded
     parts = [_part(problem, f"search{by}", table.evaluations, joints, problem.model, how)]
     if sampled or problem.confirm != problem.model:
-        most = table.confirmed + 3 * max(table.confirmed // 2, 1) + 1  # and the start
+        most = table.confirmed + 1  # and the start
         by = f" by {problem.confirm}" if problem.confirm else ""
         joints = table.confirm_samples if sampled else 1
         parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, how))

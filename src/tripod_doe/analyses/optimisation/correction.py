@@ -14,7 +14,8 @@ from tripod_doe.array_types import FloatArray, IntArray
 
 _FEWEST = 4  # candidates from which on the difference is a process, and not its mean
 
-_Difference = Callable[[FloatArray], FloatArray]  # candidates on the unit cube -> difference, shape (candidate,)
+# candidates on the unit cube -> the difference and its standard error, shape (candidate,) each
+_Difference = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,11 @@ class Correction:
 
         Returns:
             Of candidates that were judged its own judgement, of the others that of the search with the predicted
-            difference; reasons follow from the corrected violations.
+            difference, to violations also its standard error: one that is judged for nothing costs more than a limit
+            that is not quite used up. Reasons follow from the corrected violations.
         """
-        objectives = _shifted(units, own.objectives, self.objectives)
-        violations = _shifted(units, own.violations, self.violations)
+        objectives, _ = _shifted(units, own.objectives, self.objectives)
+        violations = np.sum(_shifted(units, own.violations, self.violations), axis=0)
         reasons = list(own.reasons)
         for at in np.flatnonzero(np.isfinite(own.objectives).all(axis=1)).tolist():
             is_kept = (violations[at] <= 0).all()
@@ -76,9 +78,12 @@ def _take_known(values: FloatArray, better: FloatArray) -> None:
     np.copyto(values, better, where=np.isfinite(better))
 
 
-def _shifted(units: FloatArray, values: FloatArray, differences: list[_Difference]) -> FloatArray:
-    """Values of the search with the differences, shape (candidate, quantity)."""
-    return values + np.stack([each(units) for each in differences], axis=1) if differences else values.copy()
+def _shifted(units: FloatArray, values: FloatArray, differences: list[_Difference]) -> tuple[FloatArray, FloatArray]:
+    """Values of the search with the differences, and the standard errors of these, shape (candidate, quantity) each."""
+    if not differences:
+        return values.copy(), np.zeros_like(values)
+    means, errors = zip(*(each(units) for each in differences), strict=True)
+    return values + np.stack(means, axis=1), np.stack(errors, axis=1)
 
 
 def _learned(places: FloatArray, difference: FloatArray) -> _Difference:
@@ -93,7 +98,7 @@ def _learned(places: FloatArray, difference: FloatArray) -> _Difference:
     spread = float(np.ptp(difference)) if known.any() else 0.0
     if len(difference) < _FEWEST or spread == 0:
         mean = float(difference.mean()) if known.any() else 0.0
-        return lambda units: np.full(len(units), mean)
+        return lambda units: (np.full(len(units), mean), np.full(len(units), spread))
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, WhiteKernel
@@ -104,4 +109,9 @@ def _learned(places: FloatArray, difference: FloatArray) -> _Difference:
         warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound: the difference is even, or rough
         process.fit(places, difference)
     low, high = difference.min() - spread, difference.max() + spread  # not further than the differences that were seen
-    return lambda units: np.asarray(np.clip(process.predict(units), low, high))
+
+    def predicted(units: FloatArray) -> tuple[FloatArray, FloatArray]:
+        mean, error = process.predict(units, return_std=True)
+        return np.clip(mean, low, high), np.minimum(error, spread)
+
+    return predicted

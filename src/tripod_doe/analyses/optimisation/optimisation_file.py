@@ -78,7 +78,7 @@ class SearchTable(Table):
     confirm: str | None = Field(
         None, description="model that confirms the best candidates; the model of the search if omitted"
     )
-    confirmed: int = Field(12, ge=1, le=1000, description="candidates that are confirmed")
+    confirmed: int = Field(12, ge=1, le=1000, description="candidates that are confirmed, at most")
     samples: int = Field(64, ge=8, le=100_000, description="with [scatter]: joints in the sample of every candidate")
     confirm_samples: int = Field(256, ge=8, le=1_000_000, description="with [scatter]: joints in the other sample")
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.optimisation.measures import Judged
 from tripod_doe.array_types import FloatArray, IntArray
 
+_REFERENCE = 2.0  # of hypervolumes, where a front is from 0 to 1: far enough for its ends to count as its middle does
+
 
 @dataclass(frozen=True)
 class Archive:
@@ -59,12 +61,6 @@ def knee(aims: FloatArray) -> int:
     return int(np.argmin(scaled(aims).max(axis=1)))
 
 
-def spread(aims: FloatArray, count: int) -> IntArray:
-    """Some candidates of a front far apart from each other: the best in each aim, the knee, then the farthest ones."""
-    first = list(dict.fromkeys([*(int(k) for k in aims.argmin(axis=0)), knee(aims)]))[:count]
-    return np.sort(apart(scaled(aims), count, first))
-
-
 def apart(places: FloatArray, count: int, first: Sequence[int] = (0,)) -> IntArray:
     """Some points far apart from each other, shape (point,): the first ones, then always the farthest from all before.
 
@@ -77,4 +73,25 @@ def apart(places: FloatArray, count: int, first: Sequence[int] = (0,)) -> IntArr
         if distance.max() == 0:
             break
         chosen.append(int(np.argmax(distance)))
+    return np.array(chosen, int)
+
+
+def largest_gains(known: FloatArray, new: FloatArray, count: int) -> IntArray:
+    """The points that enlarge the hypervolume of known ones most, one after the other; those that do not are left out.
+
+    Args:
+        known: Aims from 0 to 1, shape (point, aim).
+        new: The points to choose from, likewise.
+    """
+    from moocore import hypervolume
+
+    reference = np.full(new.shape[1], _REFERENCE)
+    front, chosen = known, list[int]()
+    for _ in range(min(count, len(new))):
+        volumes = np.array([hypervolume(np.vstack([front, point]), ref=reference) for point in new])
+        best = int(volumes.argmax())
+        if len(front) and volumes[best] <= hypervolume(front, ref=reference):
+            break
+        chosen.append(best)
+        front = np.vstack([front, new[best]])
     return np.array(chosen, int)
