@@ -13,11 +13,16 @@ import pytest
 import tomlkit
 import xarray as xr
 from moocore import hypervolume
+from scipy.stats import qmc
 
 import tripod_doe as td
 from tripod_doe.analyses.optimisation.candidates import base_of
+from tripod_doe.analyses.optimisation.pareto_front import largest_gains
+from tripod_doe.analyses.optimisation.search import first_generation
+from tripod_doe.analyses.optimisation.variables import Variable, Variables
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.workflow import optimise
 from tripod_doe.workflow.optimise_plan import plan_optimisation
 from tripod_doe.workflow.point_batches import PointBatches
@@ -161,8 +166,7 @@ def test_a_value_that_follows_out_of_its_range_is_a_reason(tmp_path):
         evaluations = 40
         """
     )
-    parts = plan_optimisation(file, timing=False)
-    assert parts[0].points == 40
+    assert sum(part.points for part in plan_optimisation(file, timing=False)) == 40
     summary = td.optimise(file, tmp_path / "out", workers=0, progress=False)
     assert summary.good
     with xr.open_dataset(tmp_path / "out" / "candidates.nc") as candidates:
@@ -447,7 +451,46 @@ def test_the_plan_counts_what_confirms(tmp_path):
     assert (search.candidates, search.points) == (800, 4800)
     assert (confirm.candidates, confirm.points) == (4 + 1, 6 * 5)  # and the start
     assert beside.points == 0
-    assert beside.cpu_hours[1] * 3600 == pytest.approx(3.3 + 0.017 * 40 + 0.5e-3 * (4800 + confirm.points), rel=0.01)
+    assert beside.cpu_hours[1] * 3600 == pytest.approx(
+        3.3 + 0.017 * (40 + 5 / 20) + 0.5e-3 * (4800 + confirm.points), rel=0.01
+    )
+
+
+def test_the_plan_counts_candidates_that_are_refined_one_at_a_time(tmp_path):
+    """Workers share the points of one such candidate: with two operating points, at most two of eight are at work."""
+    (tmp_path / "a.toml").write_text("""
+        [optimisation]
+        name = "one at a time"
+        [variables.pitch_radius_mm]
+        low = 20
+        high = 24
+        [at.torque_n_m]
+        values = [40, 90]
+        [objectives.third]
+        output = "thrust_amplitude"
+        order = 3
+        [search]
+        evaluations = 100
+        population = 10
+    """)
+    search, refinement, beside = plan_optimisation(tmp_path / "a.toml", timing=False)
+    assert (search.candidates, refinement.candidates, refinement.points) == (50, 50, 100)
+    assert [part.shared_by(8) for part in (search, refinement, beside)] == [8, 2, 1]
+    assert beside.cpu_hours[1] * 3600 == pytest.approx(3.3 + 0.017 * (50 / 10 + 50) + 0.5e-3 * 200, rel=0.01)
+
+
+def test_first_candidates_are_a_latin_hypercube_of_scipy():
+    """Exact: written out, since the import of `scipy.stats` costs more than the points of a small search."""
+    radius = Variable(load_simulator("joint").parameters["pitch_radius_mm"])
+    variables = Variables((radius, radius), (), {})
+    first = first_generation(variables, 20, 3, None)
+    assert np.array_equal(first, qmc.LatinHypercube(2, rng=3).random(20))
+
+
+def test_the_candidates_that_enlarge_a_front_most():
+    """Exact: to (2, 2) the corner adds 1, the end 0.05; what is dominated adds nothing."""
+    known, new = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[1.0, 1.0], [0.95, 0.0], [0.1, 0.1]])
+    assert largest_gains(known, new, 3).tolist() == [2, 1]
 
 
 def test_the_plan_counts_the_work_beside_the_points(solve, tmp_path):

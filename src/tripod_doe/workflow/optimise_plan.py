@@ -1,14 +1,14 @@
 """Price of an optimisation before anything runs: its points, and the time of a few points."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-from scipy.stats import qmc
+from typing import Self
 
 from tripod_doe.analyses.optimisation.optimisation_file import SearchTable, load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, make_problem
-from tripod_doe.analyses.optimisation.search import population_of
+from tripod_doe.analyses.optimisation.search import first_generation, last_share, population_of
 from tripod_doe.quantities import duration, number, text_range
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
@@ -32,10 +32,29 @@ class PlannedPart:
     cpu_hours: tuple[float, float, float] | None = None  # low, likely and high; None where not known
     timed: int = 0  # timed points; if 0, recorded prices are used
     cube_bytes: int = 0  # of the points in a cube; 0 where not known
+    at_once: int = 0  # points that workers can share, those of one candidate; 0 where any number
+
+    def scaled(self, what: str, candidates: int) -> Self:
+        """The share of some of its candidates."""
+        share = candidates / self.candidates
+        low, likely, high = (share * hours for hours in self.cpu_hours or (0.0, 0.0, 0.0))
+        return replace(
+            self,
+            what=what,
+            candidates=candidates,
+            points=round(share * self.points),
+            cpu_hours=(low, likely, high) if self.cpu_hours else None,
+            cube_bytes=round(share * self.cube_bytes),
+        )
+
+    def shared_by(self, workers: int) -> int:
+        """Number of workers that are at work on it."""
+        return min(workers, self.at_once or workers) if self.candidates else 1
 
     def describe(self) -> str:
         """The part in a line."""
         facts = [f"{self.candidates:,} candidates", f"{self.points:,} points"] if self.candidates else []
+        facts += ["one candidate at a time"] * bool(self.at_once)
         if self.cpu_hours:
             low, likely, high = (duration(3600 * hours, 2) for hours in self.cpu_hours)
             facts.append(f"CPU time {likely} ({text_range(low, high)})")
@@ -64,20 +83,36 @@ def plan_optimisation(
     joints = table.samples if sampled else 1
     by = f" by {problem.model}" if problem.model else ""
     how = timing, recorded
-    parts = [_part(problem, f"search{by}", table.evaluations, joints, problem.model, how)]
+    parts = _refined(problem, _part(problem, f"search{by}", table.evaluations, joints, problem.model, how), by)
     if sampled or problem.confirm != problem.model:
         most = table.confirmed + 1  # and the start
         by = f" by {problem.confirm}" if problem.confirm else ""
         joints = table.confirm_samples if sampled else 1
         parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, how))
     if any(how):
-        parts.append(_beside(table, sum(part.points for part in parts)))
+        parts.append(_beside(table, parts))
     return parts
 
 
-def _beside(table: SearchTable, points: int) -> PlannedPart:
-    generations = table.evaluations / population_of(table.evaluations, table.population)
-    seconds = _START_SECONDS + _GENERATION_SECONDS * generations + _POINT_SECONDS * points
+def _refined(problem: Problem, whole: PlannedPart, by: str) -> list[PlannedPart]:
+    """The search, and the part of its candidates with which a single objective is refined, one after the other."""
+    has_ranges = any(not variable.levels for variable in problem.variables.chosen)
+    share = last_share(problem.variables, len(problem.signs), problem.confirm != problem.model) if has_ranges else 0.0
+    last = round(share * whole.candidates)
+    if not last:
+        return [whole]
+    own = whole.points // whole.candidates
+    return [
+        whole.scaled(f"search{by}", whole.candidates - last),
+        replace(whole.scaled(f"refinement{by}", last), timed=0, at_once=own),
+    ]
+
+
+def _beside(table: SearchTable, parts: Sequence[PlannedPart]) -> PlannedPart:
+    """The work of one process beside the points: its start, each generation or refined candidate, and each point."""
+    points, population = sum(part.points for part in parts), population_of(table.evaluations, table.population)
+    batches = sum(part.candidates / (1 if part.at_once else population) for part in parts)
+    seconds = _START_SECONDS + _GENERATION_SECONDS * batches + _POINT_SECONDS * points
     likely = seconds / 3600
     return PlannedPart("the search itself", 0, 0, (_LOW * likely, likely, _HIGH * likely))
 
@@ -87,7 +122,7 @@ def _part(problem: Problem, what: str, candidates: int, joints: int, model: str,
     if not any(how):
         return PlannedPart(what, candidates, points)
     count = min(_TIMED, candidates)
-    units = problem.variables.snapped(qmc.LatinHypercube(len(problem.variables.chosen), rng=0).random(count))
+    units = first_generation(problem.variables, count, 0, None)
     units = units[[not reason for reason in problem.variables.misfits(units)]]
     if not len(units):
         return PlannedPart(what, candidates, points)
@@ -116,7 +151,7 @@ def parts_text(parts: list[PlannedPart], workers: int) -> str:
     lines = [part.describe() for part in parts]
     hours = {part: part.cpu_hours[1] for part in parts if part.cpu_hours}
     if any(part.candidates for part in hours):
-        shared = sum(value / workers if part.candidates else value for part, value in hours.items())
+        shared = sum(value / part.shared_by(workers) for part, value in hours.items())
         wall = duration(3600 * shared, 2)
         lines.append(f"{'wall time':<24} {wall} on {number(workers)} workers")
         if not any(part.timed for part in parts):
