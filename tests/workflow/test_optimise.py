@@ -17,7 +17,7 @@ from scipy.stats import qmc
 
 import tripod_doe as td
 from tripod_doe.analyses.optimisation.candidates import base_of
-from tripod_doe.analyses.optimisation.pareto_front import largest_gains
+from tripod_doe.analyses.optimisation.confirmation import largest_gains
 from tripod_doe.analyses.optimisation.search import first_generation
 from tripod_doe.analyses.optimisation.variables import Variable, Variables
 from tripod_doe.cli.main import main

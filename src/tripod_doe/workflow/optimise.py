@@ -13,11 +13,12 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.optimisation.candidates import FINDINGS
+from tripod_doe.analyses.optimisation.confirmation import confirmation_batches, first_confirmed, next_confirmed
 from tripod_doe.analyses.optimisation.correction import Correction
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
 from tripod_doe.analyses.optimisation.neighbours import Neighbours, around, places_of
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
-from tripod_doe.analyses.optimisation.pareto_front import Archive, apart, front_rows, knee, largest_gains, scaled
+from tripod_doe.analyses.optimisation.pareto_front import Archive, front_rows, knee
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import (
     Solved,
@@ -31,7 +32,6 @@ from tripod_doe.analyses.optimisation.search import (
     NARROWEST,
     WIDEST,
     Search,
-    confirmation_batches,
     first_generation,
     last_share,
     leading,
@@ -323,7 +323,7 @@ class _Run:
         )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
         first, *batches = confirmation_batches(self.table.confirmed, len(problem.signs))
-        chosen = self._first_confirmed(archive, first)
+        chosen = first_confirmed(archive, problem.signs, first, self.is_corrected)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
         for at, count in enumerate(batches if fine else []):
             assert fine is not None
@@ -331,7 +331,7 @@ class _Run:
             if self.left and self.is_corrected:
                 self._search_corrected(correction, len(batches) - at)
                 archive = self.archive()
-            new = self._next_confirmed(correction(archive), chosen, count)
+            new = next_confirmed(correction(archive), problem.signs, chosen, count)
             if not new.size:
                 break
             chosen = np.concatenate([chosen, new])
@@ -367,44 +367,6 @@ class _Run:
             judged.take(np.arange(centres.size, len(judged.reasons))),
         )
         return Neighbours(centres, centre, variable, units, beside, at_centre)
-
-    def _first_confirmed(self, archive: Archive, count: int) -> IntArray:
-        """Candidates that promise most; of a single objective that a better model judges, leading ones far apart."""
-        aims, some = archive.judged.objectives * self.problem.signs, archive.judged.feasible.any()
-        if not self.is_corrected or (some and aims.shape[1] > 1):
-            none = np.empty(0, int)
-            return self._next_confirmed(archive.judged, none, count) if some else none
-        rows = leading(aims, archive.judged, max(len(aims) // 4, count))
-        return rows[apart(archive.units[rows], count)]
-
-    def _next_confirmed(self, better: Judged, chosen: IntArray, count: int) -> IntArray:
-        """The candidates that promise most beside those that were judged once more; none if none promises anything.
-
-        If no candidate is feasible after the correction, the candidates closest to feasible.
-
-        Args:
-            better: All candidates, as corrected; those in `chosen` as they were judged once more.
-        """
-        aims = better.objectives * self.problem.signs
-        if not better.feasible.any():
-            far = np.maximum(better.violations, 0).sum(axis=1)
-            far[chosen] = np.inf
-            near = np.flatnonzero(np.isfinite(far) & np.isfinite(aims).all(axis=1))
-            return np.asarray(near[np.argsort(far[near], kind="stable")][:count])
-        if aims.shape[1] == 1:
-            return self._best_rows(better, chosen, count)
-        rows = front_rows(aims, better.feasible)
-        places = scaled(aims[rows])
-        new = ~np.isin(rows, chosen)
-        return rows[new][largest_gains(places[~new], places[new], count)]
-
-    def _best_rows(self, judged: Judged, but: IntArray, count: int) -> IntArray:
-        """The best candidates of a single objective but some, and but what is worse than the best of these."""
-        values = np.where(judged.feasible, judged.objectives[:, 0] * self.problem.signs[0], np.inf)
-        most = values[but].min(initial=np.inf)
-        values[but] = np.inf
-        able = np.flatnonzero(np.isfinite(values) & (values < most))
-        return np.asarray(able[np.argsort(values[able], kind="stable")][:count])
 
 
 def optimise(

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.optimisation.measures import Judged
 from tripod_doe.array_types import FloatArray, IntArray
 
-_REFERENCE = 2.0  # of hypervolumes, where a front is from 0 to 1: far enough for its ends to count as its middle does
-
 
 @dataclass(frozen=True)
 class Archive:
@@ -73,25 +71,4 @@ def apart(places: FloatArray, count: int, first: Sequence[int] = (0,)) -> IntArr
         if distance.max() == 0:
             break
         chosen.append(int(np.argmax(distance)))
-    return np.array(chosen, int)
-
-
-def largest_gains(known: FloatArray, new: FloatArray, count: int) -> IntArray:
-    """The points that enlarge the hypervolume of known ones most, one after the other; those that do not are left out.
-
-    Args:
-        known: Aims from 0 to 1, shape (point, aim).
-        new: The points to choose from, likewise.
-    """
-    from moocore import hypervolume
-
-    reference = np.full(new.shape[1], _REFERENCE)
-    front, chosen = known, list[int]()
-    for _ in range(min(count, len(new))):
-        volumes = np.array([hypervolume(np.vstack([front, point]), ref=reference) for point in new])
-        best = int(volumes.argmax())
-        if len(front) and volumes[best] <= hypervolume(front, ref=reference):
-            break
-        chosen.append(best)
-        front = np.vstack([front, new[best]])
     return np.array(chosen, int)

@@ -35,16 +35,6 @@ def population_of(evaluations: int, given: int | None) -> int:
     return min(given or max(_FEWEST, min(_MOST, evaluations // _GENERATIONS)), max(evaluations, 4))
 
 
-def confirmation_batches(confirmed: int, objectives: int) -> list[int]:
-    """Numbers of candidates that are judged once more, one batch after the other: each learns from those before.
-
-    The first ones of a single objective only teach; of several, they are on the front if its limits hold.
-    """
-    first, each = min(max(confirmed // 3, 2 if objectives > 1 else 4), confirmed), max(confirmed // 6, 1)
-    rest = confirmed - first
-    return [first, *(min(each, rest - done) for done in range(0, rest, each))]
-
-
 class Search:
     """A search with one objective or several.
 
