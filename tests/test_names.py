@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tripod_doe.errors import InputError
@@ -43,6 +43,7 @@ def test_identifiers_pass(name):
     assert check_identifier(name, "a step") == name
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a loaded machine is no fault
 @given(st.one_of(st.sampled_from(HOSTILE), st.text(max_size=20)), st.text(max_size=5))
 def test_a_path_stays_below_its_folder_or_is_refused(name, ending):
     folder = Path("/some/folder")
