@@ -349,7 +349,7 @@ class ServiceRun:
         return _dataset(self._ask("GET", "/cube.nc", query={"step": step}))
 
     def analysis(self, name: str) -> xr.Dataset:
-        """The result of one of its analyses."""
+        """The result of one of its analyses; of a fit ``fit``, of an optimisation ``candidates`` and ``front``."""
         return _dataset(self._ask("GET", f"/analysis/{quote(name, safe='')}.nc"))
 
     def diff(self, other: ServiceRun) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import tripod_doe as td
 from tripod_doe import client
 from tripod_doe.client import Service, _selection, submission
 from tripod_doe.errors import TripodDoeError
+from tripod_doe.study.definition.toml_text import toml_text
 
 
 def test_a_redirection_is_neither_followed_nor_taken_for_an_answer():
@@ -155,6 +156,32 @@ def test_a_search_by_a_service_gives_its_candidates_and_its_points(serve_for_all
     assert run.query("thrust_amplitude", {"order": 3}, step="points").sizes["point"] == points.sizes["point"]
     with pytest.raises(TripodDoeError, match="points"):
         run.open_cube()
+
+
+@pytest.mark.slow
+def test_a_fit_by_a_service_gives_its_unknowns_its_points_and_its_report(serve_for_all, tmp_path):
+    """Recovers the friction with which the record was computed."""
+    point = {"model": "equilibrium", "joint_angle_deg": 8, "torque_n_m": 50, "speed_rpm": 600}
+    thrust = td.simulate(**point, groove_sliding_friction=0.07)["thrust"].values
+    noise = np.random.default_rng(1).normal(0, 0.05, 2 * thrust.size)
+    rows = [f"{angle},{force}" for angle, force in enumerate(np.tile(thrust, 2) + noise)]
+    (tmp_path / "record.csv").write_text("\n".join(["rotation_deg,thrust_n", *rows]))
+    fit = {
+        "fit": {"name": "friction"},
+        "base": point,
+        "unknowns": {"groove_sliding_friction": {"low": 0.02, "high": 0.15}},
+        "records": {"files": ["record.csv"], "orders": [3]},
+    }
+    (tmp_path / "fit.toml").write_text(toml_text(fit))
+    run = td.connect(serve_for_all.address, token=serve_for_all.token).run(
+        tmp_path / "fit.toml", wait=False, progress=False
+    )
+    assert run.wait(progress=False).state == "finished"
+    found = run.analysis("fit").sel(unknown="groove_sliding_friction")
+    assert float(found["low"]) < 0.07 < float(found["high"])
+    assert float(found["value"]) == pytest.approx(0.07, rel=0.01)
+    assert run.open_cube("points").sizes["point"] == run.points["total"]
+    assert "friction" in run.report()
 
 
 @pytest.mark.slow
