@@ -1,18 +1,22 @@
 """Records which joints vibrate by themselves, and what that makes of their third order: joint/known_errors/vibrating_joints.csv.
 
     python benchmarks/field.py rollers --count 400 --seed 230116 --record FILE
-    python benchmarks/vibrating_joints.py FILE [--count 400] [--seed 230116]
+    python benchmarks/vibrating_joints.py FILE [--count 400] [--seed 230116] [--beside]
 
 The joints are those of the field (field.py) that finished, followed by `rollers`, and those of model_errors.csv that
 were followed with needles, none of which vibrates so much that it matters (their runs would not have finished). Each row
 holds what joints are compared by, and how much the third order is changed by the vibration: over that of the same joint
 by `adaptive-euler`, which damps vibrations.
+
+`--beside` records nothing: it holds the third orders with vibration that balances state against those of `rollers`, and
+their price against that of `kinetostatic` at the same joint (the look that finds the vibration is not counted).
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +25,14 @@ from field import Record, all_columns, answers, field_points, internal
 
 from tripod_doe.joint.known_errors.error_estimate import RECORDED
 from tripod_doe.joint.known_errors.vibration_record import VIBRATING
+from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
+from tripod_doe.joint.vibration.growing_vibration import growing_vibration
+from tripod_doe.joint.vibration.third_with_vibration import third_with_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.integrators.monitor import Settings
@@ -83,15 +90,59 @@ def followed_with_needles() -> pd.DataFrame:
     return compared(table, 0.0)[(table["needles"] == 1) & table["kinetostatic"].notna()]
 
 
+def kinetostatic_milliseconds(drawn: dict[str, np.ndarray]) -> float:
+    """CPU milliseconds of a joint by `kinetostatic`, which is not asked whether it vibrates."""
+    model, full = MODELS["kinetostatic"], all_columns(drawn)
+    method, numerics = next(iter(model.methods.items()))
+    full["relative_tolerance"] = np.full(1, numerics["relative_tolerance"])
+    point, began = internal(full), time.process_time()
+    model.simulate(point, method, 360, {"thrust_amplitude"})
+    return 1e3 * (time.process_time() - began)
+
+
+def tell_beside(columns: dict[str, np.ndarray], record: Record) -> None:
+    """Print the third order with vibration of each joint that vibrates beside that of `rollers`, and its price."""
+    outcome, _, _, orders, vibrates = answers("rollers", columns, record=record)
+    rows = np.flatnonzero(vibrates & (outcome == Outcome.FINISHED))
+    errors, prices = np.full((2, rows.size), np.nan)
+    for at, row in enumerate(rows):
+        drawn = {name: column[[row]] for name, column in columns.items()}
+        values, reference = internal(all_columns(drawn)).point(0), abs(orders[row, 3])
+        if not (vibration := growing_vibration(values)):
+            print(f"{row}: none grows")
+            continue
+        if at == 0:
+            third_with_vibration(values, vibration.revolution)  # compiles
+            kinetostatic_milliseconds(drawn)
+        began = time.process_time()
+        third = third_with_vibration(values, vibration.revolution)
+        milliseconds = 1e3 * (time.process_time() - began)
+        errors[at], prices[at] = third / reference - 1, milliseconds / kinetostatic_milliseconds(drawn)
+        print(
+            f"{row}: {reference:.4g} N, without {vibration.third:.4g} N, stated {third:.4g} N ({100 * errors[at]:+.1f} %), "
+            f"{milliseconds:.0f} ms, {prices[at]:.1f} times kinetostatic",
+            flush=True,
+        )
+    size = np.abs(errors)
+    print(
+        f"within 10 % at {(size <= 0.1).sum()} of {rows.size}, median {100 * np.nanmedian(size):.2g} %; price over "
+        f"kinetostatic {np.nanmedian(prices):.3g} in the median, at most 20 at {(prices <= 20).sum()}"
+    )
+
+
 def main(given: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("record", type=Path)
     parser.add_argument("--count", type=int, default=400)
     parser.add_argument("--seed", type=int, default=230116)
     parser.add_argument("--out", type=Path, default=VIBRATING)
+    parser.add_argument("--beside", action="store_true")
     arguments = parser.parse_args(given)
     columns = field_points(arguments.count, np.random.default_rng(arguments.seed), "rollers")
-    field = of_the_field(columns, Record(arguments.record, model="rollers", seed=arguments.seed, calm=False))
+    record = Record(arguments.record, model="rollers", seed=arguments.seed, calm=False)
+    if arguments.beside:
+        return tell_beside(columns, record)
+    field = of_the_field(columns, record)
     table = pd.concat([field, followed_with_needles()], ignore_index=True)
     head = (
         f"# made by benchmarks/vibrating_joints.py, sources {source_hashes().results}, from {len(field)} joints of the "

@@ -24,6 +24,7 @@ from tripod_doe.joint.outputs import (
     PART_OUTPUTS,
     VIBRATES,
     VIBRATION_OUTPUTS,
+    VIBRATION_THIRD,
     VIBRATION_VERDICT,
     cycle_outputs,
     part_outputs,
@@ -142,8 +143,8 @@ def _balance_chunk(
         block.end(np.flatnonzero(failed), kind, text)
     asked = not set(VIBRATION_VERDICT).isdisjoint(keep)
     # a verdict costs hundreds of times as much as the equilibrium
-    if asked or (VIBRATES in keep and solution.needle_skew is not None):
-        outputs |= _verdicts(points, block, asked)
+    if asked or (not {VIBRATES, VIBRATION_THIRD}.isdisjoint(keep) and solution.needle_skew is not None):
+        outputs |= _verdicts(points, block, asked, VIBRATION_THIRD in keep)
     needle_pressure = contacts.get("largest_needle_pressure_mpa", np.zeros(block.count))
     extremes = Extremes(solution.largest_normal_force, outputs["largest_penetration_um"], needle_pressure)
     add_contact_notes(block, points, extremes)
@@ -157,7 +158,9 @@ def _balance_chunk(
     return block
 
 
-def _verdicts(points: JointValues[FloatArray], block: BlockResult, all_of_them: bool) -> dict[str, FloatArray]:
+def _verdicts(
+    points: JointValues[FloatArray], block: BlockResult, all_of_them: bool, third: bool
+) -> dict[str, FloatArray]:
     """Vibration outputs of a block: test all joints, or only those that may vibrate."""
     from tripod_doe.joint.vibration.balance_verdict import judge_vibrations, rows_to_judge, undecided_rows
 
@@ -166,7 +169,7 @@ def _verdicts(points: JointValues[FloatArray], block: BlockResult, all_of_them: 
         rows = undecided_rows(points, rows)
     if rows.size:
         prepare_multibody(points.take(rows[:1]), _DAMPS)
-    return judge_vibrations(points, rows, block)
+    return judge_vibrations(points, rows, block, third)
 
 
 def some_vibrate(columns: Mapping[str, NDArray[Any]]) -> FloatArray:

@@ -20,6 +20,7 @@ from tripod_doe.joint.outputs import (
     PART_OUTPUTS,
     VIBRATES,
     VIBRATION_OUTPUTS,
+    VIBRATION_THIRD,
     part_outputs,
     thrust_outputs,
 )
@@ -125,7 +126,7 @@ ROLLERS = Model(
     name="rollers",
     methods=_MULTIBODY_METHODS[False],
     ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor", "settled_needles"}),
-    outputs=frozenset(JOINT_OUTPUTS) - {*SKEWS, *NEEDLE_NAMES, *CYCLE_OUTPUTS},
+    outputs=frozenset(JOINT_OUTPUTS) - {*SKEWS, *NEEDLE_NAMES, *CYCLE_OUTPUTS, VIBRATION_THIRD},
     simulate=partial(_simulate_multibody, False),
     prepare=prepare_multibody,
     settles=True,
@@ -134,7 +135,7 @@ ROLLERS = Model(
 NEEDLES = Model(
     name="needles",
     methods=_MULTIBODY_METHODS[True],
-    outputs=frozenset(JOINT_OUTPUTS) - set(CYCLE_OUTPUTS),
+    outputs=frozenset(JOINT_OUTPUTS) - {*CYCLE_OUTPUTS, VIBRATION_THIRD},
     simulate=partial(_simulate_multibody, True),
     prepare=prepare_multibody,
     settles=True,

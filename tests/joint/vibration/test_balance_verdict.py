@@ -10,7 +10,7 @@ from operating_points import points
 
 from tripod_doe.joint import multibody_models, multibody_run
 from tripod_doe.joint.known_errors.vibration_record import SHARE
-from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
+from tripod_doe.joint.outputs import VIBRATES, VIBRATION_THIRD, VIBRATION_VERDICT
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
@@ -67,11 +67,18 @@ def test_modules_that_the_first_look_loads_are_not_counted(monkeypatch):
 MAY = {"joint_angle_deg": [10.0, 12.0, 17.0], "groove_sliding_friction": [0.05, 0.12, 0.15]}
 """Joints like the first do not vibrate; of those like the others some do."""
 
+ROLLERS_WITH_VIBRATION = 271.6
+"""N, +- 4.7; third order of the last of them by `rollers`, 391.7 N without the vibration."""
+
 
 def test_a_joint_is_looked_at_where_those_on_record_do_not_say_that_it_is_calm():
     block = points(**MAY, torque_n_m=[50.0, 100.0, -300.0], speed_rpm=[600.0, 600.0, 1500.0])
-    done = simulator.simulate(block, ("thrust_amplitude", VIBRATES))
+    done = simulator.simulate(block, ("thrust_amplitude", VIBRATES, VIBRATION_THIRD))
     np.testing.assert_array_equal(done.outputs[VIBRATES].data, [np.nan, 0, 1])
+    third = done.outputs[VIBRATION_THIRD].data
+    np.testing.assert_array_equal(np.isnan(third), [True, True, False])
+    assert third[2] == pytest.approx(ROLLERS_WITH_VIBRATION, rel=0.1)
+    assert f"to about {third[2]:.3g} N" in done.detail[2]
     assert [detail.startswith("self-excited vibration") for detail in done.detail] == [False, False, True]
     by_record = simulator.model_errors(block)
     errors = simulator.model_errors(block, {VIBRATES: done.outputs[VIBRATES].data})

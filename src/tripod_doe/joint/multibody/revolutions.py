@@ -117,19 +117,16 @@ class RevolvingJoint:
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow a number of revolutions with a tolerance or step.
 
-        A revolution that stops on its way is repeated with half of it, a few times: rattling needles may need shorter
-        steps than a vibration. Where most revolutions stop, all later ones start with half.
-
         Raises:
-            StoppedError: If one stops on its way all the same, or the budget is used up.
+            StoppedError: See `advance`.
         """
-        return [self._read(self._turn(setting, self._duration)) for _ in range(count)]
+        return [self._read(self.advance(setting, self._duration)) for _ in range(count)]
 
     def change_to(self, setting: float) -> None:
         """Go back by a part of the last revolution, and follow it again with another tolerance or step.
 
         Raises:
-            StoppedError: See `follow`.
+            StoppedError: See `advance`.
         """
         if self.last_revolution is None:
             return
@@ -138,9 +135,17 @@ class RevolvingJoint:
         self.state = State(
             float(times[back]), self.last_revolution.positions[back], self.last_revolution.velocities[back]
         )
-        self._turn(setting, end - self.state.time)
+        self.advance(setting, end - self.state.time)
 
-    def _turn(self, setting: float, duration: float) -> Run:
+    def advance(self, setting: float, duration: float) -> Run:
+        """Go on for some time, with a tolerance or step.
+
+        A run that stops on its way is repeated with half of it, a few times: rattling needles may need shorter steps
+        than a vibration. Where most runs stop, all later ones start with half.
+
+        Raises:
+            StoppedError: If it stops on its way all the same, or the budget is used up.
+        """
         self.turns, halved = self.turns + 1, self.halved
         while True:
             try:

@@ -7,15 +7,20 @@ This costs several balances: the test runs on request, and if the recorded joint
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.known_errors.vibration_record import may_vibrate
-from tripod_doe.joint.outputs import VIBRATES, VIBRATION_VERDICT
+from tripod_doe.joint.outputs import VIBRATES, VIBRATION_THIRD, VIBRATION_VERDICT
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import GREASED
 from tripod_doe.model_interface import BlockResult, Outcome
+
+if TYPE_CHECKING:
+    from tripod_doe.joint.vibration.growing_vibration import Vibration
 
 _MOST = 300
 """Number of joints of a study that are tested before it runs, some ten seconds."""
@@ -50,21 +55,38 @@ def some_vibrate(points: JointValues[FloatArray]) -> FloatArray:
     return verdicts
 
 
-def judge_vibrations(points: JointValues[FloatArray], rows: IntArray, block: BlockResult) -> dict[str, FloatArray]:
+def judge_vibrations(
+    points: JointValues[FloatArray], rows: IntArray, block: BlockResult, third: bool
+) -> dict[str, FloatArray]:
     """Test some joints of a block for self-excited vibration; add a note at each vibrating joint.
 
+    Args:
+        third: Whether to compute the third order of the thrust with the vibration.
+
     Returns:
-        The outputs `VIBRATES` and `VIBRATION_VERDICT`, shape (point,), NaN at other rows.
+        The outputs `VIBRATES`, `VIBRATION_VERDICT` and `VIBRATION_THIRD`, shape (point,), NaN at other rows.
     """
-    verdicts = np.full((1 + len(VIBRATION_VERDICT), block.count), np.nan)
+    verdicts = np.full((2 + len(VIBRATION_VERDICT), block.count), np.nan)
     if rows.size:
         from tripod_doe.joint.vibration.growing_vibration import growing_vibration
     for row in map(int, rows):
-        vibration = growing_vibration(points.point(row))
+        values = points.point(row)
+        vibration = growing_vibration(values)
         if vibration is None:
-            verdicts[:, row] = 0.0, 1.0, 0.0, 0.0
+            verdicts[:, row] = 0.0, 1.0, 0.0, 0.0, np.nan
             continue
-        verdicts[:, row] = 1.0, vibration.growth.factor, vibration.growth.rate, vibration.hertz
-        notes = [block.detail[row], f"{vibration.described}, which this model leaves out; rollers follow it"]
+        growth, with_it = vibration.growth, _third(values, vibration) if third else np.nan
+        verdicts[:, row] = 1.0, growth.factor, growth.rate, vibration.hertz, with_it
+        note = f"{vibration.described}, which this model leaves out"
+        if not np.isnan(with_it):
+            change = f"from {vibration.third:.3g} to about {with_it:.3g} N"
+            note += f": it changes the third order, with needles that keep their skew, {change}"
+        notes = [block.detail[row], f"{note}; rollers follow it"]
         block.end(np.array([row]), Outcome.FINISHED, "; ".join(note for note in notes if note))
-    return dict(zip((VIBRATES, *VIBRATION_VERDICT), verdicts, strict=True))
+    return dict(zip((VIBRATES, *VIBRATION_VERDICT, VIBRATION_THIRD), verdicts, strict=True))
+
+
+def _third(values: JointValues[float], vibration: Vibration) -> float:
+    from tripod_doe.joint.vibration.third_with_vibration import third_with_vibration
+
+    return third_with_vibration(values, vibration.revolution)

@@ -94,7 +94,7 @@ class Vibration:
     growth: Growth  # how fast small departures grow
     third: float  # third order of the thrust in the smooth motion
     unrest: float  # effective value of the thrust above the orders that are reported, in the smooth motion
-    states: tuple[State, ...] = ()  # few states of the smooth motion, at the middles of equal parts of a revolution
+    revolution: tuple[State, ...] = ()  # states of the smooth motion at both ends of equal parts of a revolution
 
     @property
     def described(self) -> str:
@@ -103,6 +103,11 @@ class Vibration:
             return "the motion does not repeat, though small departures from it die out"
         tenfold = duration(math.log(10) / self.growth.rate, 2)
         return f"self-excited vibration at about {self.hertz:.0f} Hz, growing tenfold in {tenfold}"
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """Few of these states, at the middles of equal parts of the revolution."""
+        return self.revolution[_ASKS.between // 2 :: _ASKS.between]
 
     @property
     def builds_up(self) -> bool:
@@ -133,7 +138,7 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
     if decides and not (growth := _vibrates(_departures(assembly, decides.middles, values), values)):
         return None
     thrust = groove_thrust(assembly, asked.run.positions[asked.last], asked.run.velocities[asked.last]).sum(0)
-    return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.middles)
+    return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.revolution)
 
 
 def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
@@ -208,8 +213,12 @@ class _Smooth:
     @property
     def middles(self) -> tuple[State, ...]:
         """The states that are linearised, at the middles of equal parts of its last revolution."""
-        first = self.look.between // 2 - 1 - self.look.samples
-        return tuple(self.state(k) for k in range(first, 0, self.look.between))
+        return self.revolution[self.look.between // 2 :: self.look.between]
+
+    @property
+    def revolution(self) -> tuple[State, ...]:
+        """All states of its last revolution, with that at its start."""
+        return tuple(self.state(k) for k in range(-1 - self.look.samples, 0))
 
     def state(self, sample: int) -> State:
         """A sample, negative ones counted from the end."""

@@ -25,8 +25,12 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.multibody.order_noise import mean_and_chance
 from tripod_doe.joint.multibody.revolutions import Revolution, RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Readings
+from tripod_doe.mechanics.assembly import Assembly
+from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.model_interface import not_counted
 
 Allowed = Callable[[FloatArray], FloatArray]
 
@@ -71,6 +75,12 @@ def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
     if needles:
         return METHODS["bdf2"], min(_LONGEST_STEP, _ANGLE / frequency)
     return METHODS["rosenbrock"], _TOLERANCE
+
+
+def compile_undamped(assembly: Assembly, method: Method) -> None:
+    """Compile the kernels of a method for a joint, or load their machine code."""
+    with not_counted(), first_compilation(f"vibrating joints with {method.name}", seconds=30):
+        run(assembly, method.name, 1e-9, step=1e-9, limits=Limits(windows=0))
 
 
 _TOLERANCE, _LONGEST_STEP, _ANGLE = 4e-3, 3e-5, 0.25

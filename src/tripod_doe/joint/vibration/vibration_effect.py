@@ -24,10 +24,9 @@ from tripod_doe.joint.multibody.run_result import JointRun, StoppedError, Vibrat
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import Vibration, damping_against
-from tripod_doe.joint.vibration.vibrating_run import FollowedVibration, follow_vibration, undamped
+from tripod_doe.joint.vibration.vibrating_run import FollowedVibration, compile_undamped, follow_vibration, undamped
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.compilation.first_compilation import first_compilation
-from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.mechanics.run import Limits, Run
 from tripod_doe.model_interface import Outcome
 
 _BUILT_UP = 1.5
@@ -121,8 +120,7 @@ class VibratingJoint:
         )
         builds_up = self._vibration.builds_up and not needles
         self._joints.append(joint)
-        with first_compilation(f"vibrating joints with {method.name}", seconds=30):
-            run(joint.assembly, method.name, 1e-9, step=1e-9, limits=self._limits)
+        compile_undamped(joint.assembly, method)
         return follow_vibration(joint, setting, self._allowed, builds_up)
 
     @property
