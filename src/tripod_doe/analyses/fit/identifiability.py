@@ -64,6 +64,22 @@ def verdict(profile: Profile, jacobian: FloatArray, allowed: float) -> str:
     return NOT_IDENTIFIED if profile.open_low and profile.open_high else ONE_SIDED
 
 
+def skews_alike(skews: list[float], known: list[bool]) -> list[list[float]]:
+    """Other skews of trunnions 1, 2 and 3 that give nearly the same records, where the trunnions are not known apart.
+
+    The trunnions change places in a circle, and what all three have in common hardly counts: it is chosen so that a
+    skew that is known stays as it is.
+
+    Args:
+        skews, known: Skews of the trunnions, and whether each is known, not fitted.
+    """
+    turned = [skews[at:] + skews[:at] for at in (1, 2)]
+    if sum(known) > 1:
+        return []
+    common = [[new - old for new, old, fixed in zip(each, skews, known, strict=True) if fixed] for each in turned]
+    return [[one - sum(shift) for one in each] for each, shift in zip(turned, common, strict=True)]
+
+
 def combinations(
     layout: Layout, jacobian: FloatArray, place: FloatArray, unclear: list[int], allowed: float
 ) -> list[Combination]:

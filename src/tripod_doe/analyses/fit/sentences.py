@@ -204,9 +204,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             "within the 95 % confidence; the intervals reach over them."
         )
     if attrs["aligned_by_order"]:
-        skews = [name for name in fit["unknown"].values.tolist() if name.startswith("initial_skew_")]
-        more = " Trunnions then look alike: skews may change places in a circle, 1 to 2 to 3." if skews else ""
-        yield f"Without a reference angle, records are aligned by an order of their own.{more}"
+        yield f"Without a reference angle, records are aligned by an order of their own.{_skews_alike(fit)}"
     yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(fit)}"
     if attrs["search_model"] != attrs["model"]:
         yield (
@@ -217,6 +215,20 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
         yield "The minimum still moved at the last of these: narrow the bounds, or fit fewer unknowns."
     if attrs.get("failed_points"):
         yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed; the search went around."
+
+
+def _skews_alike(fit: xr.Dataset) -> str:
+    """Which other skews give nearly the same records, where trunnions are not known apart."""
+    if not any(name.startswith("initial_skew_") for name in fit["unknown"].values.tolist()):
+        return ""
+    alike = [" / ".join(number(one, 2) for one in each) for each in json.loads(str(fit.attrs.get("skews_alike", "[]")))]
+    if not alike:
+        return " Trunnions then look alike: skews may change places in a circle, 1 to 2 to 3."
+    return (
+        f" Trunnions then look alike: beside skews of {alike[0]} deg at trunnions 1 / 2 / 3, also {alike[1]} and "
+        f"{alike[2]} deg, with the same differences in other places of the circle, give nearly the same records. The "
+        "intervals are those around the first."
+    )
 
 
 def _error_size(fit: xr.Dataset) -> str:
