@@ -68,7 +68,7 @@ def test_a_joint_that_vibrates_is_doubtful_without_its_vibration(tmp_path):
         assert cube["trust"].values.tolist() == [Trust.SURE, Trust.DOUBTFUL]
 
 
-@pytest.mark.parametrize(("friction", "word"), [(0.06, "sure"), (0.07, "usable")])
+@pytest.mark.parametrize(("friction", "word"), [(0.045, "sure"), (0.055, "usable")])
 def test_nobody_is_sure_of_a_joint_like_vibrating_ones_that_was_not_looked_at(friction, word):
     """Regression: a joint was "sure" where similar ones vibrate, unless the study kept whether it does."""
     study = parse_study(
