@@ -4,7 +4,8 @@
 Joint angle and sliding friction predict best which of them vibrate, that of the needles by half as much as that of the
 grooves: a joint is compared with the nearest ones in the logarithms of angle and such a sum. At all of 35 vibrating
 joints that are not on record, one of the 20 nearest vibrates; at 31, one of the 10 nearest in angle and groove friction
-alone. Of ordinary joints (`benchmarks/ordinary_joints.py`), none of which vibrates, 13 % have one or the other. All have the default contact damping; with more, fewer joints vibrate.
+alone. Of ordinary joints (`benchmarks/ordinary_joints.py`), none of which vibrates, 13 % have one or the other.
+All have the default contact damping; with more, fewer joints vibrate.
 """
 
 from __future__ import annotations
