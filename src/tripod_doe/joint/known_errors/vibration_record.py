@@ -84,7 +84,7 @@ def may_vibrate(angle: NDArray[Any], groove: NDArray[Any], needle: NDArray[Any])
 
 def _errors_like(compared: tuple[NDArray[Any], ...], share: float, count: int) -> FloatArray:
     recorded, errors, spread = _recorded(share)
-    near: FloatArray = errors[nearest_rows(recorded, _places(*compared, share) / spread, count)]
+    near: FloatArray = errors[nearest_rows(recorded, _places(compared, share) / spread, count)]
     return near
 
 
@@ -94,8 +94,9 @@ def vibration_share(errors: FloatArray) -> FloatArray:
     return share
 
 
-def _places(angle: NDArray[Any], groove: NDArray[Any], needle: NDArray[Any], share: float) -> FloatArray:
+def _places(compared: tuple[NDArray[Any], ...], share: float) -> FloatArray:
     """Logarithms of angle and frictions, shape (joint, 2)."""
+    angle, groove, needle = compared
     friction = groove + share * needle
     columns = [np.maximum(angle, _LEAST_ANGLE), np.maximum(friction, _LEAST_FRICTION)]
     return np.asarray(np.log(np.stack(columns, axis=1)), float)
@@ -106,6 +107,6 @@ def _recorded(share: float = _OF_NEEDLES) -> tuple[FloatArray, FloatArray, Float
     """Places of the recorded joints over their spread, their errors, and that spread."""
     with VIBRATING.open(encoding="utf-8") as file:
         table = np.genfromtxt(file, delimiter=",", names=True, skip_header=1)
-    places = _places(table["joint_angle_deg"], table["groove_friction"], table["needle_friction"], share)
+    places = _places((table["joint_angle_deg"], table["groove_friction"], table["needle_friction"]), share)
     spread = places.std(axis=0)
     return places / spread, np.abs(1 / (1 + table["third_changed"]) - 1), spread
