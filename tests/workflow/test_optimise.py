@@ -491,6 +491,7 @@ def test_the_candidates_that_enlarge_a_front_most():
     """Exact: to (2, 2) the corner adds 1, the end 0.05; what is dominated adds nothing."""
     known, new = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[1.0, 1.0], [0.95, 0.0], [0.1, 0.1]])
     assert largest_gains(known, new, 3).tolist() == [2, 1]
+    assert not largest_gains(known, known - 1e-5, 2).size  # joints that are as good as those beside them
 
 
 def test_the_plan_counts_the_work_beside_the_points(solve, tmp_path):

@@ -8,6 +8,7 @@ from tripod_doe.analyses.optimisation.search import leading
 from tripod_doe.array_types import FloatArray, IntArray
 
 _REFERENCE = 2.0  # of hypervolumes, where a front is from 0 to 1: far enough for its ends to count as its middle does
+_LEAST = 1.001  # times the hypervolume: less is as good as the joint beside it
 
 
 def confirmation_batches(confirmed: int, objectives: int) -> list[int]:
@@ -63,7 +64,7 @@ def next_confirmed(better: Judged, signs: FloatArray, chosen: IntArray, count: i
 
 
 def largest_gains(known: FloatArray, new: FloatArray, count: int) -> IntArray:
-    """The points that enlarge the hypervolume of known ones most, one after the other; those that do not are left out.
+    """The points that enlarge the hypervolume of known ones most, one after the other; none that hardly does.
 
     Args:
         known: Aims from 0 to 1, shape (point, aim).
@@ -76,7 +77,7 @@ def largest_gains(known: FloatArray, new: FloatArray, count: int) -> IntArray:
     for _ in range(min(count, len(new))):
         volumes = np.array([hypervolume(np.vstack([front, point]), ref=reference) for point in new])
         best = int(volumes.argmax())
-        if len(front) and volumes[best] <= hypervolume(front, ref=reference):
+        if len(front) and volumes[best] <= _LEAST * hypervolume(front, ref=reference):
             break
         chosen.append(best)
         front = np.vstack([front, new[best]])
