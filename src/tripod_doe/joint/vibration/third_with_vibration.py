@@ -1,8 +1,8 @@
 """Third order of the thrust of a vibrating joint, from a part of a revolution in steps that resolve the vibration.
 
 Whichever departure grows first, the vibration of full size is mostly one: the output shaft oscillates against the
-grooves at 500 to 1,100 Hz, and all three normal forces swing together between nothing, where contacts open, and 2.5 to
-4 times their mean, at all angles of a revolution (measured at seven joints). So the joint with lumped bearings starts
+grooves at 800 to 1,400 Hz, and all three normal forces swing together up to 2.5 to 4 times their mean, at all angles of
+a revolution (measured at seven joints; at five of them contacts open). So the joint with lumped bearings starts
 with such a swing, and is followed through a third of a revolution, in which the vibration takes its size, and half a
 revolution, over which the thrust is averaged: after half a revolution it repeats with the opposite sign, but for skews.
 
