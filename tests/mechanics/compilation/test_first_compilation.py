@@ -30,7 +30,7 @@ print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values(
 """
 """Compiles as soon as a file is there, and answers how many kernels it loaded and compiled."""
 
-WAITING = "another process is compiling kernels: waiting for it\n"
+WAITING = "process {} is compiling kernels, once for all: waiting for it (seconds to a minute on an idle machine)\n"
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, fi
     first = start()
     assert first.stdout.readline() == "here\n"
     second = start()
-    assert second.stderr.readline() == WAITING  # the first has not yet compiled
+    assert second.stderr.readline() == WAITING.format(first.pid)  # the first has not yet compiled
     counts, messages = finish(first)
     assert counts == [0, 1]
     assert messages == [
@@ -93,7 +93,7 @@ def test_other_kernels_are_compiled_meanwhile_and_a_process_that_is_killed_lets_
     first, other = start("model a"), start("model b")
     assert first.stdout.readline() == other.stdout.readline() == "here\n"
     second = start("model a")
-    assert second.stderr.readline() == WAITING
+    assert second.stderr.readline() == WAITING.format(first.pid)
     first.kill()
     assert finish(second)[0] == [0, 1]
 

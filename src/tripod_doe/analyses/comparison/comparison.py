@@ -46,8 +46,16 @@ NOT_COMPARED = -1
 """The verdict of the mean force, which holds the preload of the sensor."""
 NONE_IN_MODEL = -2
 """The verdict of an order that is zero in the model, as its parts are alike, and in the record is not."""
-AGREES, DIFFERS = "agrees", "differs"
-VERDICTS = {1: AGREES, 0: DIFFERS, NOT_COMPARED: "not compared", NONE_IN_MODEL: "none in the model"}
+TOO_SMALL = -3
+"""The verdict of an order that is smaller than its uncertainties, with which any other small one would agree."""
+AGREES, DIFFERS, UNDECIDED = "agrees", "differs", "too small to tell"
+VERDICTS = {
+    1: AGREES,
+    0: DIFFERS,
+    NOT_COMPARED: "not compared",
+    NONE_IN_MODEL: "none in the model",
+    TOO_SMALL: UNDECIDED,
+}
 """Verdicts in words: within the uncertainty of measurement and model together, beyond it, or none."""
 
 _LARGEST_ANGLE = 36_000.0  # degrees: a hundred turns; a larger angle has lost its digits, or was none
@@ -130,7 +138,7 @@ def compare(
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
         amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0, -2 where by more
-        and the model's is zero, as its three trunnions are alike). Over
+        and the model's is zero, as its three trunnions are alike, -3 where both are below these uncertainties). Over
         ``rotation_deg``: measured_thrust about the mean of the model and without drift (attribute ``preload_n``: what
         was taken off), its deviation measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty,
         model_envelope. Over ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of
@@ -317,6 +325,7 @@ def _order_variables(
     ways = np.where(nothing, nothing.sum(), 1)  # that none of them is there is one statement
     drowned = (amplitude <= _largest_of_noise(each, (1 - confidence) / ways)) & (model_amplitude <= amplitude)
     agrees = np.where(drowned | (close & ~nothing), 1, np.where(nothing, NONE_IN_MODEL, 0)).astype(np.int8)
+    agrees[(agrees == 1) & (np.fmax(amplitude, model_amplitude) <= both)] = TOO_SMALL
     agrees[ORDERS == 0] = NOT_COMPARED
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference = np.round(difference, _DECIMALS) + 0.0
@@ -342,7 +351,7 @@ def _order_variables(
             agrees,
             "1",
             "1 where the amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order "
-            "0, -2 where by more and the model's is zero",
+            "0, -2 where by more and the model's is zero, -3 where both are smaller than these uncertainties",
         ),
     }
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}

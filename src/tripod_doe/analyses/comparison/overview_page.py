@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, VERDICTS
+from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, UNDECIDED, VERDICTS
 from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
 from tripod_doe.analyses.comparison.sentences import asymmetry_text, too_small_text
@@ -81,6 +81,8 @@ def overview_sentences(records: Sequence[ComparedRecord]) -> list[str]:
         if not own:
             continue
         agreeing = f"{sum(row.verdict == AGREES for row in own) or 'none'} of {count_of(len(own), 'record')}"
+        if small := sum(row.verdict == UNDECIDED for row in own):
+            agreeing += f" and is too small to tell in {small}"
         worst = max(own, key=lambda row: abs(row.measured - row.computed))
         sentences.append(
             f"The {ORDINALS[order]} agrees within the uncertainties in {agreeing}; the largest difference is in "
@@ -104,9 +106,7 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
         return []
     differing = Counter(row.order for row in compared if row.verdict == DIFFERS)
     lacking = Counter(row.order for row in compared if row.verdict == _NONE)
-    together = {  # an order that is nowhere larger than its uncertainty agrees with anything
-        order for order in range(1, 13) if any(_is_seen(row) for row in compared if row.order == order)
-    }
+    together = {row.order for row in compared if row.verdict == AGREES}
     alike = [order for order in range(1, 13) if order not in differing and order not in lacking]
     same, small = ([order for order in alike if (order in together) is seen] for seen in (True, False))
     agree = (
@@ -134,11 +134,6 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
             f"{every}): joint or rig are not symmetric."
         )
     return sentences
-
-
-def _is_seen(row: OverviewRow) -> bool:
-    """Whether an order is larger than its uncertainties together."""
-    return max(row.measured, row.computed) > float(np.hypot(row.measured_error, np.nan_to_num(row.computed_error)))
 
 
 def _by_count(orders: Counter[int]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, VERDICTS
+from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, TOO_SMALL, VERDICTS
 from tripod_doe.page_parts.main_results import ORDINALS
 from tripod_doe.quantities import count_of, interval, level, number, numbers_in_words, value_range
 
@@ -63,12 +63,9 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
 def _verdict_sentence(comparison: xr.Dataset) -> str:
     """Which orders differ, which agree, and which are too small to tell."""
     verdicts = dict(zip(comparison["order"].values.tolist(), comparison["agrees"].values.tolist(), strict=True))
-    sizes = np.fmax(comparison["measured_amplitude"].values, comparison["model_amplitude"].values)
-    beyond = sizes > comparison["amplitude_difference_uncertainty"].values
-    seen = dict(zip(verdicts, beyond.tolist(), strict=True))
-    differ = [order for order, verdict in verdicts.items() if verdict == 0]
-    agree = [order for order, verdict in verdicts.items() if verdict == 1 and seen[order]]
-    hidden = [order for order, verdict in verdicts.items() if verdict == 1 and not seen[order]]
+    differ, agree, hidden = (
+        [order for order, verdict in verdicts.items() if verdict == asked] for asked in (0, 1, TOO_SMALL)
+    )
     small = too_small_text(hidden)
     if not differ and not agree:
         return f"Every order is smaller than the {_TOGETHER}: nothing is decided."
@@ -133,7 +130,7 @@ def _order_sentence(comparison: xr.Dataset, order: int) -> str:
     return (
         f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's "
         f"{interval(model, computed)} N: a difference of {apart} N{part}, "
-        f"{'within' if row['agrees'] == 1 else 'beyond'} both uncertainties together."
+        f"{'beyond' if row['agrees'] == 0 else 'within'} both uncertainties together."
     )
 
 

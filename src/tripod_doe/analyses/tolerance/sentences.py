@@ -18,6 +18,7 @@ from tripod_doe.study.definition.distributions import scaled_table, scatter_dens
 from tripod_doe.study.definition.study_tables import FactorTable
 
 _MOST_NAMED = 3
+_MOST_EXCEED = 0.5  # part of the points beyond a limit, from which on its nominal value is what is wrong
 _AMPLITUDE = "thrust_amplitude"
 _NOTABLE = 0.1  # of the largest order, from which on another one is stated
 _MOST_ORDERS = 6
@@ -227,7 +228,9 @@ def _widest(part: xr.Dataset) -> str:
 def _unresolved(aim: str, part: xr.Dataset) -> str:
     """Why no smaller scatter is proposed."""
     if bool(part["scale_excluded"].values.astype(bool).all()):
-        return f"{aim}, no smaller scatter of one factor or two is enough."
+        most = float(part["exceedance_low"]) > _MOST_EXCEED
+        move = f"move a nominal value: {_chance(part, 'exceedance')} exceed it now, and " if most else ""
+        return f"{aim}, {move}no smaller scatter of one factor or two is enough."
     points = f"{int(part.attrs['points_used']):,} points"
     return f"{aim}, these {points} resolve no smaller scatter of one factor or two that is enough."
 

@@ -12,6 +12,7 @@ import fcntl
 import gc
 import json
 import multiprocessing
+import os
 import sys
 import threading
 import time
@@ -124,17 +125,23 @@ def _locked(place: Path) -> Iterator[None]:
 def _open_lock(place: Path) -> IO[str] | None:
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        lock = place.open("a")
+        lock = place.open("a+")
     except OSError:
         return None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        _say("another process is compiling kernels: waiting for it")
+        lock.seek(0)
+        who = f"process {holder}" if (holder := lock.read(20)).isdigit() else "another process"
+        _say(f"{who} is compiling kernels, once for all: waiting for it (seconds to a minute on an idle machine)")
         fcntl.flock(lock, fcntl.LOCK_EX)
     except OSError:  # a file system without locks
         lock.close()
         return None
+    with suppress(OSError):  # a full disk
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
     return lock
 
 
