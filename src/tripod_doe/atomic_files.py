@@ -7,6 +7,7 @@ into a folder lead nowhere: a file is written under a name that is made anew, an
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -54,6 +55,12 @@ def replace_text(path: Path, text: str) -> Path:
     with replace_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
     return path
+
+
+def remove_tree(directory: Path) -> None:
+    """Remove a directory as far as possible; what is nested deeper than Python recurses stays."""
+    with suppress(RecursionError):
+        shutil.rmtree(directory, ignore_errors=True)
 
 
 def refuse_links(directory: Path) -> None:

@@ -26,6 +26,7 @@ COLUMNS = {"a": np.array([1.0, 2.0, np.nan]), "b": np.array([2.0, 2.0, 2.0]), "s
         ("abs(a - b) > 0.5 or s == 'x'", [True, False, True]),
         ("max(a, b) ** 2 == 4", [True, True, False]),
         ("b == 2", [True, True, True]),
+        ("a != b", [True, False, False]),  # of NaN nothing is known
         ("1 < 2", [True, True, True]),
     ],
 )

@@ -10,7 +10,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
-from tripod_doe.joint.outputs import CYCLE_OUTPUTS
+from tripod_doe.joint.outputs import CYCLE_OUTPUTS, VIBRATION_THIRD
 from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
@@ -21,6 +21,8 @@ from tripod_doe.study.execution import timing
 from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import FinishedBlock
+
+OF_BALANCES = {*CYCLE_OUTPUTS, VIBRATION_THIRD}
 
 TEXT = """
 [study]
@@ -64,7 +66,7 @@ SMALL = {
 @pytest.mark.parametrize("scene", SCENES)
 def test_planned_bytes_are_those_of_the_cube(scene):
     """Exact: whatever becomes of a point, its cube holds every output at the length that the plan counts."""
-    outputs = [name for name in load_simulator(scene).outputs if name not in CYCLE_OUTPUTS]  # of kinetostatic alone
+    outputs = [name for name in load_simulator(scene).outputs if name not in OF_BALANCES]
     base = "\n".join(f"{name} = {value!r}" for name, value in SMALL[scene].items())
     study = parse_study(
         f'[study]\nname = "b"\nscene = "{scene}"\n[base]\n{base}\n[keep]\noutputs = {outputs}\n[factors.replicate]\nvalues = [0]\n'

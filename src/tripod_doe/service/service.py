@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import shutil
 import tempfile
 import threading
 from collections import Counter
@@ -13,6 +12,7 @@ from copy import copy
 from pathlib import Path
 from typing import Any, cast
 
+from tripod_doe.atomic_files import remove_tree
 from tripod_doe.errors import StorageError, near_match, printable
 from tripod_doe.names import path_within
 from tripod_doe.regular_files import read_regular
@@ -114,7 +114,7 @@ class Service:
         self._started = True
         if not self.settings.read_only:
             for left in self.settings.folder.glob(f"{_UPLOADS}*"):
-                shutil.rmtree(left, ignore_errors=True)
+                remove_tree(left)
         self.runs.start()
         threading.Thread(target=self._watch_folder, name="directories", daemon=True).start()
 
@@ -161,7 +161,7 @@ class Service:
             try:
                 yield place / UPLOAD
             finally:
-                shutil.rmtree(place, ignore_errors=True)
+                remove_tree(place)
         except OSError as error:
             raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 

@@ -36,7 +36,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
     ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
+    ast.NotEq: lambda first, second: np.asarray(first != second) & ~_is_nan(first) & ~_is_nan(second),
 }
 _ONE: dict[str, Callable[[Any], Any]] = {"abs": np.abs, "sqrt": np.sqrt, "log10": np.log10}
 _SEVERAL: dict[str, Callable[[Any, Any], Any]] = {"min": np.minimum, "max": np.maximum}
@@ -331,6 +331,11 @@ class Expression:
             raise self._wrong(node, error) from error
         self.widest = max(self.widest, math.prod(np.broadcast_shapes(*(term.data.shape for term in terms))))
         return terms
+
+
+def _is_nan(value: Any) -> NDArray[np.bool_]:
+    array = np.asarray(value)
+    return np.isnan(array) if array.dtype.kind == "f" else np.zeros(array.shape, bool)
 
 
 def _truth(value: Any) -> NDArray[np.bool_]:

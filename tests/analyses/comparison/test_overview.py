@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, VERDICTS
+from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, UNDECIDED, VERDICTS
 from tripod_doe.analyses.comparison.overview import Reading, compare_records, overview_rows, read_table
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
@@ -160,6 +160,8 @@ def test_terminal_page_and_csv_have_one_verdict_per_order(rig, tmp_path, capsys)
         first = text.splitlines()[0]
         named = differing or [order for order, verdict in verdicts.items() if verdict == AGREES]
         assert first.startswith(f"Order{'s' * (len(named) != 1)} {numbers_in_words(named)} ")
+        hidden = [order for order, verdict in verdicts.items() if verdict == UNDECIDED]
+        assert (f"{numbers_in_words(hidden)} are smaller than these uncertainties" in first) == (len(hidden) > 1)
         for line, order in zip(text.splitlines()[1:3], (3, 2), strict=True):
             assert line.endswith(f"{'beyond' if order in differing else 'within'} both uncertainties together.")
         page = (tmp_path / file / "index.html").read_text()

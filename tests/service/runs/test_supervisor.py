@@ -487,6 +487,8 @@ def spoil_table(settings, run_id, change):
         lambda record: record | {"counts": {"total": "many", "cpu_seconds": None}},
         lambda record: record | {"eta_seconds": float("nan")},
         lambda record: record | {"unknown": 1},
+        lambda record: record | {"binned": 5, "created": None},
+        lambda record: record | {"tags": [1, [2]]},
     ],
 )
 def test_a_damaged_row_is_a_run_that_failed(start, settings, tmp_path, change):

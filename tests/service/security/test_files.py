@@ -13,7 +13,8 @@ from service_client import COAST
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
-from tripod_doe.service.security.delivered_files import file_within
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.security.delivered_files import check_delivered, file_within
 from tripod_doe.service.settings import read_token
 
 SECRET = "kept from others"
@@ -104,6 +105,21 @@ def test_nothing_is_delivered_through_a_link_or_against_its_mode(planted):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="gives files to another user")
+def test_what_cannot_be_checked_is_refused(tmp_path):
+    """Regression: a folder whose path is too long ended the check, and links beside it were followed."""
+    directory = tmp_path / "one"
+    directory.mkdir()
+    check_delivered(directory, found=True)
+    deep = os.open(directory, os.O_RDONLY)
+    for _ in range(18):
+        os.mkdir("0" * 250, dir_fd=deep)
+        deep, above = os.open("0" * 250, os.O_RDONLY, dir_fd=deep), deep
+        os.close(above)
+    os.close(deep)
+    with pytest.raises(RefusedError, match="cannot be checked"):
+        check_delivered(directory, found=True)
+
+
 def test_a_directory_of_another_user_is_neither_shown_nor_delivered(planted, serve, tmp_path):
     """Between a check and the opening of a file, its owner could put a link into its place."""
     server, run_id, directory = planted

@@ -248,12 +248,12 @@ def test_values_that_follow_from_a_factor_are_not_fixed():
 @pytest.mark.parametrize(
     ("reasons", "message"),
     [
-        ("abc", "a (1 point); b (1 point); c (1 point)"),
-        ("aabbccd", "a (2 points); b (2 points); other reasons (3 points), most often c"),
+        ("abc", "case a (1 point); case b (1 point); case c (1 point)"),
+        ("aabbccd", "case a (2 points); case b (2 points); other reasons (3 points), most often case c"),
     ],
 )
 def test_reasons_for_an_unknown_error_are_named(reasons, message):
-    unknown = np.array(list(reasons), object)
+    unknown = np.array([f"case {letter}" for letter in reasons], object)
     nan = np.full(unknown.size, np.nan)
     summary = ModelSummary()
     summary.add(ModelErrors("third order", "fine", np.full(unknown.size, "coarse", object), nan, nan, unknown))

@@ -1,15 +1,16 @@
 """Deleted runs: kept for some weeks with their results, so that each can be restored."""
 
 import logging
-import shutil
 import threading
 from collections.abc import Iterable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from tripod_doe.atomic_files import remove_tree
 from tripod_doe.errors import StorageError
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs.result_directory import is_exchanged
 from tripod_doe.service.runs.run_table import Run, RunTable, now, stamp
 
 _DELETED = ".deleted-"
@@ -60,17 +61,18 @@ class Bin:
         directory = self._folder.absolute() / run_id
         doomed = directory.with_name(_DELETED + run_id)
         with self._lock:
-            if self._runs.pop(run_id, None) is None:
+            run = self._runs.pop(run_id, None)
+            if run is None:
                 return
-            if directory.exists():
+            if directory.exists() and not is_exchanged(run, directory):
                 directory.rename(doomed)  # a kill after this line leaves no directory that looks like a run
             self._table.remove(run_id)
-        shutil.rmtree(doomed, ignore_errors=True)
+        remove_tree(doomed)
 
     def empty(self, days: float) -> None:
         """Remove runs that were in the bin for more than `days`, and leftovers of removals that a kill interrupted."""
         for left in self._folder.glob(f"{_DELETED}*"):
-            shutil.rmtree(left, ignore_errors=True)
+            remove_tree(left)
         oldest = stamp(datetime.now(UTC) - timedelta(days=days))
         for run in [run for run in self.all() if run.binned < oldest]:
             try:

@@ -10,8 +10,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.atomic_files import remove_tree
 from tripod_doe.errors import CubeError
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 from tripod_doe.study.journal import COMPUTING, Journal, journal_path
@@ -86,6 +88,16 @@ def remove_stages(directory: Path) -> None:
         (directory / STEPS).unlink()
 
 
+def replace_upload(directory: Path, upload: Path) -> None:
+    """Move an upload into a directory, in place of an earlier one."""
+    own, before = directory / UPLOAD, directory / f".{UPLOAD}.old"
+    remove_tree(before)  # left over from a kill
+    if own.exists():
+        own.rename(before)
+    upload.rename(own)
+    remove_tree(before)
+
+
 def results_in(directory: Path) -> dict[str, Any]:
     """What shows whose results are in a directory, by the names of a `Run`; zeros without a journal."""
     path = journal_path(directory)
@@ -104,6 +116,9 @@ def is_exchanged(run: Run, directory: Path) -> bool:
     here = results_in(directory)
     if run.results and here["results"] != run.results:
         return True
+    computed = run.counts.finished + run.counts.failed
+    if here["results"] and not (run.place or run.results or computed or run.state.alive):
+        return True  # of a run that has computed nothing
     return bool(run.place and run.inode) and here["inode"] != run.inode
 
 
@@ -111,7 +126,9 @@ def refuse_exchanged(run: Run, directory: Path) -> None:
     """Refuse (RefusedError 404) a run whose directory holds other results."""
     if is_exchanged(run, directory):
         raise RefusedError(
-            404, f"{run.id}: its directory holds the results of another run: put its own back, or delete this run"
+            404,
+            f"{run.id}: its directory holds the results of another run: put its own back, or delete this run, which "
+            "leaves that directory",
         )
 
 

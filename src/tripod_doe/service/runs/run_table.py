@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from tripod_doe.errors import CubeError, InputError, StorageError, option
 from tripod_doe.names import path_within
@@ -289,6 +291,7 @@ def _to_text(run: Run) -> str:
 def _from_row(id: str, key: str | None, text: str) -> Run:
     try:
         run = _from_text(text)
+        _row_form().validate_json(text, strict=True)
         if run.id != id:
             raise ValueError(f"it is of {run.id}")
         if run.place:
@@ -300,6 +303,11 @@ def _from_row(id: str, key: str | None, text: str) -> Run:
         )
         return Run(str(id), "study", str(id), "", State.FAILED, message, key=key)
     return run
+
+
+@cache
+def _row_form() -> TypeAdapter[Run]:
+    return TypeAdapter(Run)
 
 
 def _from_text(text: str) -> Run:

@@ -6,7 +6,6 @@ points means that the run is dead, so no run can stay "running".
 
 import logging
 import secrets
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -250,12 +249,7 @@ class Supervisor:
 
     def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
         """Replace the upload of a run, and queue the run."""
-        own, before = (self.directory(run.id) / name for name in (UPLOAD, f".{UPLOAD}.old"))
-        shutil.rmtree(before, ignore_errors=True)  # left over from a kill
-        if own.exists():
-            own.rename(before)
-        upload.rename(own)
-        shutil.rmtree(before, ignore_errors=True)
+        result_directory.replace_upload(self.directory(run.id), upload)
         new = {"counts": replace(run.counts, total=plan["unique"]), "name": plan["name"], "question": plan["question"]}
         return self._put(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
@@ -489,6 +483,9 @@ class Supervisor:
 
     def _start(self, run_id: str) -> None:
         run, directory = self._runs[run_id], self.directory(run_id)
+        if result_directory.is_exchanged(run, directory):
+            self._put(replace(run, state=State.FAILED, message="its directory holds the results of another run"))
+            return
         self._put(run.changed(state=State.RUNNING, inode=0, results=0))  # before the start, so that a kill is noticed
         try:
             remove_report(directory)

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from tripod_doe.service.problems import RefusedError
 
+_MOST_FILES = 20_000  # in one result directory; a workflow of a hundred steps has a few thousand
+_LONGEST_SHOWN = 200  # characters of a path
+
 
 def check_delivered(directory: Path, found: bool) -> None:
     """Refuse a result directory that could give a client the owner's files from elsewhere, or private files.
@@ -27,11 +30,13 @@ def check_delivered(directory: Path, found: bool) -> None:
     """
     try:
         top = os.lstat(directory)
-        for path, state in _entries(directory):
-            if reason := _refusal(state, top, found):
-                raise RefusedError(403, f"{path.relative_to(directory.parent)}: {reason}")
-    except OSError:  # being deleted, or not there yet: its reader reports that
+    except FileNotFoundError:  # being deleted, or not there yet: its reader reports that
         return
+    for count, (path, state) in enumerate(_entries(directory)):
+        if reason := _refusal(state, top, found):
+            raise RefusedError(403, f"{_shown(path, directory)}: {reason}")
+        if count > _MOST_FILES:
+            raise RefusedError(403, f"{directory.name}: more than {_MOST_FILES:,} files, the limit here")
 
 
 def file_within(folder: Path, place: str) -> Path | None:
@@ -89,7 +94,16 @@ def _entries(directory: Path) -> Iterator[tuple[Path, os.stat_result]]:
     waiting = [directory]
     while waiting:
         path = waiting.pop()
-        state = os.lstat(path)
+        try:
+            state = os.lstat(path)
+            names = sorted(os.listdir(path), reverse=True) if stat.S_ISDIR(state.st_mode) else []
+        except FileNotFoundError:  # a temporary file that is gone
+            continue
+        except OSError as error:  # what cannot be checked may hold anything
+            raise RefusedError(403, f"{_shown(path, directory)}: cannot be checked ({error.strerror})") from error
         yield path, state
-        if stat.S_ISDIR(state.st_mode):
-            waiting += [path / name for name in sorted(os.listdir(path), reverse=True) if not name.startswith(".")]
+        waiting += [path / name for name in names if not name.startswith(".")]
+
+
+def _shown(path: Path, directory: Path) -> str:
+    return str(path.relative_to(directory.parent))[:_LONGEST_SHOWN]

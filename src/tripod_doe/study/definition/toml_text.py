@@ -14,8 +14,8 @@ _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value
 _MOST_BITS = 128
 _LARGEST_NUMBERS = "write a number beyond 1e38 with a decimal point or an exponent"
-_LONG_NAME = re.compile(
-    rf"""(?<![\w-])((?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_MOST_PARTS}}}"""  # each sign fits one part only
+_LONG_NAME = re.compile(  # each sign fits one part only
+    rf"""(?<![\w-])((?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_MOST_PARTS}}}"""
 )
 
 
