@@ -117,7 +117,7 @@ def is_exchanged(run: Run, directory: Path) -> bool:
     if run.results and here["results"] != run.results:
         return True
     computed = run.counts.finished + run.counts.failed
-    if here["results"] and not (run.place or run.results or computed or run.state.alive):
+    if here["results"] and run.state in (State.QUEUED, State.STOPPED) and not (run.place or run.results or computed):
         return True  # of a run that has computed nothing
     return bool(run.place and run.inode) and here["inode"] != run.inode
 
