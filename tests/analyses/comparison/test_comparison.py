@@ -19,6 +19,7 @@ from tripod_doe.analyses.comparison.sentences import find_in_comparison
 from tripod_doe.measurements.measurement import Measurement, read_measurement, rotation_from_tachometer
 from tripod_doe.measurements.order_tracking import resample, track_orders
 from tripod_doe.measurements.tachometer import edge_times, mended
+from tripod_doe.quantities import numbers_in_words
 
 KNOWN = {0: (2.0, 0.0), 2: (4.0, 40.0), 3: (14.0, -75.0), 9: (1.3, 120.0)}
 
@@ -430,6 +431,19 @@ def test_an_order_below_its_uncertainty_does_not_agree_with_anything():
     said = find_in_comparison(compared, "c")[0]
     assert re.match("Order 3 (agrees within|differs by more than) the uncertainties", said)
     assert said.endswith("; orders 1, 2 and 4 to 12 are smaller than these uncertainties, which decides nothing.")
+
+
+def test_small_orders_beside_one_that_the_model_does_not_have():
+    """Regression: "every order is smaller" of a record whose second order is far above its noise."""
+    rotation, noise = np.arange(0.0, 3600), np.random.default_rng(3).standard_normal(3600)
+    record = Measurement(rotation, Recorder({2: (5.0, 20.0)}).thrust(rotation) + noise, None, "zero")
+    compared = compare(record, model({3: (1e-3, -75.0)}), 0.0)
+    assert int(compared["agrees"].sel(order=2)) == NONE_IN_MODEL
+    said = find_in_comparison(compared)
+    small = [order for order, verdict in enumerate(compared["agrees"].values.tolist()) if verdict == TOO_SMALL]
+    assert small
+    assert f"rders {numbers_in_words(small)} are smaller than" in said[0]
+    assert not said[0].startswith("Every order")
 
 
 @pytest.mark.parametrize(("order", "why"), [(1, True), (2, True), (4, True), (6, False)])

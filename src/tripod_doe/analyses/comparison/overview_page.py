@@ -16,7 +16,7 @@ import pandas as pd
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, UNDECIDED, VERDICTS
 from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
-from tripod_doe.analyses.comparison.sentences import asymmetry_text, too_small_text
+from tripod_doe.analyses.comparison.sentences import asymmetry_text, nothing_decided, too_small_text
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
@@ -106,9 +106,9 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
         return []
     differing = Counter(row.order for row in compared if row.verdict == DIFFERS)
     lacking = Counter(row.order for row in compared if row.verdict == _NONE)
-    together = {row.order for row in compared if row.verdict == AGREES}
-    alike = [order for order in range(1, 13) if order not in differing and order not in lacking]
-    same, small = ([order for order in alike if (order in together) is seen] for seen in (True, False))
+    agreeing = {row.order for row in compared if row.verdict == AGREES} - differing.keys() - lacking.keys()
+    same = sorted(agreeing)
+    small = [order for order in range(1, 13) if order not in agreeing | differing.keys() | lacking.keys()]
     agree = (
         f"order{'s' * (len(same) > 1)} {numbers_in_words(same)} agree{'s' * (len(same) == 1)} in all" if same else ""
     )
@@ -127,7 +127,7 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
             f"{which} within the uncertainties of measurement and model together in {every}{too_small_text(small)}."
         ]
     elif small:
-        sentences = ["Every order is smaller than the uncertainties together: nothing is decided."]
+        sentences = [nothing_decided(small)]
     if lacking:
         sentences.append(
             f"{asymmetry_text(sorted(lacking))}; records have more there than their scatter ({_by_count(lacking)} of "
@@ -137,7 +137,7 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
 
 
 def _by_count(orders: Counter[int]) -> str:
-    """Orders with the number of records, those of the most records first."""
+    """Orders with the number of records, the most frequent first."""
     by_count = {some: [order for order in orders if orders[order] == some] for some in {*orders.values()}}
     return listed(
         [
@@ -149,8 +149,8 @@ def _by_count(orders: Counter[int]) -> str:
 
 def _origins(records: Sequence[ComparedRecord]) -> list[str]:
     """Where the error of the model comes from, once for all records of the same origin."""
-    told = [each.comparison.attrs for each in records if each.comparison is not None]
-    known = dict.fromkeys((attrs["model"], attrs["model_uncertainty_origin"]) for attrs in told)
+    stated = [each.comparison.attrs for each in records if each.comparison is not None]
+    known = dict.fromkeys((attrs["model"], attrs["model_uncertainty_origin"]) for attrs in stated)
     if not all(origin for _, origin in known):
         return ["The error of the model is not known here: the verdicts count the measurement's alone."]
     return [f"Error of the model {model}: {origin}." for model, origin in known]

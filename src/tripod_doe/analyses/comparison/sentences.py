@@ -30,6 +30,7 @@ ORDER_HEADS = (
 """Heads of the table of orders."""
 
 _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
+_ROTATING = 12  # orders that are compared
 _TOGETHER = "uncertainties of measurement and model together"
 _MOST_DECIMALS = 6
 _CONSTANT = 0.05  # percent about its mean below which no beat can be seen
@@ -49,7 +50,7 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
         where the error of the model comes from, the run-up, the beat, the alignment, and what was lost.
     """
     sentences = str(comparison.attrs.get("doubts", "")).splitlines()
-    sentences += [_verdict_sentence(comparison), *_asymmetry(comparison)]
+    sentences += [*_verdict_sentence(comparison), *_asymmetry(comparison)]
     sentences += [_order_sentence(comparison, order) for order in (3, 2)]
     sentences.append(_origin_sentence(comparison))
     if "model_amplitude_at_speed" in comparison:
@@ -60,23 +61,29 @@ def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
     return sentences + _cautions(comparison)
 
 
-def _verdict_sentence(comparison: xr.Dataset) -> str:
-    """Which orders differ, which agree, and which are too small to tell."""
+def _verdict_sentence(comparison: xr.Dataset) -> list[str]:
+    """Which orders differ, which agree, and which are too small to tell; nothing if the model has none of them."""
     verdicts = dict(zip(comparison["order"].values.tolist(), comparison["agrees"].values.tolist(), strict=True))
     differ, agree, hidden = (
         [order for order, verdict in verdicts.items() if verdict == asked] for asked in (0, 1, TOO_SMALL)
     )
     small = too_small_text(hidden)
     if not differ and not agree:
-        return f"Every order is smaller than the {_TOGETHER}: nothing is decided."
+        return [nothing_decided(hidden)] if hidden else []
     if not differ:
         every = " all" * (len(agree) == len(verdicts) - 1)
-        return f"{_orders(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}{small}."
+        return [f"{_orders(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}{small}."]
     start = f"{_orders(differ)} {'differ' if len(differ) > 1 else 'differs'} by more than the {_TOGETHER}"
     if not agree:
-        return f"{start}{small or '; none agrees'}."
+        return [f"{start}{small or '; none agrees'}."]
     others = _orders(agree)
-    return f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}{small}."
+    return [f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}{small}."]
+
+
+def nothing_decided(orders: list[int]) -> str:
+    """The sentence on orders that are smaller than their uncertainties, where no order differs or agrees."""
+    what = "Every order is" if len(orders) == _ROTATING else f"{_orders(orders)} {'are' if len(orders) > 1 else 'is'}"
+    return f"{what} smaller than the {_TOGETHER}, which decides nothing."
 
 
 def too_small_text(orders: list[int]) -> str:
