@@ -278,7 +278,7 @@ class ServiceRun:
         return self._take(self._ask("POST", "/retry-failed"))
 
     def extend(self, study: StudyLike, *, wait: bool = True, progress: bool = True) -> ServiceRun:
-        """Run a study that grew on its results, and wait for its end, unless told otherwise."""
+        """Run a study that grew on its results, and wait for its end, unless `wait` is false."""
         run = self._take(self._ask("POST", "/extend", submission(study)))
         return run.wait(progress=progress) if wait else run
 

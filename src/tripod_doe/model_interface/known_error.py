@@ -28,7 +28,7 @@ class ModelErrors:
     unknown: NDArray[np.object_]  # why the error is unknown, shape (point,); empty if it is known
     departures: Sequence[Departure] = ()  # valid ranges of these models, each with the points outside
     stated: Sequence[str] = ()  # texts of `unknown` that a verdict states as they are
-    # unsettled, why_unsettled: points that nobody is sure of although similar points err little, shape (point,), None
+    # unsettled, why_unsettled: points that are not sure although similar points err little, shape (point,), None
     # for no point; and the reason
     unsettled: NDArray[np.bool_] | None = None
     why_unsettled: str = ""

@@ -134,8 +134,8 @@ class ModelSummary:
                 yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{share}: use a finer model"
         if known.reasons:
             share = _share(known.count - known.known, known.count)
-            said = "".join(self.verdict_texts)
-            reasons = [(reason, count) for reason, count in known.reasons.most_common() if reason not in said]
+            said = self._verdicts.main_reason
+            reasons = [(reason, count) for reason, count in known.reasons.most_common() if reason != said]
             yield f"error not known{share}" + (f": {_in_words(reasons)}" if reasons else "")
 
     @property

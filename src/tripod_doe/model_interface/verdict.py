@@ -146,8 +146,7 @@ class VerdictCount:
         of_trust: Counter[Trust] = Counter()
         for (trust, _), count in self.counts.items():
             of_trust[trust] += count
-        worst = max(of_trust)
-        why = Counter({reason: count for (trust, reason), count in self.counts.items() if trust is worst})
+        worst, why = self._reasons()
         reason, count = why.most_common(1)[0]
         since = f"mostly since {reason} ({count_of(count, 'point')})" if len(why) > 1 else f"since {reason}"
         if worst is Trust.DOUBTFUL:
@@ -158,6 +157,16 @@ class VerdictCount:
             return [f"Verdict on the {self.quantity}: {parts} of {total:,} points{which}; {worst.label} {since}."]
         at = "" if total == 1 else f" at all {total:,} points{which}"
         return [f"Verdict on the {self.quantity}: {worst.label}{at}, {since}."]
+
+    @property
+    def main_reason(self) -> str:
+        """The reason that the sentence names; empty without points."""
+        return self._reasons()[1].most_common(1)[0][0] if self.counts else ""
+
+    def _reasons(self) -> tuple[Trust, Counter[str]]:
+        """The lowest trust, and its reasons with their points."""
+        worst = max(trust for trust, _ in self.counts)
+        return worst, Counter({reason: count for (trust, reason), count in self.counts.items() if trust is worst})
 
     def _check(self, total: int) -> str:
         """What to check doubtful points with: the cheapest model that is sure at most of them, else the finest one."""

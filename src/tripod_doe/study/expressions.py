@@ -340,8 +340,7 @@ def _is_nan(value: Any) -> NDArray[np.bool_]:
 
 def _truth(value: Any) -> NDArray[np.bool_]:
     """Whether a value counts as true; NaN does not."""
-    array = np.asarray(value)
-    return (array != 0) & ~np.isnan(array) if array.dtype.kind == "f" else array.astype(bool)
+    return np.asarray(value).astype(bool) & ~_is_nan(value)
 
 
 def _is_text(value: Any) -> bool:

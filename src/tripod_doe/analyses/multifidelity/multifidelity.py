@@ -46,7 +46,7 @@ def _half(estimated: Estimate, confidence: float) -> float:
 
 
 def half_of_total(estimated: Estimate, confidence: float) -> float:
-    """Half width of the interval of a total index: as that of its logarithm, of which one is the most that counts.
+    """Half width of the interval of a total index: the upper side of an interval of its logarithm, up to one.
 
     Squares of few samples are skewed: at 16 and 48 samples of the truth symmetric intervals held in 90 to 92 % where
     these hold in 92 to 96 % (benchmarks/RESULTS.md).

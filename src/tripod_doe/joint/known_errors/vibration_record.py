@@ -1,8 +1,8 @@
 """Record of vibrating joints: the share that vibrates among similar ones, and the error of a model without vibration.
 
 `vibrating_joints.csv` holds joints that were followed with vibration and without (by `benchmarks/vibrating_joints.py`).
-Joint angle and sliding friction predict best which of them vibrate, that of the needles by half as much as that of the
-grooves: a joint is compared with the nearest ones in the logarithms of angle and such a sum. At all of 35 vibrating
+Joint angle and sliding friction predict best which of them vibrate; needle friction counts half as much as groove
+friction: a joint is compared with the nearest ones in the logarithms of angle and such a sum. At all of 35 vibrating
 joints that are not on record, one of the 20 nearest vibrates; at 31, one of the 10 nearest in angle and groove friction
 alone. Of ordinary joints (`benchmarks/ordinary_joints.py`), none of which vibrates, 13 % have one or the other.
 All have the default contact damping; with more, fewer joints vibrate.
@@ -47,9 +47,9 @@ _OF_NEEDLES = 0.5
 """Share of the needles' friction that counts: of 0 to 1.5 in steps of 0.25 the one that misses no vibrating joint."""
 
 _DECIDE = ((_OF_NEEDLES, 2 * ALIKE), (0.0, ALIKE))
-"""A joint is taken as calm if none of so many recorded joints vibrates, by angle and such a share of the needles'
-friction. Without the second, a larger joint of 12.7 deg, 40 N m and frictions of 0.055 and 0.03 counts as calm, and
-vibrates."""
+"""Share of the needles' friction, and number of the nearest recorded joints: a joint counts as calm if none of these
+vibrates, by either way of comparing. By the first alone, a larger joint of 12.7 deg, 40 N m and frictions of 0.055 and
+0.03 counts as calm, and vibrates."""
 
 
 def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:

@@ -55,7 +55,7 @@ def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]
 def _pattern(
     count: int, touching: tuple[tuple[tuple[int, int], ...], ...], tail: frozenset[int]
 ) -> tuple[Pattern, list[IntArray]]:
-    """Pattern of so many rows, and blocks of each table's elements; kept, since joints differ in numbers only."""
+    """Pattern of `count` rows, and blocks of each table's elements; kept, since joints differ in numbers only."""
     graph: list[set[int]] = [set() for _ in range(count)]
     for a, b in chain.from_iterable(touching):
         if a >= 0 and b >= 0:

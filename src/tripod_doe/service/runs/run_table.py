@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from tripod_doe.errors import CubeError, InputError, StorageError, option
 from tripod_doe.names import path_within
@@ -68,6 +68,8 @@ class PointCounts:
 @dataclass(frozen=True)
 class Run:
     """One run of a study, a workflow, a fit or an optimisation."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")  # of rows of the table
 
     id: str  # random; also the name of its result directory
     kind: str  # "study", "workflow", "fit" or "optimisation"
@@ -290,8 +292,7 @@ def _to_text(run: Run) -> str:
 
 def _from_row(id: str, key: str | None, text: str) -> Run:
     try:
-        run = _from_text(text)
-        _row_form().validate_json(text, strict=True)
+        run = _row_form().validate_json(text, strict=True)
         if run.id != id:
             raise ValueError(f"it is of {run.id}")
         if run.place:
@@ -308,10 +309,3 @@ def _from_row(id: str, key: str | None, text: str) -> Run:
 @cache
 def _row_form() -> TypeAdapter[Run]:
     return TypeAdapter(Run)
-
-
-def _from_text(text: str) -> Run:
-    content = json.loads(text)
-    content["counts"] = PointCounts(**content["counts"])
-    content |= {name: tuple(content.get(name, ())) for name in ("steps", "tags")}
-    return Run(**(content | {"state": State(content["state"])}))

@@ -20,7 +20,7 @@ _LONG_NAME = re.compile(  # each sign fits one part only
 
 
 def read_text(path: Path, what: str, most: int = STUDY_BYTES) -> str:
-    """The text of a file of at most so many bytes.
+    """The text of a file of at most `most` bytes.
 
     Raises:
         InputError: If it cannot be read, is larger, is not UTF-8 or does not fit its checksum.
