@@ -198,6 +198,7 @@ def test_a_study_whose_model_is_chosen_is_planned_with_its_pilot(api):
         "a = " + "{a=" * 900,
         "a." * 20_000 + "a = 1",
         "[" + "a." * 20_000 + "a]",
+        r'"\"".' * 20_000 + "a = 1",
     ],
 )
 def test_nested_and_dotted_texts_are_refused_at_once(send, text):

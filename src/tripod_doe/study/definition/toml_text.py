@@ -41,7 +41,8 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
         InputError: If it is not valid TOML, or names or values are nested deeply: the time that tomllib takes for a
             dotted name grows with the square of its parts.
     """
-    if long := _LONG_NAME.search(text):
+    unescaped = text.replace(r"\\", "").replace(r"\"", "")  # an expression for escapes would be quadratic
+    if long := _LONG_NAME.search(unescaped):
         raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
     try:
         tables = tomllib.loads(text)
