@@ -243,12 +243,12 @@ class Service:
         """Files of a run's analyses by name; for a workflow, the analyses of its steps."""
         run = self.runs.find(run_id)
         if run.is_search and step is None:
-            files = {name: self.directory(run_id) / f"{name}.nc" for name in _ANSWERS[run.kind]}
+            directory = self.directory(run_id)
+            files = {name: directory / f"{name}.nc" for name in _ANSWERS[run.kind]}
             return {name: str(path) for name, path in files.items() if path.is_file()}
         if run.kind == "workflow" and step is None:
-            steps = self.directory(run_id) / "steps"
             names = [name for name, step in run.plan["steps"].items() if step["kind"] not in _WITHOUT_CUBE]
-            made = {name: path_within(steps, name, "cube.nc") for name in names}
+            made = {name: self.results(run_id, name) / "cube.nc" for name in names}
             return {name: str(path) for name, path in made.items() if path.is_file()}
         return {name: str(path) for name, path in analysis_files(self.results(run_id, step)).items()}
 
@@ -285,10 +285,10 @@ class Service:
     def upload_of(self, run_id: str) -> dict[str, Any]:
         """The submitted study or workflow of a run, and its files."""
         run = self.runs.find(run_id)
-        folder = self.directory(run_id) / UPLOAD
         if run.is_left_alone:
-            text, tables = self.ask(f"{_QUESTIONS}:texts_of_directory", path=str(folder.parent))
+            text, tables = self.ask(f"{_QUESTIONS}:texts_of_directory", path=str(self.directory(run_id)))
             return {"study": text, "files": tables}
+        folder = self.directory(run_id, UPLOAD) / UPLOAD
         texts = {path.name: read_regular(path).decode() for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
 
@@ -357,17 +357,17 @@ class Service:
         seconds = self.settings.limits.simulate_seconds
         return self._computing.ask(f"{_QUESTIONS}:plan_extension", seconds, as_json, self.left, **arguments)
 
-    def directory(self, run_id: str) -> Path:
-        """The directory of a run, for delivery.
+    def directory(self, run_id: str, part: str = "") -> Path:
+        """The directory of a run, for delivery of a part of it; see `check_delivered`.
 
         Raises:
-            RefusedError: 404 if there is no such run, or its directory holds other results; 403 if it holds a file that
-                must not be delivered.
+            RefusedError: 404 if there is no such run, or its directory holds other results; 403 if the part holds a
+                file that must not be delivered.
         """
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
         refuse_exchanged(run, directory)
         extended = (directory / UPLOAD).is_dir()  # by this service, whose files are private in any directory
-        check_delivered(directory, bool(run.place) and not extended)
+        check_delivered(directory, bool(run.place) and not extended, part)
         return directory
 
     def results(self, run_id: str, step: str | None = None) -> Path:
@@ -376,20 +376,20 @@ class Service:
         Raises:
             RefusedError: 404 if there is no such run or step, 409 if a workflow or a search needs a step.
         """
-        run, directory = self.runs.find(run_id), self.directory(run_id)
+        run = self.runs.find(run_id)
         if run.kind == "study":
             if step:
                 raise RefusedError(404, f"step: {printable(step[:100])}: this run is a study; it has no steps")
-            return directory
+            return self.directory(run_id)
         steps = run.plan["steps"]
         if step is None:
             what = "a workflow" if run.kind == "workflow" else f"a search ({run.kind})"
             raise RefusedError(409, f"step: this run is {what}: name one of its steps ({', '.join(steps)})")
         if run.kind == "optimisation" and step in _ANSWERS[run.kind]:
-            return directory / f"{step}.nc"
+            return self.directory(run_id) / f"{step}.nc"
         if step not in steps:
             raise RefusedError(404, f"step: {printable(step[:100])}: no step of this run ({', '.join(steps)})")
-        return path_within(directory, "steps", step)
+        return path_within(self.directory(run_id, f"steps/{step}"), "steps", step)
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
         """The result of an analysis of a run, or of a study step; RefusedError 404 if there is no such analysis."""

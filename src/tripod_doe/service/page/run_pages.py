@@ -133,8 +133,8 @@ def explorer(run_id: str, request: Request, service: AnyService) -> Response:
         )
     steps = [name for name, step in run.plan.get("steps", {}).items() if "points" in step]
     steps += service.analysis_files(run_id) if run.kind == "optimisation" else []
-    begun = [name for name in steps if service.results(run_id, name).exists()]
-    chosen = request.query_params.get("step") or next(iter(begun or steps), None)
+    begun = (name for name in steps if service.results(run_id, name).exists())
+    chosen = request.query_params.get("step") or next(begun, next(iter(steps), None))
     explored, trouble = _explored(service, run, request, chosen)
     return _run_page(
         "explore.html",
@@ -229,7 +229,7 @@ def behind(
 def report(run_id: str, service: AnyService) -> HTMLResponse:
     """The report in its sandbox."""
     run = service.runs.find(run_id)
-    written = has_report(service.directory(run_id))
+    written = has_report(service.directory(run_id, "report"))
     return _run_page("report.html", service, run, "Report", written=written, key=report_key(service.settings, run.id))
 
 

@@ -31,7 +31,7 @@ async def report_address(run_id: str, request: Request, service: AnyService) -> 
 @router.get("/report/", response_class=Response, responses=gives("text/html"))
 def report(run_id: str, service: AnyService) -> Response:
     """The report, a page in a sandbox; its links lead to pages with a key, as it cannot send the cookie."""
-    page = service.directory(run_id) / "report" / _PAGE
+    page = service.directory(run_id, "report") / "report" / _PAGE
     if not page.is_file():
         raise RefusedError(404, "this run has no report yet")
     text = read_regular(page, service.settings.limits.answer_bytes, CubeError).decode()
@@ -63,10 +63,11 @@ def what_if(run_id: str, service: AnyService, step: str | None = None) -> Respon
 @router.get("/pages/{key}/{place:path}", response_class=Response, responses=gives(*_KINDS.values()))
 def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     """A page or a cube that a report links to; the report knows the key, which opens nothing else."""
-    directory = service.directory(run_id)
+    directory = service.runs.directory(service.runs.find(run_id).id)
     path = file_within(directory, place)
     if path is None or path.suffix not in _KINDS or path.relative_to(directory).parts[0] not in ("report", "steps"):
         raise RefusedError(404, "no such page of this run")
+    service.directory(run_id, str(path.parent.relative_to(directory)))
     if path.suffix == ".nc":
         service.ask("workers.worker_functions:check_file", path=str(path))
     else:

@@ -25,7 +25,7 @@ from tripod_doe.service.routes.dependencies import (
     takes,
 )
 from tripod_doe.service.runs.listing import page_of
-from tripod_doe.service.runs.processes import run_log
+from tripod_doe.service.runs.processes import LOG, run_log
 
 router = APIRouter(responses=REFUSALS)
 
@@ -198,7 +198,7 @@ async def steps_of_run(run_id: str, service: AnyService) -> list[dict[str, Any]]
 @router.get("/runs/{run_id}/log", response_class=Response, responses=gives("text/plain") | errors_at(404))
 def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
     """What the latest process of a run said."""
-    return PlainTextResponse(run_log(service.directory(run_id)))
+    return PlainTextResponse(run_log(service.directory(run_id, LOG)))
 
 
 @router.delete("/runs/{run_id}", status_code=204, responses=CHANGES | errors_at(404))

@@ -6,16 +6,18 @@ import pwd
 import stat
 from collections.abc import Iterator
 from functools import cache
+from itertools import islice
 from pathlib import Path
 
 from tripod_doe.service.problems import RefusedError
 
-_MOST_FILES = 20_000  # in one result directory; a workflow of a hundred steps has a few thousand
+_MOST_FILES = 5_000  # of a part: a study or a step has some thirty
+_STEPS = "steps"
 _LONGEST_SHOWN = 200  # characters of a path
 
 
-def check_delivered(directory: Path, found: bool) -> None:
-    """Refuse a result directory that could give a client the owner's files from elsewhere, or private files.
+def check_delivered(directory: Path, found: bool, part: str = "") -> None:
+    """Refuse a part of a result directory that could give a client the owner's files from elsewhere, or private files.
 
     The server runs as one user and answers everyone who has the token. It delivers regular files that this user owns,
     from directories that no other user can change, so that a checked file is the same when it is opened. It follows no
@@ -24,6 +26,7 @@ def check_delivered(directory: Path, found: bool) -> None:
 
     Args:
         found: Whether the command line alone filled it: what this service writes is private anywhere.
+        part: The file or folder that an answer reads; empty for all but the steps, each of which is a part of its own.
 
     Raises:
         RefusedError: 403 with the name of the file and what to do.
@@ -32,11 +35,12 @@ def check_delivered(directory: Path, found: bool) -> None:
         top = os.lstat(directory)
     except FileNotFoundError:  # being deleted, or not there yet: its reader reports that
         return
-    for count, (path, state) in enumerate(_entries(directory)):
+    for count, (path, state) in enumerate(_entries(directory, part)):
         if reason := _refusal(state, top, found):
             raise RefusedError(403, f"{_shown(path, directory)}: {reason}")
         if count > _MOST_FILES:
-            raise RefusedError(403, f"{directory.name}: more than {_MOST_FILES:,} files, the limit here")
+            place = _shown(str(directory / part), directory)
+            raise RefusedError(403, f"{place}: more than {_MOST_FILES:,} files, the limit here")
 
 
 def file_within(folder: Path, place: str) -> Path | None:
@@ -89,21 +93,28 @@ def _is_private(state: os.stat_result) -> bool:
     return not state.st_mode & (stat.S_IRGRP | stat.S_IROTH)
 
 
-def _entries(directory: Path) -> Iterator[tuple[Path, os.stat_result]]:
-    """The directory and all entries in it that are not hidden, without following links."""
-    waiting = [directory]
+def _entries(directory: Path, part: str) -> Iterator[tuple[str, os.stat_result]]:
+    """The folders above a part, and all entries in the part that are not hidden, without following links."""
+    above = [str(directory / folder) for folder in Path(part).parents]
+    apart, waiting = str(directory / _STEPS), [str(directory / part), *above]
     while waiting:
         path = waiting.pop()
         try:
             state = os.lstat(path)
-            names = sorted(os.listdir(path), reverse=True) if stat.S_ISDIR(state.st_mode) else []
+            names = _names_in(path) if stat.S_ISDIR(state.st_mode) and path not in above else []
         except FileNotFoundError:  # a temporary file that is gone
             continue
         except OSError as error:  # what cannot be checked may hold anything
             raise RefusedError(403, f"{_shown(path, directory)}: cannot be checked ({error.strerror})") from error
         yield path, state
-        waiting += [path / name for name in names if not name.startswith(".")]
+        waiting += [inner for name in names if (inner := f"{path}/{name}") != apart]
 
 
-def _shown(path: Path, directory: Path) -> str:
-    return str(path.relative_to(directory.parent))[:_LONGEST_SHOWN]
+def _names_in(folder: str) -> list[str]:
+    """Names in a folder that are not hidden, up to one more than the limit."""
+    with os.scandir(folder) as entries:
+        return list(islice((each.name for each in entries if not each.name.startswith(".")), _MOST_FILES + 1))
+
+
+def _shown(path: str, directory: Path) -> str:
+    return os.path.relpath(path, directory.parent)[:_LONGEST_SHOWN]
