@@ -51,7 +51,7 @@ _FAR = 1e6
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
 WITHOUT_ITS_VIBRATION = "the joint vibrates by itself, and this is the answer without the vibration"
-NOT_LOOKED_AT = "similar joints vibrate by themselves, and whether these do was not looked at (keep vibrates)"
+NOT_LOOKED_AT = "similar joints vibrate by themselves, and only results with vibrates show whether these do"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 
