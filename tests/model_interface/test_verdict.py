@@ -56,7 +56,8 @@ def test_the_rule_holds_point_by_point_and_the_sentence_counts_them(seed):
         count = trust.count(each)
         assert f"{each.label} at {count}" in sentence or f"{each.label} at all {count} points" in sentence
     worst = max(trust)
-    assert ("check some of these" in sentence) == (worst is Trust.DOUBTFUL)
+    asked = "check it" if trust.count(worst) == 1 else "check some of these"
+    assert (asked in sentence) == (worst is Trust.DOUBTFUL)
     assert "since" in sentence
 
 
@@ -69,7 +70,7 @@ def test_a_reason_is_that_of_the_worst_points():
     (sentence,) = told.sentences(" with all mechanisms on")
     assert sentence == (
         "Verdict on the third order: sure at 2, doubtful at 1 of 3 points with all mechanisms on; doubtful since half "
-        'of the similar points were off by more than 5 %; check some of these with model = "fine".'
+        'of the similar points were off by more than 5 %; check it with model = "fine".'
     )
     assert not VerdictCount().sentences()
     assert re.match("its value is known exactly", verdicts(block).reasons[7])
@@ -90,10 +91,18 @@ def test_a_doubtful_verdict_names_the_cheapest_sure_model_and_its_price():
         )
         assert (verdicts(finer).trust == Trust.SURE).all()
     sentence, *_ = model_notes(simulator, {name: column[:1] for name, column in columns.items()}, {})
-    assert sentence.endswith('; check it with model = "rollers" (sure there, about 0.2 s of CPU time).')
+    assert sentence.endswith('; check it with model = "rollers" (sure there, usually about 0.2 s of CPU time).')
     sentence, *_ = model_notes(simulator, columns, {})
     assert 'check some of these with model = "' in sentence
-    assert "(sure at 1 of them, about " in sentence
+    assert "(sure at 1 of them, usually about " in sentence
+    same = {name: np.repeat(column[:1], 2) for name, column in columns.items()}
+    sentence, *_ = model_notes(simulator, same, {})
+    assert 'check some of these with model = "rollers" (sure at all of them, usually about 0.2 s' in sentence
+    larger = {"pitch_radius_mm": 25.5, "roller_radius_mm": 18.5, "groove_sliding_friction": 0.055, "torque_n_m": 40.0}
+    columns = simulator.columns(larger, {"joint_angle_deg": np.array([12.7])}, 1)
+    sentence, *_ = model_notes(simulator, columns, {"vibrates": np.ones(1)})
+    assert "the joint vibrates by itself" in sentence
+    assert sentence.endswith("(sure there).")  # such a run costs ten times a usual one, and more
 
 
 def test_several_reasons_make_one_verdict_with_the_weightiest_first():

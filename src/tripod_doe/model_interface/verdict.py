@@ -7,6 +7,7 @@ the range in which it holds, and a run by its own numerical error.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -119,12 +120,13 @@ class VerdictCount:
     finest: str = ""
     counts: Counter[tuple[Trust, str]] = field(default_factory=Counter)
     checks: Counter[str] = field(default_factory=Counter)  # doubtful points by the cheapest model that is sure there
-    prices: dict[str, float] = field(default_factory=dict)  # CPU seconds of a point by these models, where recorded
+    prices: dict[str, float] = field(default_factory=dict)  # usual CPU seconds of a point by these models
+    unpriced: Collection[str] = ()  # reasons that make a point more expensive than usual ones
 
     def add(self, errors: ModelErrors, numerical: FloatArray | None = None) -> NDArray[np.int8]:
         """Judge some points, count them, and return the `Trust` of each."""
         judged = verdicts(errors, numerical)
-        self.quantity, self.finest = errors.quantity, errors.reference
+        self.quantity, self.finest, self.unpriced = errors.quantity, errors.reference, errors.stated
         pairs, counts = np.unique(np.stack([judged.trust, judged.reason]), axis=1, return_counts=True)
         for (trust, reason), count in zip(pairs.T.tolist(), counts.tolist(), strict=True):
             self.counts[Trust(trust), judged.reasons[reason]] += count
@@ -150,7 +152,7 @@ class VerdictCount:
         reason, count = why.most_common(1)[0]
         since = f"mostly since {reason} ({count_of(count, 'point')})" if len(why) > 1 else f"since {reason}"
         if worst is Trust.DOUBTFUL:
-            since += f"; {self._check(total)}"
+            since += f"; {self._check(reason, why.total())}"
         if len(of_trust) > 1:
             parts = ", ".join(f"{trust.label} at {of_trust[trust]:,}" for trust in sorted(of_trust))
             since = since.removeprefix("mostly ")
@@ -168,11 +170,12 @@ class VerdictCount:
         worst = max(trust for trust, _ in self.counts)
         return worst, Counter({reason: count for (trust, reason), count in self.counts.items() if trust is worst})
 
-    def _check(self, total: int) -> str:
+    def _check(self, reason: str, doubtful: int) -> str:
         """What to check doubtful points with: the cheapest model that is sure at most of them, else the finest one."""
         model, count = (self.checks or Counter({self.finest: 0})).most_common(1)[0]
-        notes = [f"sure {'there' if total == 1 else f'at {count:,} of them'}"] * bool(count)
-        if count and model in self.prices:
-            notes.append(f"about {duration(self.prices[model], 2)} of CPU time{'' if total == 1 else ' each'}")
+        at = "there" if doubtful == 1 else "at all of them" if count == doubtful else f"at {count:,} of them"
+        notes = [f"sure {at}"] * bool(count)
+        if count and model in self.prices and reason not in self.unpriced:
+            notes.append(f"usually about {duration(self.prices[model], 2)} of CPU time{' each' * (doubtful > 1)}")
         named = f' with model = "{model}"' + (f" ({', '.join(notes)})" if notes else "")
-        return f"check {'it' if total == 1 else 'some of these'}{named}"
+        return f"check {'it' if doubtful == 1 else 'some of these'}{named}"

@@ -48,8 +48,8 @@ def _half(estimated: Estimate, confidence: float) -> float:
 def half_of_total(estimated: Estimate, confidence: float) -> float:
     """Half width of the interval of a total index: the upper side of an interval of its logarithm, up to one.
 
-    Squares of few samples are skewed: at 16 and 48 samples of the truth symmetric intervals held in 90 to 92 % where
-    these hold in 92 to 96 % (benchmarks/RESULTS.md).
+    Squares of few samples are skewed: at 16 and 48 samples of the truth symmetric intervals held in 90 to 97 %, these
+    in 91 to 99 % (benchmarks/RESULTS.md).
     """
     half = _half(estimated, confidence)
     part = min(half / estimated.value, 1.0) if estimated.value > 0 else 1.0
