@@ -96,6 +96,14 @@ def rounded_up(value: float, digits: int = 2) -> str:
     return number(math.copysign(steps * unit, value), digits + 1)
 
 
+def rounded_down(value: float, digits: int = 2) -> str:
+    """A bound to some significant digits, rounded towards zero, so that "at least" holds."""
+    if value == 0 or not math.isfinite(value):
+        return number(value)
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
+    return number(math.copysign(math.floor(abs(value) / unit) * unit, value), digits + 1)
+
+
 def interval(value: float, half: float) -> str:
     """A number with the half width of its interval, to the digits that this leaves: ``0.7 +- 0.05``.
 

@@ -144,6 +144,51 @@ def test_what_parts_at_rest_are_advised_to_is_in_range_and_helps(speed, angle, p
         assert infeasible(point_values(at | own | {name: JOINT_PARAMETERS[name].high}))
 
 
+SIZES = {
+    "needle_count": st.integers(1, 60),
+    "needle_diameter_mm": st.floats(0.5, 4),
+    "needle_pitch_diameter_mm": st.floats(8, 30),
+    "initial_skew_1_deg": st.floats(-9, 9),
+    "initial_skew_3_deg": st.one_of(st.just(0.0), st.floats(-9, 9)),
+    "needle_length_mm": st.floats(2, 30),
+    "roller_width_mm": st.floats(2, 16),
+    "shaft_length_mm": st.floats(50, 400),
+    "joint_angle_deg": st.floats(1, 35),
+}
+ADVISED = re.compile(r"(\w+_(?:mm|count|deg))(?:\)? do not fit beside each other: bring it)? to (-?[\d.]+\d|\d)")
+
+
+@settings(deadline=None, max_examples=150)
+@given(own=st.fixed_dictionaries({}, optional=SIZES))
+def test_a_value_that_a_refusal_names_is_accepted_when_typed(own):
+    """Regression: "1.868 mm apart" was a rounded distance, and needles of 1.868 mm were refused again."""
+
+    def refused(**given):
+        return {re.sub(r"(?<!_)-?\d[\d.]*", "", text.split(":")[0]): text for _, text in misfits(point_values(given))}
+
+    before = refused(**own)
+    for kind, text in before.items():
+        for name, value in ADVISED.findall(text):
+            JOINT_PARAMETERS[name].check(float(value))
+            after = refused(**own | {name: float(value)})
+            assert after.keys() < before.keys(), (text, name, value, after)
+            assert kind not in after, (text, name, value)
+
+
+@pytest.mark.parametrize(
+    ("given", "advised"),
+    [
+        ({"needle_count": 28}, "needle_pitch_diameter_mm to 17.87 or more"),
+        ({"needle_count": 28}, "needle_diameter_mm to 1.934 or less"),
+        ({"initial_skew_1_deg": -6}, "bring it to 4.49 deg"),
+        ({"needle_length_mm": 23.5, "roller_width_mm": 11.33339}, "needle_length_mm to 22.66 or less"),
+    ],
+)
+def test_refusals_name_values_to_type(internal_points, given, advised):
+    """Exact geometry, rounded to the side that fits."""
+    assert any(advised in text for text in reasons(internal_points, **given))
+
+
 @pytest.mark.parametrize(("count", "possible"), [(28, True), (48, False)])
 def test_a_larger_pitch_circle_is_advised_where_its_bore_fits_into_the_roller(internal_points, count, possible):
     (reason, *_) = reasons(internal_points, needle_count=count)

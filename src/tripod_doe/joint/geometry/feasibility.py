@@ -19,7 +19,6 @@ thrust are too small.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -31,12 +30,15 @@ from tripod_doe.joint.geometry.transition_velocities import slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import BOTH
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import rounded_up
+from tripod_doe.quantities import rounded_down, rounded_up
 
 _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
 
 _EXPONENT = 10 / 9
+
+_MARGIN = 1 + 1e-9
+"""Factor that keeps a limit in a message on the safe side of rounding errors."""
 
 _SLIDING = {"speed_rpm": ("speed", np.pi / 30, 10_000.0), "joint_angle_deg": ("joint_angle", np.pi / 180, 40.0)}
 """Parameters on which slips depend: their fields, the factors to internal units, and the ends of their ranges."""
@@ -84,8 +86,19 @@ def _least(point: JointValues[FloatArray], name: str) -> float | None:
 
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     """Points whose parts cannot be put together or cannot move, with the reason."""
-    conflicts = [*_rings(points), *overlaps(points), *_preloads(points), *_skewed(points)]
-    return [(i, each.reason(i)) for each in conflicts for i in map(int, np.flatnonzero(each.bad))]
+    return [(i, each.reason(i)) for each in _conflicts(points) for i in map(int, np.flatnonzero(each.bad))]
+
+
+def _conflicts(points: JointValues[FloatArray]) -> list[Overlap]:
+    return [*_rings(points), *overlaps(points), *_preloads(points), *_skewed(points)]
+
+
+def _improved(points: JointValues[FloatArray], i: int, **changed: float) -> bool:
+    """Whether a point with some sizes changed has fewer conflicts and no new one."""
+    point = points.take(slice(i, i + 1))
+    other = replace(point, **{name: np.full(1, value) for name, value in changed.items()})
+    before, after = ({k for k, each in enumerate(_conflicts(p)) if each.bad[0]} for p in (point, other))
+    return after < before
 
 
 def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
@@ -99,13 +112,9 @@ def _rings(points: JointValues[FloatArray]) -> list[Overlap]:
         )
 
     def too_many(i: int) -> str:
-        most = int(most_needles(needle[i], pitch[i]))
-        larger = _smallest_pitch(points, i)
-        fits = larger + needle[i] + 2 * points.bearing_radial_clearance[i] < 2 * points.roller_radius[i]
         return (
-            f"the needles do not fit on the pitch circle: reduce needle_count to {most}, or needle_diameter_mm"
-            + f", or raise needle_pitch_diameter_mm to {larger:.2f} or more" * bool(fits)
-            + f" ({points.needle_count[i]:g} needles of {needle[i]:.4g} mm are {spacing[i]:.4g} mm apart)"
+            f"the needles do not fit on the pitch circle: {_room(points, i)} ({points.needle_count[i]:g} needles of "
+            f"{needle[i]:.4g} mm are {rounded_down(spacing[i], 4)} mm apart)"
         )
 
     def no_wall(i: int) -> str:
@@ -143,19 +152,21 @@ def _preloads(points: JointValues[FloatArray]) -> list[Overlap]:
 
 
 def _skewed(points: JointValues[FloatArray]) -> list[Overlap]:
-    """Needles that are skewed into each other."""
+    """Needles that fit unskewed, and are skewed into each other."""
+    room = _spacing(points, 0.0) >= points.needle_diameter
 
     def crossed(k: int, skew: FloatArray) -> Overlap:
         spacing = _spacing(points, skew)
 
         def reason(i: int) -> str:
             return (
-                f"needles skewed by initial_skew_{k}_deg do not fit beside each other: reduce it, or needle_count "
-                f"(at {np.degrees(skew[i]):.4g} deg their axes are {spacing[i]:.4g} mm apart, and needle_diameter_mm "
-                f"is {points.needle_diameter[i]:.4g})"
+                f"needles skewed by initial_skew_{k}_deg do not fit beside each other: bring it to "
+                f"{_largest_skew(points, i)} deg or nearer to 0, or {_room(points, i)} (at "
+                f"{np.degrees(skew[i]):.4g} deg their axes are {rounded_down(spacing[i], 4)} mm apart, and "
+                f"needle_diameter_mm is {points.needle_diameter[i]:.4g})"
             )
 
-        return Overlap(spacing < points.needle_diameter, reason)
+        return Overlap(room & (spacing < points.needle_diameter), reason)
 
     return [crossed(k, skew) for k, skew in enumerate(points.initial_skews, 1)]
 
@@ -179,9 +190,29 @@ def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> Float
     return np.where(count > 1, spacing, np.inf)
 
 
-def _smallest_pitch(points: JointValues[FloatArray], i: int) -> float:
-    """Pitch diameter in mm on which the unskewed needles of a point fit, rounded up to 0.01 mm."""
-    return math.ceil(100 * float(points.needle_diameter[i]) / math.sin(math.pi / float(points.needle_count[i]))) / 100
+def _room(points: JointValues[FloatArray], i: int) -> str:
+    """Changes with which the needles of a point fit beside each other at its skews, with values on the safe side."""
+    point, needle, pitch = points.take(slice(i, i + 1)), points.needle_diameter[i], points.needle_pitch_diameter[i]
+    skew = float(np.abs(point.initial_skews).max())
+    most = int(most_needles(needle, pitch))
+    while most > 1 and _spacing(replace(point, needle_count=np.full(1, float(most))), skew)[0] < needle:
+        most -= 1
+    spacing = float(_spacing(point, skew)[0])
+    thinner, wider = rounded_down(spacing, 4), rounded_up(_MARGIN * needle / spacing * pitch, 4)
+    thin = _improved(points, i, needle_diameter=float(thinner))
+    wide = _improved(points, i, needle_pitch_diameter=float(wider))
+    return (
+        f"reduce needle_count to {most}, or needle_diameter_mm"
+        + f" to {thinner} or less" * thin
+        + f", or raise needle_pitch_diameter_mm to {wider} or more" * wide
+    )
+
+
+def _largest_skew(points: JointValues[FloatArray], i: int) -> str:
+    """Largest skew in deg at which the needles of a point fit beside each other, rounded down."""
+    room = float(_spacing(points.take(slice(i, i + 1)), 0.0)[0] / points.needle_diameter[i])
+    tangent = np.sqrt(max(room**2 - 1, 0.0)) / np.cos(np.pi / points.needle_count[i])
+    return rounded_down(float(np.degrees(np.arctan(tangent))) / _MARGIN, 3)
 
 
 def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
-from tripod_doe.quantities import rounded_up
+from tripod_doe.quantities import rounded_down, rounded_up
 
 _PHASES = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
 """Rotation angles at which rollers are checked; between two of them rollers move at most 2 % of their travel."""
@@ -198,7 +198,7 @@ def _bare_needles(points: JointValues[FloatArray]) -> Overlap:
         return (
             f"more than half of each needle is outside of its roller: needle_length_mm = {points.needle_length[i]:.4g} "
             f"in a bore roller_width_mm = {points.roller_width[i]:.4g} wide: reduce needle_length_mm to "
-            f"{2 * points.roller_width[i]:.4g} or less, or raise roller_width_mm"
+            f"{rounded_down(2 * points.roller_width[i], 4)} or less, or raise roller_width_mm"
         )
 
     return Overlap(points.needle_length > 2 * points.roller_width, reason)
@@ -235,7 +235,7 @@ def _outboard(points: JointValues[FloatArray]) -> Overlap:
     end = points.shaft_length * np.cos(points.joint_angle)
 
     def reason(i: int) -> str:
-        enough = rounded_up(float(reach[i] / np.cos(points.joint_angle[i])))
+        enough = rounded_up((1 + 1e-9) * float(reach[i] / np.cos(points.joint_angle[i])))
         return (
             f"the rollers reach {reach[i]:.4g} mm along the input axis, and the outboard joint is at {end[i]:.4g} mm: "
             f"raise shaft_length_mm (now {points.shaft_length[i]:.4g}) to {enough} or more"
