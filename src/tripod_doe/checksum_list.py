@@ -1,7 +1,11 @@
-"""Checksums of the text files of results, in a list in their folder that ``sha256sum --check`` reads, too.
+"""Checksums of files of results, in a list in their folder that ``sha256sum --check`` reads, too.
 
 The next list is written before the file, and replaces the list after it: at each moment, and after a kill at any, the
 file fits one of both. A file that fits none of them, while nothing is written, is damaged.
+
+The first line names whose results the folder holds, by random numbers: that in the header of a study's journal, and
+that of the directory of a workflow or a search, which its list and those of all its steps name. So files that were
+copied into another directory together with their list are known as those of other results.
 """
 
 from __future__ import annotations
@@ -10,22 +14,126 @@ import fcntl
 import hashlib
 import os
 import re
+import secrets
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from tripod_doe.atomic_files import replace_file, replace_text
-from tripod_doe.errors import CubeError, StorageError, option
+from tripod_doe.errors import CubeError, InputError, StorageError, option
 from tripod_doe.regular_files import opened_regular, read_regular
 
 LIST = "checksums.sha256"
 """File of a folder of results."""
 
+JOURNAL = "journal.sqlite"
+"""File of a result directory with the finished blocks of its study."""
+
+MOST_RESULTS = 2**31 - 1
+"""Largest number of results."""
+
 _NEXT = f".{LIST}.next"  # the list that takes its place
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\n/]+)")
+_FIRST = re.compile(r"# results ([0-9]{1,10}) of directory ([0-9]{1,10})")
+_NUMBER_AT = 60  # place of the number of the results in the header of a journal
+_STEPS = ("steps", "quick")  # folders with the folders of steps
+_PARTS = ("report", "figures", "tables", "quick")  # folders with a part of the results of the folder above
 _LARGEST = 1_000_000  # bytes of a list that are read
 _PATIENCE = 1.0  # seconds for a look during which nothing is written
+
+
+class Results(NamedTuple):
+    """Whose results a folder holds, by numbers; 0 where unknown, as in results of earlier versions."""
+
+    study: int  # of the journal in the folder
+    directory: int  # of the directory of a workflow or a search; 0 for that of a study
+
+    def __str__(self) -> str:
+        return f"# results {self.study} of directory {self.directory}"
+
+    def differs(self, other: Results) -> bool:
+        """Whether two folders are known to hold different results."""
+        return any(own and its and own != its for own, its in zip(self, other, strict=True))
+
+
+def results_number(journal: Path) -> int:
+    """The random number of the results in a journal, which a copy keeps; 0 if it has none, as in earlier versions.
+
+    It is in the header of the file ("user version" in SQLite's description of its file format).
+    """
+    try:
+        with opened_regular(journal, sys.maxsize) as stream:
+            return int.from_bytes(os.pread(stream.fileno(), 4, _NUMBER_AT), "big") & MOST_RESULTS
+    except (OSError, InputError):
+        return 0
+
+
+def _places(folder: Path) -> tuple[Path, Path]:
+    """The result directory or step of a workflow to which a folder belongs, and the directory with all its steps."""
+    place = folder.absolute()
+    while place.name in _PARTS and place.parent.name not in _STEPS and not (place / JOURNAL).exists():
+        place = place.parent
+    return place, place.parent.parent if place.parent.name in _STEPS else place
+
+
+def _results_in(folder: Path) -> Results:
+    """Whose results a folder holds, without a look at its own list."""
+    place, root = _places(folder)
+    whole = 0 if (root / JOURNAL).exists() else _named_in(root).directory
+    return Results(results_number(place / JOURNAL), whole)
+
+
+def _named_in(folder: Path, *names: str) -> Results:
+    """What the list of a folder names."""
+    for name in names or (LIST, _NEXT):
+        if match := _FIRST.fullmatch((_lines(folder / name) or [""])[0]):
+            return Results(int(match[1]), int(match[2]))
+    return Results(0, 0)
+
+
+def _lists_of_steps(root: Path) -> Iterator[Path]:
+    """The lists in the folders of the steps of a workflow or a search."""
+    for steps in _STEPS:
+        yield from sorted((root / steps).glob(f"*/{LIST}"))
+
+
+def refuse_other_results(folder: Path) -> None:
+    """Refuse a folder whose list, or whose steps, are known to be of another directory.
+
+    Raises:
+        CubeError: With both files, and the remedy.
+    """
+    for path, number, other, its in _numbers(folder):
+        if number and its and number != its:
+            raise CubeError(
+                f"{path}: of other results than {other}: files of another directory were copied here; put this "
+                "directory's own back, or move the copied ones away and make it again by the same command"
+            )
+
+
+def _numbers(folder: Path) -> Iterator[tuple[Path, int, Path, int]]:
+    """Files that name whose results a folder holds, in pairs that must agree, each with its number."""
+    (place, root), here = _places(folder), _results_in(folder)
+    for path in (folder / LIST, folder / _NEXT):
+        named = _named_in(folder, path.name)
+        yield path, named.study, place / JOURNAL, here.study
+        yield path, named.directory, root / LIST, here.directory
+    if place == root:
+        for path in _lists_of_steps(root):
+            yield path, _named_in(path.parent).directory, root / LIST, here.directory
+
+
+def names_results(folder: Path) -> bool:
+    """Whether the list of a folder names whose results it holds; in earlier versions it does not."""
+    return any(_named_in(folder))
+
+
+def belongs_unknown(folder: Path) -> bool:
+    """Whether the list of a folder does not name its results, though its directory has a number."""
+    return any(_results_in(folder)) and not names_results(folder)
 
 
 def write_listed(path: Path, content: str | bytes) -> Path:
@@ -34,18 +142,29 @@ def write_listed(path: Path, content: str | bytes) -> Path:
     Raises:
         StorageError: If one of them cannot be written.
     """
-    data = content.encode() if isinstance(content, str) else content
+    with listed_file(path) as fresh:
+        fresh.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@contextmanager
+def listed_file(path: Path) -> Iterator[Path]:
+    """Give a path to write to, as `replace_file`; its checksum is then in the list beside it.
+
+    Raises:
+        StorageError: If one of them cannot be written.
+    """
     with _one_writer(path.parent):
-        upcoming = _upcoming(path.parent) | {path.name: hashlib.sha256(data).hexdigest()}
-        lines = "".join(f"{upcoming[name]}  {name}\n" for name in sorted(upcoming))
-        listed = replace_text(path.with_name(_NEXT), lines)
         with replace_file(path) as fresh:
-            fresh.write_bytes(data)
+            yield fresh
+            first, upcoming = _upcoming(path.parent)
+            upcoming[path.name] = _digest(fresh, links=False)
+            lines = "".join(f"{upcoming[name]}  {name}\n" for name in sorted(upcoming))
+            listed = replace_text(path.with_name(_NEXT), f"{first}\n{lines}" if any(first) else lines)
         try:
             os.replace(listed, path.with_name(LIST))
         except OSError as error:
             raise StorageError(f"{path.with_name(LIST)}: cannot write this file: {error.strerror}") from error
-    return path
 
 
 @contextmanager
@@ -65,15 +184,20 @@ def _one_writer(folder: Path) -> Iterator[None]:
         os.close(place)
 
 
-def _upcoming(folder: Path) -> dict[str, str]:
-    """The checksums of a folder, with that of a file that a kill kept from the list."""
-    sums = checksums(folder)
-    for name, digest in _sums(folder / _NEXT).items():
+def _upcoming(folder: Path) -> tuple[Results, dict[str, str]]:
+    """Whose results a folder holds, and its checksums, with that of a file that a kill kept from the list."""
+    here = _results_in(folder)
+    place, root = _places(folder)
+    if place == root == folder.absolute() and not here.directory and not (root / JOURNAL).exists():
+        known = (_named_in(path.parent).directory for path in _lists_of_steps(root))  # the list is lost
+        here = Results(here.study, next(filter(None, known), 1 + secrets.randbelow(MOST_RESULTS)))
+    sums, late = ({} if _named_in(folder, name).differs(here) else _sums(folder / name) for name in (LIST, _NEXT))
+    for name, digest in late.items():
         path = folder / name
         with suppress(OSError, CubeError):  # none is there, or none of ours
             if digest != sums.get(name) and _digest(path, links=False) == digest:
                 sums[name] = digest
-    return sums
+    return here, sums
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -83,7 +207,7 @@ def checksums(folder: Path) -> dict[str, str]:
 
 def damaged_lines(folder: Path) -> int:
     """Number of lines of the list of a folder that hold no checksum."""
-    return sum(_LINE.fullmatch(line) is None for line in _lines(folder / LIST))
+    return sum(not (_LINE.fullmatch(line) or _FIRST.fullmatch(line)) for line in _lines(folder / LIST))
 
 
 def _sums(path: Path) -> dict[str, str]:
@@ -137,7 +261,7 @@ def _version(path: Path) -> list[tuple[int, int]]:
 
 
 def refuse_changed(path: Path, unlisted: bool = False) -> None:
-    """Refuse a file that does not fit its checksum.
+    """Refuse a file that does not fit its checksum, or whose list is of another directory.
 
     Args:
         unlisted: Whether to refuse a file without a checksum, too.
@@ -145,6 +269,7 @@ def refuse_changed(path: Path, unlisted: bool = False) -> None:
     Raises:
         CubeError: With the remedy.
     """
+    refuse_other_results(path.parent)
     if is_changed(path, unlisted):
         raise CubeError(
             f"{path}: damaged or edited: it does not fit its checksum in {LIST}; {_remedy(path)}; to use it as it is, "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.sentences import find_in_fit
+from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.netcdf import write_dataset
@@ -171,6 +173,25 @@ def test_a_flipped_bit_in_its_files_is_named(fitted, tmp_path, capsys, name):
     code = main(["report", str(tmp_path / "copy")])
     assert code == (2 if name == "base.toml" else 0)  # the page quotes it
     assert main(["check", str(path)]) == (0 if name.startswith("report") else 3)
+
+
+@pytest.mark.parametrize("name", ["fit.nc", "base.toml", "report"])
+def test_files_of_another_fit_are_refused(fitted, tmp_path, capsys, name):
+    """Regression: copied with their checksums they were shown in silence, and check called them whole."""
+    mine, other = (shutil.copytree(fitted[0], tmp_path / name) for name in ("mine", "other"))
+    for path in other.rglob(LIST):
+        path.write_text(re.sub("of directory .*", "of directory 7", path.read_text()))
+    assert main(["check", str(other)]) == 0
+    if name == "report":
+        shutil.copytree(other / name, mine / name, dirs_exist_ok=True)
+    else:
+        for copied in (name, LIST):
+            shutil.copy(other / copied, mine / copied)
+        with pytest.raises(td.CubeError, match="files of another directory were copied here"):
+            td.open_cube(mine)
+        assert main(["report", str(mine)]) == 2
+    assert main(["check", str(mine)]) == 3
+    assert "files of another directory were copied here" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("text", ["title", "question", "source", "fit", "model", "model_error_source"])

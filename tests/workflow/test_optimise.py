@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
+import shutil
 import time
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from tripod_doe.analyses.optimisation.candidates import base_of
 from tripod_doe.analyses.optimisation.confirmation import largest_gains
 from tripod_doe.analyses.optimisation.search import first_generation
 from tripod_doe.analyses.optimisation.variables import Variable, Variables
+from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.scenes import load_simulator
@@ -632,6 +634,22 @@ def test_equal_candidates_and_a_single_one_are_called_so(solve):
     one = solve("hole", levels, aims, "one", search={"evaluations": 10})
     assert one.lines[0] == "One candidate is feasible: lightest 0.5 and softest 1.5, at x = 0.5."
     assert "2 cannot be built, did not finish or lack a value" in one.lines[-1]
+
+
+@pytest.mark.usefixtures("charts_not_drawn")
+def test_the_front_of_another_search_is_refused(solve, capsys):
+    """Regression: copied with its checksums it was read in silence, and check called it whole."""
+    mine, other = (
+        solve("slope", {"x": {"low": 0, "high": high}}, {"f": {"output": "f"}}, f"to{high}", search={"evaluations": 20})
+        for high in (2, 3)
+    )
+    assert main(["check", str(mine.directory)]) == 0
+    for name in ("front.nc", "candidates.nc", "base.toml", LIST):
+        shutil.copy(other.directory / name, mine.directory / name)
+    capsys.readouterr()
+    assert main(["query", str(mine.directory / "front.nc"), "--variable", "f"]) == 2
+    assert "files of another directory were copied here" in capsys.readouterr().err
+    assert main(["check", str(mine.directory)]) == 3
 
 
 def test_a_level_changes_by_decibels(solve):

@@ -21,9 +21,11 @@ import tripod_doe as td
 from started import Process
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.registry import ANALYSES, Analysis
+from tripod_doe.checksum_list import LIST
 from tripod_doe.cli import main
 from tripod_doe.study.cube.file_digest import is_damaged
 from tripod_doe.study.result_directory import open_cube
+from tripod_doe.study.result_directory.check import check_files
 from tripod_doe.workflow.steps_file import found_sentences
 from tripod_doe.workflow.workflow import load_workflow
 
@@ -77,6 +79,17 @@ study = "other.toml"
 [quick.second]
 base = {tag = 7}
 factors.x = {values = [1, 2]}
+"""
+
+ANALYSED = """
+[workflow]
+name = "Analysed"
+[steps.first]
+kind = "study"
+study = "first.toml"
+[steps.highest]
+kind = "highest"
+inputs = ["first"]
 """
 
 
@@ -140,6 +153,29 @@ def test_steps_run_after_what_they_need_and_once(bench):
     report = (bench.out / "steps" / "last" / "index.html").read_text()
     assert "<svg" in report
     assert 'href="../first/report/index.html"' in report
+
+
+def test_a_step_of_another_workflow_is_refused_and_made_again(bench, monkeypatch):
+    """Regression: copied with its record it was taken for a step of this one, in silence."""
+
+    @makes_kind("highest")
+    def highest(cubes, settings, folder):
+        return cubes["first"][["y"]].max()
+
+    monkeypatch.setitem(ANALYSES, "highest", Analysis(highest, type("Settings", (BaseModel,), {})))
+    bench.write(ANALYSED)
+    bench.run()
+    other = shutil.copytree(bench.out, bench.folder / "other")
+    shutil.rmtree(bench.out)
+    bench.study("first", "1, 2, 4")
+    bench.run()
+    shutil.copytree(other / "steps" / "highest", bench.out / "steps" / "highest", dirs_exist_ok=True)
+    with pytest.raises(td.CubeError, match="files of another directory were copied here"):
+        td.open_cube(bench.out / "steps" / "highest")
+    damaged = {file.path for file in check_files(bench.out) if not file.is_whole}
+    assert {bench.out / "steps" / "highest" / name for name in (LIST, "cube.nc")} <= damaged
+    assert bench.run() == {"first": "reused", "highest": "finished"}
+    assert all(file.is_whole for file in check_files(bench.out))
 
 
 def test_what_a_study_of_it_looks_for_is_said(bench):

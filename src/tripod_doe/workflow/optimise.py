@@ -419,8 +419,8 @@ def optimise(
     front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
     candidates = candidates_dataset(problem, solved)
     action = f"tripod-doe optimise: {computed} points computed"
-    write_dataset(stamp_history(front, action), directory / "front.nc")
-    write_dataset(stamp_history(candidates, action), directory / "candidates.nc")
+    write_dataset(stamp_history(front, action), directory / "front.nc", listed=True)
+    write_dataset(stamp_history(candidates, action), directory / "candidates.nc", listed=True)
     if len(solved.front.units):
         best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
         write_listed(directory / "base.toml", pasted(base_values(problem, best), problem.confirmed_base))

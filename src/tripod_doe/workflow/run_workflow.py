@@ -19,16 +19,15 @@ import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import refuse_links
-from tripod_doe.checksum_list import checksums, is_changed, write_listed
-from tripod_doe.errors import InputError, StorageError
+from tripod_doe.checksum_list import checksums, refuse_changed, write_listed
+from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
 from tripod_doe.quantities import duration
 from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.reports.workflow_chart import StepView
 from tripod_doe.reports.workflow_report import chain_page, step_page, write_charts
-from tripod_doe.study.cube.file_checks import DIGEST, STEP, is_of_its_step
-from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
@@ -41,6 +40,7 @@ from tripod_doe.workflow.steps_file import write_steps
 from tripod_doe.workflow.workflow import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.workflow_file import AnalysisStep, FigureStep, ReportStep, StudyStep
 
+_STEP = "step.json"  # the record of a finished step
 _MARKS = {"study": "cube.nc", "figure": "figures.json", "report": "index.html"}
 
 
@@ -173,18 +173,19 @@ class _Chain:
         """A step that an earlier run finished from the same inputs; None if there is none."""
         folder = self.folder(step.name)
         try:
-            record = json.loads(read_regular(folder / STEP, STUDY_BYTES))
+            record = json.loads(read_regular(folder / _STEP, STUDY_BYTES))
             of, seconds, detail = record["hash"], float(record["seconds"]), str(record["detail"])
         except (OSError, ValueError, KeyError, TypeError, InputError):  # missing or damaged: the step runs again
             return None
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
         if of != step.hash or not all(mark.exists() for mark in marks):
             return None
-        if any(is_changed(folder / name) for name in checksums(folder)) or any(map(is_changed, self._exported(step))):
+        try:
+            for mark in (*marks, *(folder / listed for listed in checksums(folder))):
+                refuse_changed(mark, unlisted=step.study is None)
+        except CubeError:
             return None
         if any(is_damaged(mark) or (mark.suffix == ".nc" and not is_sealed(mark)) for mark in marks if mark.is_file()):
-            return None
-        if not is_of_its_step(folder / "cube.nc"):
             return None
         return self.view(step, "reused", seconds, detail)
 
@@ -209,13 +210,11 @@ class _Chain:
             return self._report_state(self.view(step, "failed", time.perf_counter() - started, reason))
         seconds = round(time.perf_counter() - started, 3)
         record = {"hash": step.hash, "seconds": seconds, "detail": detail}
-        if isinstance(step.table, AnalysisStep):
-            record[DIGEST] = stored_digest(self.folder(name) / "cube.nc")
         if lacking:  # missing inputs may come without a change of the hash: the step is not finished
-            (self.folder(step.name) / STEP).unlink(missing_ok=True)
+            (self.folder(step.name) / _STEP).unlink(missing_ok=True)
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
         else:
-            write_listed(self.folder(step.name) / STEP, json.dumps(record))
+            write_listed(self.folder(step.name) / _STEP, json.dumps(record))
         return self._report_state(self.view(step, "finished", seconds, detail))
 
     def _reads_failed(self, step: Step) -> bool:
@@ -274,7 +273,8 @@ class _Chain:
         with self._cubes(self._inputs(step)) as cubes:
             result = ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
             result = result.assign_attrs({"title": _title(name, cubes)} | result.attrs).load()
-        write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
+        cube = self.folder(step.name) / "cube.nc"
+        write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), cube, listed=True)
         for path in self._exported(step):
             export = ANALYSES[name].export
             assert export is not None

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.atomic_files import remove_tree
+from tripod_doe.checksum_list import results_number
 from tripod_doe.errors import CubeError
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 from tripod_doe.study.journal import COMPUTING, Journal, journal_path
-from tripod_doe.study.journal.rows import results_number
 from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
 

@@ -3,27 +3,24 @@
 All readers of netCDF files call `refuse_unfit`.
 """
 
-import json
 from functools import lru_cache
 from pathlib import Path
 
-from tripod_doe.errors import CubeError, InputError
-from tripod_doe.regular_files import read_regular, refuse_irregular
-from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
+from tripod_doe.checksum_list import names_results, refuse_changed
+from tripod_doe.errors import CubeError
+from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading, remedy
 from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path
 
 MOST_CHECKED = 100_000_000
 """Bytes of a file up to which its digest is checked when it is opened: 0.2 s."""
 
-STEP, DIGEST = "step.json", "cube_digest"
-"""The record of a finished step of a workflow, and its key for the digest of the cube of an analysis."""
-
 ANALYSES = "analysis"
 """Folder of a result directory with its analyses."""
 
-_RECORD_BYTES = 1_000_000  # of the record of a step
 _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
+_LISTED = ("cube.nc", "fit.nc", "front.nc", "candidates.nc")  # of a step, a fit and an optimisation
 
 
 def refuse_unfit(path: Path, whole: bool = False) -> None:
@@ -37,10 +34,10 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
         CubeError: With the reason and the remedy.
     """
     _refuse_damaged(path, whole)
-    if (directory := _directory_of(path)) is not None:
+    directory = _directory_of(path)
+    refuse_changed(path, unlisted=directory is None and path.name in _LISTED and names_results(path.parent))
+    if directory is not None:
         _refuse_other_study(path, directory)
-    elif not is_of_its_step(path):
-        raise CubeError(f"{path}: it is not the result of this step of the workflow; {remedy(path)}")
 
 
 def analysis_files(directory: Path) -> dict[str, Path]:
@@ -66,18 +63,6 @@ def _directory_of(path: Path) -> Path | None:
     inside = path.name in _RESULTS or path.parent.name == ANALYSES
     directory = path.parent.parent if path.parent.name == ANALYSES else path.parent
     return directory if inside and journal_path(directory).exists() else None
-
-
-def is_of_its_step(path: Path) -> bool:
-    """Whether the cube of a workflow step matches the step's record; true without a record."""
-    record = path.with_name(STEP)
-    if path.name != "cube.nc" or not record.is_file():
-        return True
-    try:
-        recorded = json.loads(read_regular(record, _RECORD_BYTES)).get(DIGEST)
-    except (OSError, ValueError, RecursionError, AttributeError, InputError):  # then the step runs again
-        return True
-    return recorded is None or recorded == stored_digest(path)
 
 
 def _refuse_other_study(path: Path, directory: Path) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tripod_doe.atomic_files import replace_file
+from tripod_doe.checksum_list import listed_file
 from tripod_doe.errors import CubeError, option
 from tripod_doe.quantities import size
 from tripod_doe.study.cube.file_digest import seal
@@ -58,14 +59,17 @@ def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
     return dataset.assign_attrs(history=f"{line}\n{earlier}" if earlier else line)
 
 
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+def write_dataset(dataset: xr.Dataset, path: Path, listed: bool = False) -> None:
     """Replace a netCDF file as a whole; a kill leaves the old one or the new one.
+
+    Args:
+        listed: Whether its checksum is written into the list of its folder.
 
     Raises:
         StorageError: If it cannot be written; the old file stays.
     """
     encoding = {name: _encoding(variable, name in dataset.coords) for name, variable in dataset.variables.items()}
-    with NETCDF_LOCK, opened_store(path) as store:
+    with NETCDF_LOCK, opened_store(path, listed) as store:
         dataset.dump_to_store(store, encoding=encoding)
 
 
@@ -80,17 +84,20 @@ def _encoding(variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
 
 
 @contextmanager
-def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
+def opened_store(path: Path, listed: bool = False) -> Iterator[NetCDF4DataStore]:
     """Give a store to write a netCDF file, which replaces an older file at the end of the block.
 
     The writing thread must hold the netCDF4 lock while it writes.
+
+    Args:
+        listed: As for `write_dataset`.
 
     Raises:
         StorageError: If it cannot be written; the old file stays.
     """
     from xarray.backends import NetCDF4DataStore
 
-    with replace_file(path) as fresh:
+    with (listed_file if listed else replace_file)(path) as fresh:
         # as `to_netcdf` does, which would import dask.distributed to ask which lock it needs
         with NETCDF_LOCK:
             store = NetCDF4DataStore.open(  # type: ignore[no-untyped-call]

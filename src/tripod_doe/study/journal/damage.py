@@ -10,6 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.checksum_list import results_number
 from tripod_doe.errors import CubeError, option
 from tripod_doe.quantities import count_of
 from tripod_doe.regular_files import refuse_irregular
@@ -21,7 +22,6 @@ from tripod_doe.study.journal.rows import (
     BlockRow,
     DamagedRowError,
     NoteRow,
-    results_number,
     write_journal,
 )
 from tripod_doe.study.journal.sqlite_pages import logged_rows, stored_rows

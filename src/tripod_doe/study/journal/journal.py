@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.checksum_list import JOURNAL
 from tripod_doe.errors import CubeError, StorageError
 from tripod_doe.study.journal.damage import KERNELS, REPAIRS, SHOWN, connected, counted, damage, is_damage, rescue
 from tripod_doe.study.journal.finished_block import FinishedBlock
@@ -233,4 +234,4 @@ class Journal:
 
 def journal_path(directory: Path) -> Path:
     """Path of the journal of a result directory; it identifies result directories."""
-    return directory / "journal.sqlite"
+    return directory / JOURNAL

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import secrets
 import sqlite3
-import sys
 import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import closing
@@ -17,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from tripod_doe.atomic_files import replace_file
-from tripod_doe.errors import InputError
+from tripod_doe.checksum_list import MOST_RESULTS
 from tripod_doe.model_interface import Outcome
-from tripod_doe.regular_files import opened_regular
 from tripod_doe.study.journal.finished_block import FinishedBlock, decode, encode
 
 PAGE_BYTES = 16384
@@ -46,7 +43,6 @@ CREATE TABLE IF NOT EXISTS note (
 );
 """
 
-_NUMBER_AT, _MOST_RESULTS = 60, 2**31 - 1  # place of the number of the results in the header, and the largest
 _OUTCOMES = {int(outcome) for outcome in Outcome}
 
 
@@ -167,18 +163,6 @@ def put_notes(connection: sqlite3.Connection, notes: Mapping[str, str]) -> None:
     connection.execute(f"INSERT OR REPLACE INTO note (digest, key, value) VALUES {places}", values)
 
 
-def results_number(path: Path) -> int:
-    """The random number of the results in a journal, which a copy keeps; 0 if it has none, as in earlier versions.
-
-    It is in the header of the file ("user version" in SQLite's description of its file format).
-    """
-    try:
-        with opened_regular(path, sys.maxsize) as stream:
-            return int.from_bytes(os.pread(stream.fileno(), 4, _NUMBER_AT), "big") & _MOST_RESULTS
-    except (OSError, InputError):
-        return 0
-
-
 def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, str], number: int = 0) -> None:
     """Replace a journal as a whole, or make a new one; a kill leaves the old or the new.
 
@@ -197,7 +181,7 @@ def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, st
                 connection.execute("PRAGMA journal_mode = OFF")  # nothing else sees this file before it is whole
                 connection.execute("PRAGMA synchronous = OFF")
                 connection.executescript(SCHEMA)
-                connection.execute(f"PRAGMA user_version = {number or 1 + secrets.randbelow(_MOST_RESULTS)}")
+                connection.execute(f"PRAGMA user_version = {number or 1 + secrets.randbelow(MOST_RESULTS)}")
                 connection.execute("BEGIN")
                 for row in blocks:
                     insert_block(connection, row)

@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+from tripod_doe.checksum_list import refuse_other_results
 from tripod_doe.errors import CubeError, option
 from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.study.cube.file_checks import study_hash
@@ -167,8 +168,9 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
     """Refuse the study file of a result directory if it is not the stored one.
 
     Raises:
-        CubeError: If it was damaged or edited.
+        CubeError: If it was damaged or edited, or the directory holds files of another one.
     """
+    refuse_other_results(directory)
     path = directory / "study.toml"
     if not path.exists():
         return

@@ -15,7 +15,7 @@ from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import CubeError, InputError, near_match, option
-from tripod_doe.regular_files import TEXT_BYTES, read_regular, refuse_irregular
+from tripod_doe.regular_files import TEXT_BYTES, refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
@@ -196,8 +196,7 @@ def keep_sources(study: Study, directory: Path) -> dict[str, str]:
         if design.kind == "table" and design.table is not None:
             text = read_text(study.folder.file(design.table, "table"), "table", TEXT_BYTES)
             copy = table_copy(directory, design.table)
-            if not copy.is_file() or read_regular(copy, links=True).decode() != text:
-                write_listed(copy, text)
+            write_listed(copy, text)
     if isinstance(study.simulator, FunctionSimulator):
         return {FUNCTION: json.dumps(study.simulator.record, default=str)}
     return {}
