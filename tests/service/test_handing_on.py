@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
+from shutil import copytree
 
 import openpyxl
+import pytest
 
 import tripod_doe as td
+from tripod_doe.errors import CubeError
+from tripod_doe.service.workers import worker_functions
+from tripod_doe.study.result_directory.annotation import Annotation, write_annotation
 
 
 def test_a_run_on_one_page_and_as_a_workbook(api, coast):
@@ -29,3 +35,28 @@ def test_answers_for_spreadsheets(api, settings, coast):
     answer = api.get(f"/runs/{coast}/query", params=asked | {"format": "xlsx"})
     assert 'filename="answer.xlsx"' in answer.headers["content-disposition"]
     assert len(list(openpyxl.load_workbook(io.BytesIO(answer.content))["Answer"].values)) == 2 + len(rows)
+
+
+def test_a_summary_is_made_once_for_the_same_results(coast, settings, tmp_path, monkeypatch):
+    """Regression: a reader's requests for the same PDF cost 1.4 CPU-s each, and held up those of the others."""
+    directory, made = str(copytree(settings.folder / coast, tmp_path / "copy")), []
+    summary = worker_functions._summary
+    monkeypatch.setattr(worker_functions, "_summary", lambda path, form: made.append(form) or summary(path, form))
+    first = worker_functions.handed_on(directory, "html")
+    assert worker_functions.handed_on(directory, "html") is first
+    worker_functions.handed_on(directory, "xlsx")
+    assert made == ["html", "xlsx"]
+    write_annotation(Path(directory), Annotation(note="for the meeting"))
+    assert b"for the meeting" in worker_functions.handed_on(directory, "html")
+    cube = Path(directory) / "cube.nc"
+    cube.write_bytes(cube.read_bytes()[:-1000])
+    with pytest.raises(CubeError):
+        worker_functions.handed_on(directory, "html")
+
+
+def test_few_summaries_are_kept(coast, settings, monkeypatch):
+    monkeypatch.setattr(worker_functions, "_MOST_KEPT", 3)
+    monkeypatch.setattr(worker_functions, "_summary", lambda path, form: b"00")
+    for form in ("html", "xlsx", "html"):
+        assert worker_functions.handed_on(str(settings.folder / coast), form) == b"00"
+        assert [key[1] for key in worker_functions._made] == [form]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import tempfile
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
@@ -42,7 +41,7 @@ _UPLOADS = ".upload-"
 _QUESTIONS = "workers.worker_functions"
 _ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches; the first is the result
 _SMALL_SECONDS = 5.0  # CPU time of a short answer
-_MOST_LARGE = 2  # large questions of a reader: one at work, and one that waits
+_MOST_SMALL, _MOST_LARGE = 20, 2  # questions of a reader: one at work, the others wait
 _SPARE_THREADS = 40  # for requests that need no worker
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps without an analysis
 
@@ -73,10 +72,12 @@ class Service:
         self._planning = WorkerPool(1, settings.limits, waiting=settings.limits.queued)
         self._computing = WorkerPool(1, settings.limits)
         self._large = WorkerPool(1, settings.limits)
-        self._of_readers = WorkerPool(1, settings.limits, waiting=40), WorkerPool(1, settings.limits)
+        self._of_readers = (
+            WorkerPool(2, settings.limits, waiting=40, of_one=_MOST_SMALL),
+            WorkerPool(2, settings.limits, of_one=_MOST_LARGE),
+        )
         self._pools = (self._pool, self._finding, self._planning, self._computing, self._large, *self._of_readers)
-        self._large_open: Counter[str] = Counter()  # large questions per reader
-        self._counting = threading.Lock()
+        self._reader = ""
         self.threads = _SPARE_THREADS + sum(pool.threads for pool in self._pools)
         self.shares = Shares(settings.folder)
         self.computes = True
@@ -94,7 +95,8 @@ class Service:
     def seen_by(self, settings: Settings, is_open: Callable[[], bool]) -> Service:
         """The service for a reader: it changes nothing, and shows only one run if the settings name one.
 
-        Workers that answer readers answer nobody else, so that the owner waits for no question of theirs.
+        Workers that answer readers answer nobody else, so that the owner waits for no question of theirs; one reader
+        leaves workers to the others.
 
         Args:
             settings: Settings for this reader.
@@ -102,6 +104,7 @@ class Service:
         """
         seen = copy(self)
         seen.settings, seen.is_open, seen.computes = settings, is_open, False
+        seen._reader = settings.key
         seen._pool, seen._large = self._of_readers
         if settings.only_run:
             seen.runs = cast("Supervisor", OneRun(self.runs, settings.only_run))
@@ -189,7 +192,8 @@ class Service:
         """
         seconds = self.settings.limits.query_seconds
         try:
-            return self._pool.ask(question, min(_SMALL_SECONDS, seconds), as_json, self.left, **arguments)
+            small = min(_SMALL_SECONDS, seconds)
+            return self._pool.ask(question, small, as_json, self.left, self._reader, **arguments)
         except LateError:
             if seconds <= _SMALL_SECONDS:
                 raise
@@ -201,17 +205,8 @@ class Service:
         Raises:
             AllBusyError: Also if one such question of this reader is at work, and another one waits.
         """
-        reader = self.settings.key if self.settings.read_only else ""
-        with self._counting:
-            if reader and self._large_open[reader] >= _MOST_LARGE:
-                raise AllBusyError
-            self._large_open[reader] += 1
-        try:
-            return self._large.ask(question, self.settings.limits.query_seconds, as_json, self.left, **arguments)
-        finally:
-            with self._counting:
-                self._large_open[reader] -= 1
-                self._large_open += Counter()  # drops zeros
+        seconds = self.settings.limits.query_seconds
+        return self._large.ask(question, seconds, as_json, self.left, self._reader, **arguments)
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question of `workers.worker_functions` about the body of a request."""
@@ -353,9 +348,10 @@ class Service:
             RefusedError: As for `extend`.
         """
         path = self._extended(run_id)
-        arguments = {"body": body, "limits": self.settings.limits, "path": path, "texts": self.submitted_texts(run_id)}
+        arguments: dict[str, Any] = {"limits": self.settings.limits, "texts": self.submitted_texts(run_id)}
         seconds = self.settings.limits.simulate_seconds
-        return self._computing.ask(f"{_QUESTIONS}:plan_extension", seconds, as_json, self.left, **arguments)
+        place = f"{_QUESTIONS}:plan_extension"
+        return self._computing.ask(place, seconds, as_json, self.left, body=body, path=path, **arguments)
 
     def directory(self, run_id: str, part: str = "") -> Path:
         """The directory of a run, for delivery of a part of it; see `check_delivered`.

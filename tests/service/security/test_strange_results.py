@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import pytest
 from service_client import ADDRESS, TOKEN, Asked
@@ -18,7 +15,6 @@ from tripod_doe.errors import TooLargeError
 from tripod_doe.service.app import create_app
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.worker_functions import extend, query
 from tripod_doe.service.workers.worker_pool import AllBusyError, LateError, WorkerPool
@@ -128,33 +124,6 @@ def test_an_answer_that_proves_long_is_made_where_large_ones_are(two, monkeypatc
     assert asked == [5.0, 5.0, service.settings.limits.query_seconds]
 
 
-def test_a_reader_has_one_large_question_at_work_and_one_waiting(tmp_path):
-    """Regression: six requests for a PDF by one link held up the large answers of all other readers."""
-    service = Service(Settings(tmp_path, workers=0))
-    one, other = (
-        service.seen_by(replace(service.settings, key=key, read_only=True), lambda: True) for key in ("one", "other")
-    )
-    begun, go_on = threading.Semaphore(0), threading.Event()
-
-    class Slow(BusyPool):
-        def ask(self, question, *words, **more):
-            begun.release()
-            go_on.wait(60)
-            return question
-
-    one._large = other._large = Slow()
-    with ThreadPoolExecutor(4) as threads:
-        asked = [threads.submit(reader.ask_large, "q") for reader in (one, one, other)]
-        for _ in asked:
-            begun.acquire()
-        with pytest.raises(AllBusyError):
-            one.ask_large("q")
-        go_on.set()
-        assert [answer.result() for answer in asked] == ["q"] * 3
-    assert one.ask_large("q") == "q"
-    service.runs._table.close()
-
-
 @pytest.mark.parametrize("form", ["json", "csv", "netcdf"])
 def test_an_answer_of_too_many_bytes_is_refused(two, form):
     _, results = two
@@ -192,7 +161,7 @@ class BusyPool(WorkerPool):
     def __init__(self):
         pass
 
-    def ask(self, question, seconds, as_json=False, left=None, **arguments):
+    def ask(self, question, seconds, as_json=False, left=None, reader="", **arguments):
         raise AllBusyError
 
 

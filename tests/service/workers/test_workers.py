@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 
 import psutil
 import pytest
@@ -252,7 +253,7 @@ def test_questions_of_readers_hold_up_no_question_of_the_owner(tmp_path, monkeyp
     service = Service(Settings(tmp_path, token="t" * 32))
     left, questions = threading.Event(), {"question": "workers.worker:import_module", "name": "sleeping"}
     seen = service.seen_by(service.settings, lambda: True).asked_by(left)
-    asking = [threading.Thread(target=_refused, args=(ask, questions)) for ask in [seen.ask, seen.ask_large] * 3]
+    asking = [threading.Thread(target=_refused, args=(ask, questions)) for ask in [seen.ask, seen.ask_large] * 2]
     try:
         for thread in asking:
             thread.start()
@@ -260,6 +261,35 @@ def test_questions_of_readers_hold_up_no_question_of_the_owner(tmp_path, monkeyp
             body = b'{"study": "", "timing": false}'
             assert ask("workers.worker_functions:wants_timing", body=body, limits=Limits()) is False
         assert all(thread.is_alive() for thread in asking)  # they wait for the owner's answers
+    finally:
+        left.set()
+        service.end_questions()
+        for thread in asking:
+            thread.join(30)
+
+
+@pytest.mark.parametrize("kind", ["ask", "ask_large"])
+def test_a_reader_leaves_a_worker_to_the_others(tmp_path, monkeypatch, kind):
+    """Regression: a link's differences of large cubes, and its PDFs, held up the answers of all other readers."""
+    (tmp_path / "sleeping.py").write_text(MODULES["sleeping"])
+    monkeypatch.syspath_prepend(str(tmp_path))
+    service, left = Service(Settings(tmp_path, token="t" * 32)), threading.Event()
+    one, other = (service.seen_by(replace(service.settings, key=key), lambda: True).asked_by(left) for key in "ab")
+    questions = {"question": "workers.worker:import_module", "name": "sleeping"}
+    asking = [threading.Thread(target=_refused, args=(getattr(one, kind), questions)) for _ in range(2)]
+    try:
+        for thread in asking:
+            thread.start()
+        pool = one._pool if kind == "ask" else one._large
+        while pool._open["a"] < 2:
+            time.sleep(0.01)
+        body = b'{"study": "", "timing": false}'
+        asked = {"question": "workers.worker_functions:wants_timing", "body": body, "limits": Limits()}
+        assert getattr(other, kind)(**asked) is False
+        assert all(thread.is_alive() for thread in asking)
+        if kind == "ask_large":
+            with pytest.raises(AllBusyError):  # one is at work, one waits
+                one.ask_large(**asked)
     finally:
         left.set()
         service.end_questions()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE, RESPONSE_ROLE
 from tripod_doe.study.definition.toml_text import read_text
-from tripod_doe.study.result_directory.open_cube import open_cube
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 _FULL_TURN = 360.0
 _AMPLITUDE = "thrust_amplitude"
@@ -102,12 +103,12 @@ def diff(a: str | Path, b: str | Path, variables: Collection[str] = ()) -> Diff:
     Raises:
         InputError: If one cannot be read, or a variable is in neither.
     """
-    first, second = _read(Path(a)), _read(Path(b))
+    with ExitStack() as opened:
+        first, second = _read(Path(a), opened), _read(Path(b), opened)
+        if not isinstance(first, str) and not isinstance(second, str):
+            return diff_cubes(first, second, variables)
     texts = [side if isinstance(side, str) else str(side.attrs.get("study", "")) for side in (first, second)]
-    study = study_differences(*texts)
-    if isinstance(first, str) or isinstance(second, str):
-        return Diff(study, note="results are compared where both are result directories or cubes")
-    return _with_results(first, second, study, variables)
+    return Diff(study_differences(*texts), note="results are compared where both are result directories or cubes")
 
 
 def diff_cubes(a: xr.Dataset, b: xr.Dataset, variables: Collection[str] = ()) -> Diff:
@@ -116,11 +117,11 @@ def diff_cubes(a: xr.Dataset, b: xr.Dataset, variables: Collection[str] = ()) ->
     return _with_results(a, b, study, variables)
 
 
-def _read(path: Path) -> xr.Dataset | str:
-    """A cube, or the text of a study file."""
+def _read(path: Path, opened: ExitStack) -> xr.Dataset | str:
+    """A cube, of which what is compared is read; or the text of a study file."""
     if path.suffix == ".toml":
         return read_text(path, "study file")
-    cube = open_cube(path)
+    cube = opened.enter_context(opened_cube(path))
     if "outcome" not in cube:
         raise InputError(f"{path}: holds no points of a study: give a result directory, a cube or a study file")
     return cube

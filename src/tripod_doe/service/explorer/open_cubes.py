@@ -2,16 +2,17 @@
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import xarray as xr
 
 from tripod_doe.errors import CubeError
 from tripod_doe.service.explorer.candidates import as_points
-from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.cube.netcdf import reading
+from tripod_doe.study.result_directory.annotation import FILE as ANNOTATION
 from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, unshown_state
 
 _SMALL = 64_000_000  # bytes
@@ -30,13 +31,8 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
         CubeError: If no point has finished, or the files are damaged.
     """
     place = Path(path)
-    state = unshown_state(place)
-    files = [] if state else cube_files(place)
-    if not all(file.exists() for file in files):
-        raise CubeError(f"{place.name}: no point has finished yet")
-    for file in files:
-        refuse_unfit(file)
-    key = (str(place), state, *((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
+    state, files = _checked(place)
+    key = (str(place), state, *map(_state_of, files))
     if state and key not in _kept:
         _keep(key, cube_so_far(place))
     if key in _kept:
@@ -50,6 +46,35 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
                 cube = as_points(cube.load())
                 _keep(key, cube)
         yield cube
+
+
+def results_state(directory: Path) -> tuple[object, ...]:
+    """The state of all that a summary of a result directory shows: its points, analyses and annotation.
+
+    Raises:
+        CubeError: As for `opened`.
+    """
+    state, files = _checked(directory)
+    return state, *map(_state_of, (*files, *analysis_files(directory).values(), directory / ANNOTATION))
+
+
+def _checked(place: Path) -> tuple[str, list[Path]]:
+    """The state of a journal whose points are not yet in a cube, or else the files of the cube, which are whole."""
+    state = unshown_state(place)
+    files = [] if state else cube_files(place)
+    if not all(file.exists() for file in files):
+        raise CubeError(f"{place.name}: no point has finished yet")
+    for file in files:
+        refuse_unfit(file)
+    return state, files
+
+
+def _state_of(file: Path) -> tuple[str, int, int]:
+    """Name, time of the last change (ns) and size of a file; zeros if it is not there."""
+    with suppress(FileNotFoundError):
+        state = file.lstat()
+        return file.name, state.st_mtime_ns, state.st_size
+    return file.name, 0, 0
 
 
 def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:

@@ -12,8 +12,9 @@ import queue
 import signal
 import threading
 import time
+from collections import Counter, defaultdict
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from tripod_doe.errors import StorageError
@@ -58,15 +59,22 @@ class WorkerPool:
         count: Number of processes.
         patience: Seconds for which a question waits for a free worker.
         waiting: Most waiting questions; each holds a thread of the server, and other requests also need threads.
+        of_one: Most questions of one reader. At least one worker of several is left to others.
 
     Attributes:
         threads: Threads of the server that its questions can hold.
     """
 
-    def __init__(self, count: int, limits: Limits, patience: float = 30.0, waiting: int = 16) -> None:
+    def __init__(
+        self, count: int, limits: Limits, patience: float = 30.0, waiting: int = 16, of_one: int | None = None
+    ) -> None:
         self._patience = patience
-        self._places = threading.Semaphore(waiting)
         self.threads = count + waiting
+        self._places = threading.Semaphore(self.threads)
+        self._of_one = of_one or self.threads
+        self._counting = threading.Lock()
+        self._open: Counter[str] = Counter()  # questions of each reader
+        self._turns = defaultdict[str, threading.Semaphore](lambda: threading.Semaphore(max(1, count - 1)))
         self._workers = [_Worker(limits.memory_bytes) for _ in range(count)]
         self._free: queue.LifoQueue[_Worker] = queue.LifoQueue()
         for worker in self._workers:
@@ -78,6 +86,7 @@ class WorkerPool:
         seconds: float,
         as_json: bool = False,
         left: threading.Event | None = None,
+        reader: str = "",
         **arguments: Any,
     ) -> Any:
         """Ask a question, and wait for the answer.
@@ -87,6 +96,7 @@ class WorkerPool:
             seconds: CPU time for the answer.
             as_json: Whether the worker must return the answer as JSON bytes.
             left: Set when the client leaves: a waiting question is dropped, and long work on it is ended.
+            reader: Who asks, if others ask here, too.
 
         Raises:
             RefusedError: If the function refuses.
@@ -98,27 +108,50 @@ class WorkerPool:
             ServerEndsError: If the pool was closed.
         """
         left = left or threading.Event()
-        worker = self._free_worker(left)
+        with self._turn(reader, left):
+            worker = self._free_worker(left)
+            try:
+                return worker.ask(question, seconds, arguments, as_json, left)
+            finally:
+                self._free.put(worker)
+
+    @contextmanager
+    def _turn(self, reader: str, left: threading.Event) -> Iterator[None]:
+        """Take a place, and wait until not too many questions of a reader are at work."""
+        with self._place(reader) as turn:
+            if not reader:
+                yield
+                return
+            if not any(turn.acquire(timeout=pause) for pause in _pauses(self._patience, left)):
+                raise AllBusyError
+            try:
+                yield
+            finally:
+                turn.release()
+
+    @contextmanager
+    def _place(self, reader: str) -> Iterator[threading.Semaphore]:
+        """Take one of the places for questions, at work or waiting; gives what a reader's questions wait for."""
+        with self._counting:
+            if (reader and self._open[reader] >= self._of_one) or not self._places.acquire(blocking=False):
+                raise AllBusyError
+            self._open[reader] += 1
+            turn = self._turns[reader]
         try:
-            return worker.ask(question, seconds, arguments, as_json, left)
+            yield turn
         finally:
-            self._free.put(worker)
+            with self._counting:
+                self._places.release()
+                self._open[reader] -= 1
+                if not self._open[reader]:
+                    del self._open[reader], self._turns[reader]
 
     def _free_worker(self, left: threading.Event) -> _Worker:
         """Take a free worker, or wait for one within `patience`."""
-        if left.is_set():
-            raise ClientLeftError
-        with suppress(queue.Empty):
-            return self._free.get_nowait()
-        if not self._places.acquire(blocking=False):
-            raise AllBusyError
-        try:
-            for pause in _pauses(self._patience, left):
-                with suppress(queue.Empty):
-                    return self._free.get(timeout=pause)
-            raise AllBusyError
-        finally:
-            self._places.release()
+        for pause in _pauses(self._patience, left):
+            with suppress(queue.Empty):
+                return self._free.get(timeout=pause)
+        raise AllBusyError
 
     def warm(self) -> None:
         """Start one worker, so that the first question need not wait for it."""
