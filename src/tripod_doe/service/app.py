@@ -98,7 +98,7 @@ def _add_error_answers(app: FastAPI) -> None:
         return answer(request, RefusedError(503, str(error)))
 
     async def busy(request: Request, error: Exception) -> Response:
-        message = "all workers are at work: ask again in a moment"
+        message = f"{str(error) or 'all workers are at work'}: ask again in a moment"
         return answer(request, RefusedError(503, message, headers={"retry-after": "5"}))
 
     async def ending(request: Request, error: Exception) -> Response:

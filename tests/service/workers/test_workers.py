@@ -20,6 +20,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
+from tripod_doe.service.workers import worker_pool
 from tripod_doe.service.workers.forking import start_process, start_program
 from tripod_doe.service.workers.worker_pool import (
     AllBusyError,
@@ -178,6 +179,27 @@ def test_the_fork_server_is_replaced(pool):
         assert works(pool) is False
     except WorkerFailedError:  # its end was not known yet
         assert works(pool) is False
+
+
+def test_a_process_that_cannot_start_is_said_and_tried_again(tmp_path, monkeypatch, caplog):
+    """Regression: the first refusal ended the thread that looks for directories, without a word to anybody."""
+
+    def refuse(*_):
+        raise ConnectionRefusedError(111, "Connection refused")
+
+    service, looked = Service(Settings(tmp_path, token="t" * 32)), threading.Event()
+    monkeypatch.setattr(service.found, "watch", looked.set)
+    try:
+        with monkeypatch.context() as refusing:
+            refusing.setattr(worker_pool, "start_process", refuse)
+            service._watch_folder()
+            assert looked.is_set()
+            with pytest.raises(AllBusyError, match=r"no process can be started for the answer .*Connection refused"):
+                works(service._pool)
+        assert "no process can be started" in caplog.text
+        assert works(service._pool) is False
+    finally:
+        service.end_questions()
 
 
 def test_a_run_is_a_session_of_its_own_and_holds_its_lock(pool, tmp_path):

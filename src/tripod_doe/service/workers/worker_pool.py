@@ -7,6 +7,7 @@ do that: when one of its processes is killed, the work of all others fails, too.
 
 from __future__ import annotations
 
+import logging
 import os
 import queue
 import signal
@@ -29,8 +30,11 @@ _LOOK = 0.25  # seconds between two checks whether the client is still there
 _GRACE = 2.0  # seconds for an answer whose client has left: a new process that opens its cubes again may cost more
 
 
+log = logging.getLogger(__name__)
+
+
 class AllBusyError(Exception):
-    """All workers stayed busy, or too many questions wait for them."""
+    """All workers stayed busy, too many questions wait for them, or the system starts no process now."""
 
 
 class LateError(RefusedError):
@@ -103,7 +107,7 @@ class WorkerPool:
             ClientLeftError: If the client has left.
             LateError: If the answer takes too long.
             StorageError: If the disk is full.
-            AllBusyError: If no worker becomes free in time, or too many questions wait already.
+            AllBusyError: If no worker becomes free in time, too many questions wait already, or none can be started.
             WorkerFailedError: If the worker failed.
             ServerEndsError: If the pool was closed.
         """
@@ -154,8 +158,9 @@ class WorkerPool:
         raise AllBusyError
 
     def warm(self) -> None:
-        """Start one worker, so that the first question need not wait for it."""
-        self._workers[-1].start()
+        """Start one worker, so that the first question need not wait for it; if that fails, it tries again."""
+        with suppress(AllBusyError, ServerEndsError):
+            self._workers[-1].start()
 
     def close(self) -> None:
         """End all workers."""
@@ -190,9 +195,15 @@ class _Worker:
             if self._process is not None and not self._process.is_alive():
                 self._forget()
             if self._process is None:
-                self._connection, theirs = context.Pipe()
-                with theirs:
-                    self._process = start_process(serve, theirs, self._memory_bytes)
+                try:
+                    ours, theirs = context.Pipe()
+                    with theirs:
+                        self._process = start_process(serve, theirs, self._memory_bytes)
+                except (OSError, EOFError) as error:  # no memory, no file, or the fork server has just ended
+                    message = f"no process can be started for the answer ({str(error) or type(error).__name__})"
+                    log.error("%s", message)
+                    raise AllBusyError(message) from error
+                self._connection = ours
             return self._connection
 
     def close(self) -> None:
