@@ -15,7 +15,9 @@ from tripod_doe.cli import main
 from tripod_doe.errors import closest
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_tables import TABLES
-from tripod_doe.study.definition.template import TEMPLATES
+from tripod_doe.study.definition.template import EXAMPLES, TEMPLATES
+
+ROOT = Path(__file__).parent.parent
 
 
 @pytest.mark.parametrize("kind", TEMPLATES)
@@ -32,6 +34,17 @@ def test_init_writes_a_study_that_can_be_planned_also_with_all_its_options(kind,
     assert td.plan("all.toml", timing=False).points > 1
     assert main(["init", "mine.toml"]) == 2
     assert "mine.toml: this file exists" in capsys.readouterr().err
+
+
+def test_init_copies_the_examples_that_pages_name(tmp_path, capsys):
+    """Regression: with the wheel alone, no command with `measurements/run_up.csv` could be tried."""
+    assert main(["init", str(tmp_path / "new"), "--kind", "examples"]) == 0
+    assert "measurements" in capsys.readouterr().out
+    there = {path.relative_to(tmp_path / "new") for path in (tmp_path / "new").rglob("*.*")}
+    kept = [path for name in EXAMPLES for path in (ROOT / name).rglob("*.*") if path.suffix in (".toml", ".csv")]
+    assert there == {path.relative_to(ROOT) for path in kept}
+    assert main(["init", str(tmp_path / "new"), "--kind", "examples"]) == 2
+    assert "studies: this folder exists; choose another place" in capsys.readouterr().err
 
 
 def test_the_version_is_that_of_the_package(capsys):

@@ -24,13 +24,12 @@ def marked(path):
 
 @pytest.fixture(scope="session")
 def clone(tmp_path_factory):
-    """A folder with what a clone has, and a study that has run."""
+    """A folder with the example files, and a study that has run."""
     folder = tmp_path_factory.mktemp("clone")
-    for name in ("studies", "measurements", "optimisations", "workflows"):
-        (folder / name).symlink_to(ROOT / name)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
+        assert main(["init", "--kind", "examples"]) == 0
         assert main(["init", "my_joint"]) == 0
         assert main(["run", "my_joint.toml", "--out", "results/my_joint"]) == 0
     return folder

@@ -73,6 +73,28 @@ def test_modules_that_a_page_names_exist(page):
     written = set(re.findall(r"[Ss]ave this as\s+`([^`]+)`", text))
     named = set(re.findall(r"`((?:[\w-]+/)*[\w-]+\.py)`", text)) - written
     assert [name for name in sorted(named) if not any(path.endswith(f"/{name}") for path in SOURCES)] == []
+    dotted = re.findall(r"\btripod_doe\.([\w.]*\w)", text)
+    written = {name.replace("/", ".") for name in re.findall(r"^# src/tripod_doe/(.+)\.py$", text, re.MULTILINE)}
+    assert [name for name in sorted({*dotted} - written) if not _exists(name.split("."))] == []
+
+
+def _exists(parts: list[str]) -> bool:
+    """Whether a module of the package, or a name that one defines or imports, is there."""
+    place = (ROOT / "src" / "tripod_doe").joinpath(*parts)
+    if place.is_dir() or place.with_suffix(".py").exists():
+        return True
+    holder = next(
+        (path for path in (place.parent.with_suffix(".py"), place.parent / "__init__.py") if path.exists()), None
+    )
+    defined = rf"(?m)^(?:def |class )?{parts[-1]}\b|^from .* import .*\b{parts[-1]}\b|^    {parts[-1]},$"
+    return holder is not None and re.search(defined, holder.read_text(encoding="utf-8")) is not None
+
+
+def test_a_dotted_name_that_is_not_there_is_seen():
+    assert _exists(["joint", "values"])
+    assert _exists(["joint", "values", "JointValues"])
+    assert not _exists(["joint", "constants"])
+    assert not _exists(["joint", "values", "Constants"])
 
 
 STALE = re.compile(r"\b(?:told|so many|nobody|those of|that of|dear(?:er|est)?)\b", re.IGNORECASE)

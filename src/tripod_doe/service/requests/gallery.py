@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 import tomllib
 from functools import cache
 from importlib.resources import files
@@ -11,7 +10,7 @@ from typing import Any
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.requests.uploads import KINDS
-from tripod_doe.study.definition.template import TEMPLATES
+from tripod_doe.study.definition.template import EXAMPLE_PLACES, TEMPLATES
 
 _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
@@ -24,7 +23,6 @@ _TEMPLATE_NAMES = {
 }
 _NAMED_FILE = re.compile(r'\b(study|table|measurement)(\s*=\s*)"([^"\n]+\.(?:toml|csv))"')
 _RECORD = re.compile(r"^([^,\n]+\.csv)\b", re.MULTILINE)  # first cells of a table of records
-_PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
 
 
 @cache
@@ -92,7 +90,7 @@ def _entry(name: str, text: str) -> dict[str, str]:
 
 def _files() -> dict[str, Path]:
     """The project's files by their ids, from the installation or from the clone that runs this code."""
-    place = next((place for place in _PLACES if (place / "studies").is_dir()), None)
+    place = next((place for place in EXAMPLE_PLACES if (place / "studies").is_dir()), None)
     if place is None:
         return {}
     studies = {path.stem: path for path in sorted((place / "studies").glob("*.toml"))}

@@ -1,11 +1,19 @@
-"""Study files to start from, with comments: the files in `templates`."""
+"""Files to start from: study files with comments (in `templates`), and the examples that the documentation names."""
 
+import shutil
+import sys
 from pathlib import Path
 
 from tripod_doe.errors import InputError
 
 TEMPLATES = ("grid", "sensitivity", "contribution", "response-surface", "tolerance", "what-if", "multifidelity")
 """Kinds of studies to start from."""
+
+EXAMPLES = ("studies", "workflows", "optimisations", "measurements")
+"""Folders of the examples."""
+
+EXAMPLE_PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
+"""Where they are: with pip's installation, and in a clone."""
 
 
 def write_template(path: str | Path, kind: str = "grid") -> Path:
@@ -36,3 +44,32 @@ def write_template(path: str | Path, kind: str = "grid") -> Path:
     except OSError as error:
         raise InputError(f"{path}: cannot write: {error.strerror}") from error
     return path
+
+
+def write_examples(folder: str | Path = ".") -> list[Path]:
+    """Copy the example files that the documentation names: studies, workflows, optimisations and records.
+
+    Args:
+        folder: Where to; it gets the folders of `EXAMPLES`.
+
+    Returns:
+        The new folders.
+
+    Raises:
+        InputError: If one of them is there already, or cannot be written, or the installation has no examples.
+    """
+    place = next((place for place in EXAMPLE_PLACES if (place / EXAMPLES[-1]).is_dir()), None)
+    if place is None:
+        raise InputError("this installation has no example files: install a wheel with pip, or use a clone")
+    made = [Path(folder) / name for name in EXAMPLES]
+    for target in made:
+        if target.exists():
+            raise InputError(
+                f"{target}: this folder exists; choose another place: tripod-doe init FOLDER --kind examples"
+            )
+    try:
+        for target in made:
+            shutil.copytree(place / target.name, target, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot write: {error.strerror or error}") from error
+    return made
