@@ -59,8 +59,14 @@ class Results(NamedTuple):
         return any(own and its and own != its for own, its in zip(self, other, strict=True))
 
 
-def results_number(journal: Path) -> int:
-    """The random number of the results in a journal, which a copy keeps; 0 if it has none, as in earlier versions.
+def results_number(directory: Path) -> int:
+    """The random number of the results in a directory, which a copy keeps; 0 if it has none, as in earlier versions."""
+    here = _results_in(directory)
+    return here.study or here.directory
+
+
+def number_in(journal: Path) -> int:
+    """The random number of the results in a journal.
 
     It is in the header of the file ("user version" in SQLite's description of its file format).
     """
@@ -82,8 +88,11 @@ def _places(folder: Path) -> tuple[Path, Path]:
 def _results_in(folder: Path) -> Results:
     """Whose results a folder holds, without a look at its own list."""
     place, root = _places(folder)
-    whole = 0 if (root / JOURNAL).exists() else _named_in(root).directory
-    return Results(results_number(place / JOURNAL), whole)
+    whole = 0
+    if not (root / JOURNAL).exists():  # a list that is lost gets the number in those of the steps
+        folders = (root, *(path.parent for path in _lists_of_steps(root)))
+        whole = next(filter(None, (_named_in(each).directory for each in folders)), 0)
+    return Results(number_in(place / JOURNAL), whole)
 
 
 def _named_in(folder: Path, *names: str) -> Results:
@@ -187,10 +196,8 @@ def _one_writer(folder: Path) -> Iterator[None]:
 def _upcoming(folder: Path) -> tuple[Results, dict[str, str]]:
     """Whose results a folder holds, and its checksums, with that of a file that a kill kept from the list."""
     here = _results_in(folder)
-    place, root = _places(folder)
-    if place == root == folder.absolute() and not here.directory and not (root / JOURNAL).exists():
-        known = (_named_in(path.parent).directory for path in _lists_of_steps(root))  # the list is lost
-        here = Results(here.study, next(filter(None, known), 1 + secrets.randbelow(MOST_RESULTS)))
+    if not any(here) and not (_places(folder)[1] / JOURNAL).exists():
+        here = Results(0, 1 + secrets.randbelow(MOST_RESULTS))
     sums, late = ({} if _named_in(folder, name).differs(here) else _sums(folder / name) for name in (LIST, _NEXT))
     for name, digest in late.items():
         path = folder / name

@@ -14,7 +14,9 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.definition.study_folder import table_copy
 from tripod_doe.study.journal import Journal
+from tripod_doe.study.result_directory.annotation import Annotation, write_annotation
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
+from tripod_doe.workflow.steps_file import write_steps
 
 PLAN = {"kind": "study", "name": "shared", "question": "", "unique": 3, "expected_outcomes": []}
 
@@ -38,6 +40,26 @@ def service(tmp_path):
 def look(service):
     """Look once for directories of the command line."""
     return FoundDirectories(service.settings.folder, service.runs, lambda path: PLAN)._look
+
+
+def at_work(service, tmp_path, kind="study"):
+    """A run of the service whose process has just written its first file."""
+    upload = tmp_path / "upload"
+    upload.mkdir()
+    steps = {} if kind == "study" else {"steps": {}}
+    run = service.runs._put(service.runs.submit(upload, PLAN | {"kind": kind} | steps).changed(state=State.RUNNING))
+    place = service.directory(run.id)
+    begun(place, kind)
+    service.runs._look_at(run.id)
+    return run.id, place
+
+
+def begun(place, kind):
+    """Write what a run writes first."""
+    if kind == "study":
+        Journal(place).close()
+    else:
+        write_steps(place, [])
 
 
 def refused(service, run_id):
@@ -78,24 +100,50 @@ def test_results_that_get_the_inode_of_deleted_ones_are_others(service, look, tm
     assert refused(service, run.id) == 404
 
 
-def test_a_run_of_the_service_is_known_by_its_results(service, tmp_path):
-    """Regression: it was known by its directory's name alone."""
-    upload = tmp_path / "upload"
-    upload.mkdir()
-    run = service.runs._put(service.runs.submit(upload, PLAN).changed(state=State.RUNNING))
-    place = service.directory(run.id)
-    Journal(place).close()
-    service.runs._look_at(run.id)
-    assert service.runs.find(run.id).state is State.FAILED
-    assert service.directory(run.id) == place
+@pytest.mark.parametrize("kind", ["study", "workflow", "fit", "optimisation"])
+def test_a_run_of_the_service_is_known_by_its_results(service, tmp_path, kind):
+    """Regression: it was known by its directory's name alone; a workflow or a search still was."""
+    run_id, place = at_work(service, tmp_path, kind)
+    assert service.runs.find(run_id).state is State.FAILED
+    assert service.directory(run_id) == place
     place.rename(tmp_path / "away")
     shutil.copytree(tmp_path / "away", place)  # as in a copy of the whole folder
-    assert service.directory(run.id) == place
+    assert service.directory(run_id) == place
     shutil.rmtree(place)
-    filled(place)
-    assert refused(service, run.id) == 404
+    place.mkdir()
+    begun(place, kind)
+    assert refused(service, run_id) == 404
     with pytest.raises(RefusedError, match="the results of another run"):
-        service.runs.resume(run.id)
+        service.runs.resume(run_id)
+
+
+@pytest.mark.parametrize("kind", ["study", "workflow"])
+def test_a_run_that_goes_on_keeps_its_results(service, tmp_path, monkeypatch, kind):
+    """Regression: from the resume until its next look it took any results in its directory for its own."""
+    monkeypatch.setattr("tripod_doe.service.runs.processes.start_run", lambda *arguments: None)
+    run_id, place = at_work(service, tmp_path, kind)
+    service.runs.resume(run_id)
+    service.runs._start(run_id)
+    assert service.runs.find(run_id).state is State.RUNNING
+    assert service.directory(run_id) == place
+    shutil.rmtree(place)
+    place.mkdir()
+    begun(place, kind)
+    assert refused(service, run_id) == 404
+
+
+def test_no_note_is_written_beside_or_read_from_the_results_of_another_run(service, tmp_path):
+    """Regression: the name for a run went into the directory that had taken its place, and its note to the link."""
+    run_id, place = at_work(service, tmp_path)
+    shutil.rmtree(place)
+    place.mkdir()
+    begun(place, "study")
+    with pytest.raises(RefusedError, match="the results of another run"):
+        service.runs.annotate(run_id, {"note": "mine"})
+    assert [path.name for path in place.iterdir()] == ["journal.sqlite"]
+    write_annotation(place, Annotation(note="private"))
+    service.runs._read_annotations()
+    assert not service.runs.find(run_id).note
 
 
 def test_a_run_whose_table_alone_the_command_line_exchanged_is_shown_anew(service, look, tmp_path):

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,12 +100,21 @@ def replace_upload(directory: Path, upload: Path) -> None:
 
 
 def results_in(directory: Path) -> dict[str, Any]:
-    """What shows whose results are in a directory, by the names of a `Run`; zeros without a journal."""
-    path = journal_path(directory)
-    try:
-        return {"inode": os.lstat(path).st_ino, "results": results_number(path)}
-    except OSError:
-        return {"inode": 0, "results": 0}
+    """What shows whose results are in a directory, by the names of a `Run`; zeros where there is nothing."""
+    inode = 0
+    with suppress(OSError):
+        inode = os.lstat(journal_path(directory)).st_ino
+    with suppress(CubeError):  # a list that is none
+        return {"inode": inode, "results": results_number(directory)}
+    return {"inode": inode, "results": 0}
+
+
+def with_results(run: Run, directory: Path) -> Run:
+    """A run at work with what shows its results, once they are begun."""
+    if run.results and (run.inode or not run.place):
+        return run
+    here = results_in(directory)
+    return replace(run, **here) if here["results"] and here["results"] == (run.results or here["results"]) else run
 
 
 def is_exchanged(run: Run, directory: Path) -> bool:

@@ -267,7 +267,7 @@ class Supervisor:
         """Change the annotation of a run: name, owner, tags, note.
 
         Raises:
-            RefusedError: 404 if there is no such run; 403 if its directory is a symbolic link.
+            RefusedError: 404 if there is no such run, or its directory holds other results; 403 if that is a link.
             InputError: If a value cannot be used.
         """
         with self._lock:
@@ -275,6 +275,7 @@ class Supervisor:
             annotation = annotated(run.annotation, changes)
             if (directory := self.directory(run_id)).is_symlink():
                 raise RefusedError(403, f"{directory.name}: a symbolic link, and nothing is written through it")
+            result_directory.refuse_exchanged(run, directory)
             write_annotation(directory, annotation)
             return self._put(with_annotation(run, annotation))
 
@@ -434,8 +435,8 @@ class Supervisor:
             run = self._runs[run_id]
             if not run.state.alive:
                 return
-            if not run.results and (here := result_directory.results_in(directory))["results"]:
-                run = self._put(replace(run, **here))
+            if (known := result_directory.with_results(run, directory)) != run:
+                run = self._put(known)
             if alive:
                 if (counts, steps, doing) != (run.counts, run.steps, run.message):
                     eta = progress.eta_seconds(counts)
@@ -455,8 +456,10 @@ class Supervisor:
         files = self._annotation_files
         for run_id, annotation in files.changed([(run.id, self.directory(run.id)) for run in self.all()]):
             with self._lock:  # `annotate` may have changed it first
-                run = self._runs.get(run_id)
-                if run and run.annotation != annotation and files.is_current(run_id, self.directory(run_id)):
+                run, directory = self._runs.get(run_id), self.directory(run_id)
+                if run is None or run.annotation == annotation or result_directory.is_exchanged(run, directory):
+                    continue
+                if files.is_current(run_id, directory):
                     self._put(with_annotation(run, annotation))
 
     def _interrupt(self, run_id: str) -> None:
@@ -486,7 +489,7 @@ class Supervisor:
         if result_directory.is_exchanged(run, directory):
             self._put(replace(run, state=State.FAILED, message="its directory holds the results of another run"))
             return
-        self._put(run.changed(state=State.RUNNING, inode=0, results=0))  # before the start, so that a kill is noticed
+        self._put(run.changed(state=State.RUNNING, inode=0))  # before the start, so that a kill is noticed
         try:
             remove_report(directory)
             if run.is_search:

@@ -10,7 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import results_number
+from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import CubeError, option
 from tripod_doe.quantities import count_of
 from tripod_doe.regular_files import refuse_irregular
@@ -237,7 +237,7 @@ def rescue(path: Path, reason: str) -> str:
     notes[REPAIRS] = str(int(notes.get(REPAIRS, 0)) + 1)
     kept = _free_name(path)
     os.link(path, kept)
-    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(whole)), notes, results_number(path))
+    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(whole)), notes, number_in(path))
     return (
         f"{path}: the journal is damaged ({reason}): {count_of(len(whole), 'block')} can be read, "
         f"{f'at least {newest - len(whole):,} cannot' if newest > len(whole) else 'others may be lost'}; "
