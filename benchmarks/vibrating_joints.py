@@ -1,12 +1,16 @@
 """Records which joints vibrate by themselves, and what that makes of their third order: joint/known_errors/vibrating_joints.csv.
 
     python benchmarks/field.py rollers --count 400 --seed 230116 --record FILE
-    python benchmarks/vibrating_joints.py FILE [--count 400] [--seed 230116] [--beside]
+    python benchmarks/vibrating_joints.py FILE [--count 400] [--seed 230116] [--beside] [--verdict]
 
 The joints are those of the field (field.py) that finished, followed by `rollers`, and those of model_errors.csv that
 were followed with needles, none of which vibrates so much that it matters (their runs would not have finished). Each row
 holds what joints are compared by, and how much the third order is changed by the vibration: over that of the same joint
 by `adaptive-euler`, which damps vibrations.
+
+`--verdict` records nothing: it holds the verdict that `kinetostatic` states by default against `rollers`. Where it is that a
+joint vibrates, both ask the same question. The others are followed by `rollers`, which see a vibration that their start
+kicks, and without the first look: departures from their motion are tested through a whole revolution.
 
 `--beside` records nothing: it holds the third orders with vibration that balances state against those of `rollers`, and
 their price against that of `kinetostatic` at the same joint (the look that finds the vibration is not counted).
@@ -18,6 +22,7 @@ import argparse
 import math
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -31,13 +36,15 @@ from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
+from tripod_doe.joint.vibration import growing_vibration as look
+from tripod_doe.joint.vibration.balance_verdict import undecided_rows
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.joint.vibration.third_with_vibration import third_with_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.model_interface import Outcome
+from tripod_doe.model_interface import NOTABLE_ERROR, Outcome
 
 SAMPLES, TOLERANCE = 360, 4e-3
 
@@ -130,6 +137,29 @@ def tell_beside(columns: dict[str, np.ndarray], record: Record) -> None:
     )
 
 
+def tell_verdicts(columns: dict[str, np.ndarray], record: Record) -> None:
+    """Print which joints vibrate that `kinetostatic` calls calm by default, and what that makes of their third order."""
+    values = internal(all_columns(columns))
+    bent = np.flatnonzero(values.joint_angle > 0)
+    asked = set(undecided_rows(values, bent).tolist())
+    calm = [row for row in bent.tolist() if row not in asked or growing_vibration(values.point(row)) is None]
+    print(f"{bent.size} bent joints, {len(asked)} looked at, {bent.size - len(calm)} vibrate", flush=True)
+    of_calm = {name: column[calm] for name, column in columns.items()}
+    with patch.object(look, "_may_vibrate", return_value=True):
+        outcome, detail, _, orders, vibrates = answers("rollers", of_calm, record=record, rows=calm)
+    kicked = np.array(["does not repeat" in text for text in detail])
+    changed = []
+    for at in np.flatnonzero(vibrates | kicked | (outcome != Outcome.FINISHED)):
+        without, third = third_without_vibration(values.point(calm[at])), abs(orders[at, 3])
+        changed.append(abs(third / without - 1))
+        looked = "" if calm[at] in asked else "not looked at, "
+        print(f"{calm[at]}: {looked}{Outcome(outcome[at]).label}, {third:.4g} N, {without:.4g} N without; {detail[at]}")
+    print(
+        f"verdicts agree at {bent.size - len(changed)} of {bent.size}; of {len(calm)} called calm "
+        f"{np.sum(np.array(changed) > NOTABLE_ERROR)} change their third order by more than 5 %"
+    )
+
+
 def main(given: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("record", type=Path)
@@ -137,8 +167,11 @@ def main(given: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=230116)
     parser.add_argument("--out", type=Path, default=VIBRATING)
     parser.add_argument("--beside", action="store_true")
+    parser.add_argument("--verdict", action="store_true")
     arguments = parser.parse_args(given)
     columns = field_points(arguments.count, np.random.default_rng(arguments.seed), "rollers")
+    if arguments.verdict:
+        return tell_verdicts(columns, Record(arguments.record, model="rollers, no first look", seed=arguments.seed))
     record = Record(arguments.record, model="rollers", seed=arguments.seed, calm=False)
     if arguments.beside:
         return tell_beside(columns, record)

@@ -14,6 +14,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import find_in_fit
 from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main
@@ -360,14 +361,16 @@ def test_what_is_wrong_with_a_file_is_said(written, tmp_path, capsys, change, wo
     assert not (tmp_path / "out").exists()
 
 
-def test_a_plan_prices_it(written, capsys):
-    file = written(HEAD + UNKNOWNS + RECORDS)
+def test_a_plan_prices_it(written, fitted, capsys):
+    file = written(HEAD + UNKNOWNS + RECORDS + NEXT)
     assert main(["plan", str(file), "--no-timing"]) == 0
     said = capsys.readouterr().out
     assert "records      8" in said
     assert "2 numbers" in said
     assert "CPU time" in said
-    assert 6 < plan_fit(file, timing=False).seconds[1] < 15, "imports, page and looks cost more than 1,224 points"
+    planned, points = plan_fit(file, timing=False), xr.open_dataset(fitted[0] / "fit.nc").attrs["points"]
+    assert 6 < planned.seconds[1] < 15, "imports, page and looks cost more than the points"
+    assert points / 1.4 < planned.search_points < 1.4 * points
     assert main(["run", str(file), "--out", "nowhere"]) == 2
     assert "tripod-doe fit" in capsys.readouterr().err
 
@@ -387,6 +390,16 @@ def test_the_answer_of_the_documentation(tmp_path):
         )
         assert str(own["verdict"].item()) == word
         assert low < make_rig.TRUTH[name] < high
+
+
+def test_a_search_without_reference_angle_begins_at_other_places_of_the_circle(written):
+    """Exact: skews of 0.4, -0.3 and 0 deg, turned, with the third as it is known."""
+    skews = "".join(f"[unknowns.initial_skew_{at}_deg]\nlow = -1\nhigh = 1\n" for at in (1, 2))
+    place = np.array([0.7, 0.35])
+    free = RigFit(load_fit(written(HEAD + skews + RECORDS)))
+    assert np.allclose(free.places_alike(place), [[0.15, 0.3], [0.65, 0.85]])
+    known = RigFit(load_fit(written(HEAD + skews + RECORDS + "reference_angle_deg = 0\n")))
+    assert not known.places_alike(place)
 
 
 def test_records_at_one_operating_point_with_an_unknown_each_are_priced_each(tmp_path):

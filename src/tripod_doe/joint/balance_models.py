@@ -22,7 +22,6 @@ from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
     PART_OUTPUTS,
-    VIBRATES,
     VIBRATION_OUTPUTS,
     VIBRATION_THIRD,
     VIBRATION_VERDICT,
@@ -30,6 +29,7 @@ from tripod_doe.joint.outputs import (
     part_outputs,
     skew_outputs,
     thrust_outputs,
+    vibration_tests,
 )
 from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.values import JointValues
@@ -141,10 +141,10 @@ def _balance_chunk(
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
     for failed, kind, text in reasons:
         block.end(np.flatnonzero(failed), kind, text)
-    asked = not set(VIBRATION_VERDICT).isdisjoint(keep)
-    # a verdict costs hundreds of times as much as the equilibrium
-    if asked or (not {VIBRATES, VIBRATION_THIRD}.isdisjoint(keep) and solution.needle_skew is not None):
-        outputs |= _verdicts(points, block, asked, VIBRATION_THIRD in keep)
+    tests_all, tests_some = vibration_tests(keep)
+    # a test costs hundreds of times as much as the equilibrium
+    if tests_all or (tests_some and solution.needle_skew is not None):
+        outputs |= _verdicts(points, block, tests_all, VIBRATION_THIRD in keep)
     needle_pressure = contacts.get("largest_needle_pressure_mpa", np.zeros(block.count))
     extremes = Extremes(solution.largest_normal_force, outputs["largest_penetration_um"], needle_pressure)
     add_contact_notes(block, points, extremes)

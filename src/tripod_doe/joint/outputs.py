@@ -270,6 +270,11 @@ JOINT_OUTPUTS = by_name(_OUTPUTS)
 """All outputs of the joint by name."""
 
 
+def vibration_tests(keep: Collection[str]) -> tuple[bool, bool]:
+    """Whether these outputs of a balance need a test for vibration at all joints, and at those that may vibrate."""
+    return not set(VIBRATION_VERDICT).isdisjoint(keep), not {VIBRATES, VIBRATION_THIRD}.isdisjoint(keep)
+
+
 def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
     """All outputs that follow from the thrust at the grooves.
 

@@ -28,7 +28,7 @@ from tripod_doe.joint.known_errors.vibration_record import SHARE, near_vibrating
 from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
 from tripod_doe.joint.model_record import Model
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, VIBRATION_THIRD, VIBRATION_VERDICT
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, vibration_tests
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.unit_conversion import internal_values, point_values
 from tripod_doe.joint.values import JointValues
@@ -99,10 +99,10 @@ class JointSimulator(Simulator):
             warnings.append(f"accuracy has no effect where {given[0]} is given")
         # vibration depends on parameters that do not affect a balance's thrust
         decides = frozenset(JOINT_PARAMETERS) - MODELS["rollers"].ignores
-        asked = decides if not set(VIBRATION_VERDICT).isdisjoint(keep) else frozenset()
+        tests_all, tests_some = vibration_tests(keep)
+        asked = decides if tests_all else frozenset()
         # equilibrium tests for vibrations only if their growth is requested
-        looks = not {VIBRATES, VIBRATION_THIRD}.isdisjoint(keep) and any(m.name != "equilibrium" for m in in_play)
-        looked_at = decides if looks else frozenset()
+        looked_at = decides if tests_some and any(m.name != "equilibrium" for m in in_play) else frozenset()
         return warnings + [
             f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same "
             + ("thrust; whether the joint vibrates may follow from it (vibrates)" if name in looked_at else "answer")

@@ -12,9 +12,9 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.plan import RECORDED, Plan, plan
 
-# evaluations of all records for a start, its descents after both looks together: fixed, and per unknown
-_DESCENT, _PER_UNKNOWN = 16, 4
-_PROFILE = 24  # evaluations of all records for the profile of a scalar
+_DESCENT = 2  # evaluations of all records for a start, its descents after both looks together, per squared unknown
+# evaluations of all records for the profile of a scalar: with one unknown, and for each further one
+_PROFILE, _PER_OTHER = 2, 6
 _CORRECTIONS = 3  # usual evaluations with the requested model
 # CPU time beside the points (benchmarks/RESULTS.md): imports, records and page; both looks at the interpolated model,
 # per unknown; an evaluation
@@ -67,7 +67,8 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
     """
     rig = RigFit(load_fit(file, untrusted))
     records, width, scalars = len(rig.records), len(rig.layout.unknowns), rig.layout.count
-    trials = place_count(rig.layout) + rig.file.fit.starts * (_DESCENT + _PER_UNKNOWN * width) + _PROFILE * scalars
+    profiles = scalars * (_PROFILE + _PER_OTHER * (width - 1))
+    trials = place_count(rig.layout) + rig.file.fit.starts * _DESCENT * width**2 + profiles
     search = trials * records + (width + 1) * len(rig.candidates)
     models = list(dict.fromkeys([rig.cheap, rig.model]))
     counts = [search, _CORRECTIONS * records][: len(models)]

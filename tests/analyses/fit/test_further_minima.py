@@ -65,3 +65,15 @@ def test_new_weights_are_searched_for_other_minima(two_minima):  # exact
     layout, rows, model = two_minima
     solution = solve(layout, rows(0.01, 0.1), model, starts=1, weigh=lambda best: rows(0.5, 0.01))
     assert float(solution.best.place[0]) == pytest.approx(MINIMA[0], abs=0.01)
+
+
+def test_the_search_begins_at_places_that_look_alike_too(two_minima):  # exact
+    layout, rows, model = two_minima
+    assert not solve(layout, rows(0.5, 0.5), model, starts=1).others
+    solution = solve(layout, rows(0.5, 0.5), model, starts=1, alike=lambda place: [1 - place])
+    assert [float(other.place[0]) for other in solution.others] == pytest.approx(
+        [1 - float(solution.best.place[0])], abs=0.01
+    )
+    low, high = solution.profiles[0].low, solution.profiles[0].high
+    assert low < MINIMA[0]
+    assert MINIMA[1] < high

@@ -68,6 +68,7 @@ def solve(
     seed: int = 0,
     robust: bool = True,
     weigh: Callable[[Descent], Rows] | None = None,
+    alike: Callable[[FloatArray], list[FloatArray]] = lambda place: [],
     sized: bool = False,
     tell: Callable[[str], None] = lambda stage: None,
 ) -> Solution:
@@ -78,6 +79,7 @@ def solve(
         starts, seed: Descents, and the seed of the places that they begin at.
         robust: Whether records that do not fit the others are left out.
         weigh: Gives the rows with the errors of the model at a minimum.
+        alike: Gives places that may fit nearly as well as a minimum, from which the search begins, too.
         sized: Whether the size of these errors is estimated.
         tell: Takes the name of each stage as it begins.
 
@@ -112,10 +114,12 @@ def solve(
         own = rows.with_errors_times(size.of(rows.order))
         plain = Problem(layout, Misfit(own, ~bad, layout.priors()), predict)
         again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
+        look = plain if between is None else Problem(layout, plain.misfit, between)
         if weighing == 0 and between is not None and (weigh is not None or sized):
             # of the first weights the minimum near the hidden values may be none
-            look = Problem(layout, plain.misfit, between)
             again = distinct([*again, *_begun(plain, explore(look, look, _LOOKS, starts, seed))])
+        begins = [state for place in alike(again[0].place) if (state := look.begin(place))]
+        again = distinct([*again, *_begun(plain, [look.descend(each) for each in begins])])
         descents = distinct([plain.descend(each) for each in _within_reach(again, plain.misfit.data)])
     corrections, at_rest = 0, True
     if finer is not None:

@@ -71,11 +71,9 @@ def skews_alike(skews: list[float], known: list[bool]) -> list[list[float]]:
     skew that is known stays as it is.
 
     Args:
-        skews, known: Skews of the trunnions, and whether each is known, not fitted.
+        skews, known: Skews of the trunnions, and whether each is known, not fitted; one at most.
     """
     turned = [skews[at:] + skews[:at] for at in (1, 2)]
-    if sum(known) > 1:
-        return []
     common = [[new - old for new, old, fixed in zip(each, skews, known, strict=True) if fixed] for each in turned]
     return [[one - sum(shift) for one in each] for each, shift in zip(turned, common, strict=True)]
 

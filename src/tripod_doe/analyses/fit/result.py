@@ -10,14 +10,7 @@ import xarray as xr
 
 from tripod_doe.analyses.fit.fit import CONFIDENCE, Solution
 from tripod_doe.analyses.fit.fit_file import FitRequest
-from tripod_doe.analyses.fit.identifiability import (
-    COMBINATION,
-    FOUND,
-    NOT_IDENTIFIED,
-    ONE_SIDED,
-    correlation_of,
-    skews_alike,
-)
+from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, NOT_IDENTIFIED, ONE_SIDED, correlation_of
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.analyses.fit.next_record import Next
 from tripod_doe.analyses.fit.records import RigRecord
@@ -266,21 +259,6 @@ def _candidates(following: Next, width: int) -> tuple[dict[str, Any], dict[str, 
     return variables, places
 
 
-def _skews_alike(rig: RigFit, solution: Solution) -> list[list[float]]:
-    """The fitted skews of the trunnions, and others that records without a reference angle do not tell apart."""
-    layout = solution.problem.layout
-    places = [f"initial_skew_{at}_deg" for at in (1, 2, 3)]
-    shared = {unknown.name: which for which, unknown in enumerate(layout.unknowns) if unknown.per == "all"}
-    known = [name not in rig.file.unknowns for name in places]
-    if any(name not in shared for name in places if name in rig.file.unknowns):
-        return []
-    values = layout.values(solution.best.place[None])[0, 0]
-    fixed = {name: rig.file.base.get(name, rig.simulator.parameters[name].default) for name in places}
-    skews = [float(values[shared[name]]) if name in shared else float(str(fixed[name])) for name in places]
-    others = skews_alike(skews, known)
-    return [skews, *others] if others else []
-
-
 def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str, str | float | int]:
     """Provenance, and what is known of the fit as a whole."""
     layout = solution.problem.layout
@@ -311,7 +289,8 @@ def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str,
         "growth_at_ends": solution.allowed,
         "records_left_out": int(solution.bad.sum()),
         "aligned_by_order": int(solution.problem.misfit.rows.free_phase.any()),
-        "skews_alike": json.dumps(_skews_alike(rig, solution)),
+        "skews_change_places": int(rig.skews_change_places),
+        "skews_alike": json.dumps(rig.skews_alike(solution.best.place)),
         "other_minima": len(solution.others),
         "combinations": json.dumps(combined),
         "scalars": json.dumps(names),

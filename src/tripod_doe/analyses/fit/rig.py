@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.fit.fit import Solution, solve
 from tripod_doe.analyses.fit.fit_file import FitRequest
+from tripod_doe.analyses.fit.identifiability import skews_alike
 from tripod_doe.analyses.fit.least_squares import Descent, Predict
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError, Needles, model_error
@@ -32,6 +33,7 @@ Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, Needles]]
 _CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
 """The model on which the search runs, by the model asked for."""
 
+_SKEWS = tuple(f"initial_skew_{at}_deg" for at in (1, 2, 3))
 _MOST_CANDIDATES = 10_000  # operating points of [next]
 _STEP = 0.01  # of a range, for derivatives at candidates
 
@@ -217,12 +219,44 @@ class RigFit:
                 seed=self.file.fit.seed,
                 robust=self.file.fit.robust,
                 weigh=weigh,
+                alike=self.places_alike,
                 sized=self.file.fit.model_error == "recorded",
                 tell=tell,
             )
         except InputError as error:
             raise self.request.fail("[unknowns]", error) from error
         return solution, errors[-1].times(solution.error_size.of(self.orders))
+
+    @cached_property
+    def skews_change_places(self) -> bool:
+        """Whether the records leave open which trunnion is the first, and skews are fitted that this matters to."""
+        free = all(record.reference_angle_deg is None for record in self.records)
+        return free and sum(name in self.file.unknowns for name in _SKEWS) > 1
+
+    def skews_alike(self, place: FloatArray) -> list[list[float]]:
+        """Skews of the trunnions at some places, in deg, and others that records hardly tell apart.
+
+        Returns:
+            None where the records tell them apart, or where a skew differs between records.
+        """
+        unknowns = {unknown.name: unknown for unknown in self.layout.unknowns}
+        if not self.skews_change_places or any(unknowns[name].per != "all" for name in _SKEWS if name in unknowns):
+            return []
+        here = dict(zip(unknowns, self.layout.values(place[None])[0, 0].tolist(), strict=True))
+        usual = {name: self.file.base.get(name, self.simulator.parameters[name].default) for name in _SKEWS}
+        skews = [float(str(here.get(name, usual[name]))) for name in _SKEWS]
+        return [skews, *skews_alike(skews, [name not in unknowns for name in _SKEWS])]
+
+    def places_alike(self, place: FloatArray) -> list[FloatArray]:
+        """Places with such other skews, at the nearest bounds where they are beyond."""
+        places = []
+        for skews in self.skews_alike(place)[1:]:
+            other, of_name = place.copy(), dict(zip(_SKEWS, skews, strict=True))
+            for unknown, scalars in zip(self.layout.unknowns, self.layout.index, strict=True):
+                if unknown.name in of_name:
+                    other[scalars] = np.clip(unknown.place(of_name[unknown.name]), 0.0, 1.0)
+            places.append(other)
+        return places
 
     def next(self, points: Answers, solution: Solution) -> Next | None:
         """Effect of one more record at each candidate."""

@@ -218,16 +218,16 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
 
 
 def _skews_alike(fit: xr.Dataset) -> str:
-    """Which other skews give nearly the same records, where trunnions are not known apart."""
-    if not any(name.startswith("initial_skew_") for name in fit["unknown"].values.tolist()):
+    """Which other skews the search began from, where trunnions are not known apart."""
+    if not fit.attrs.get("skews_change_places"):
         return ""
     alike = [" / ".join(number(one, 2) for one in each) for each in json.loads(str(fit.attrs.get("skews_alike", "[]")))]
     if not alike:
         return " Trunnions then look alike: skews may change places in a circle, 1 to 2 to 3."
     return (
-        f" Trunnions then look alike: beside skews of {alike[0]} deg at trunnions 1 / 2 / 3, also {alike[1]} and "
-        f"{alike[2]} deg, with the same differences in other places of the circle, give nearly the same records. The "
-        "intervals are those around the first."
+        f" Trunnions then look alike: skews of {alike[1]} and {alike[2]} deg at trunnions 1 / 2 / 3, with the same "
+        f"differences as {alike[0]} deg in other places of the circle, give nearly the same records. The search began "
+        "there, too."
     )
 
 
