@@ -151,6 +151,16 @@ def test_a_fit_is_a_run(api, fitted):
     assert len(analysis["table"]["rows"]) == 1
 
 
+def test_a_fit_takes_no_formulas_and_no_points(api, fitted):
+    """Regression: of formulas it said that only a study can be extended, by a study."""
+    formula = {"responses": {"r": {"formula": "2 * thrust_amplitude[3]"}}}
+    for path, body in (("derive", formula), ("plans", formula), ("extend", {"study": ""})):
+        answer = api.post(f"/runs/{fitted}/{path}", body)
+        assert answer.status_code == 409, path
+        words = "kind: fit: only the run of a study takes further points, or variables by formula"
+        assert answer.json()["errors"][0]["message"] == words
+
+
 def test_a_search_that_was_stopped_goes_on(api, settings):
     """Invariance: no point runs twice, and the front is that of a search without a stop."""
     slow = JOINT.replace('"equilibrium"', '"kinetostatic"').replace("bore of 29", "stopped, of 29")

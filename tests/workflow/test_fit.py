@@ -222,6 +222,14 @@ def test_one_page_of_a_fit_is_refused(fitted, capsys):
     assert str(fitted[0] / "steps" / "points") in capsys.readouterr().err
 
 
+def test_formulas_are_refused_by_a_fit(fitted, tmp_path, capsys):
+    file = tmp_path / "formulas.toml"
+    file.write_text('[responses.r]\nformula = "2 * thrust_amplitude[3]"\n')
+    assert main(["derive", str(fitted[0]), str(file)]) == 2
+    points = fitted[0] / "steps" / "points"
+    assert f"name the result directory of a study, as {points}\n" in capsys.readouterr().err
+
+
 def test_the_unknowns_that_it_looks_for(fitted, written):
     assert fitted[1].found == found_sentences(fitted[0])
     assert fitted[1].found == (
@@ -285,6 +293,27 @@ def test_a_record_that_would_count_twice_is_refused(written, again):
     table.write_text(f"{table.read_text().rstrip()}\n{again},{first}\n")
     with pytest.raises(InputError, match=rf"{again}: the same record as .*record_1.csv, which would count twice"):
         plan_fit(file, timing=False)
+
+
+@pytest.mark.parametrize(
+    ("scale", "offset", "words"),
+    [
+        (0.0, 0.0, "its thrust has none of the fitted orders (3): nothing can be fitted to it"),
+        (0.0, 5.0, "its thrust has none of the fitted orders (3): nothing can be fitted to it"),
+        (1e300, 0.0, "at most 1e+09 N are read: check this column and its unit"),
+    ],
+)
+def test_a_record_without_a_usable_thrust_is_named(written, capsys, scale, offset, words):
+    """Regression: "none of 0 starting points has an answer", and a traceback from the overflow of squares."""
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    record = file.parent / "record_2.csv"
+    head, *rows = record.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    record.write_text("\n".join([head, *(f"{t},{a},{scale * float(f) + offset!r}" for t, a, f in cells), ""]))
+    assert main(["plan", str(file), "--no-timing"]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert "record_2.csv: " in said
 
 
 def test_an_empty_cell_of_the_table_is_what_the_record_states(written):

@@ -30,6 +30,7 @@ from tripod_doe.quantities import number
 from tripod_doe.regular_files import read_regular
 
 _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
+_LARGEST_THRUST = 1e9  # N: a wrong column or unit; squares of larger numbers overflow in fits
 _APART = 0.05  # largest relative difference of two statements of one value
 _ENDS = 0.15  # part of the range at each end, near which the samples of a pulse train lie
 _PULSED = 0.9  # part of the samples that must lie there
@@ -135,6 +136,11 @@ def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) ->
         raise InputError(
             f"{lost} of {placed.size} samples have no number in {', '.join(columns)}; at most {_MOST_LOST:.0%} may be "
             "missing: cut the record to its good part"
+        )
+    largest = np.nanmax(np.abs(columns["thrust_n"]), initial=0.0)
+    if largest > _LARGEST_THRUST:
+        raise InputError(
+            f"thrust_n reaches {largest:.3g} N, at most {_LARGEST_THRUST:g} N are read: check this column and its unit"
         )
     kept = {name: values[placed] for name, values in columns.items()}
     rows, remarks = np.flatnonzero(placed), list[str]()

@@ -336,8 +336,6 @@ class Service:
 
     def _extended(self, run_id: str) -> str:
         """The directory of a run whose study may grow."""
-        if self.runs.find(run_id).kind != "study":
-            raise RefusedError(409, "only the run of a study can be extended, by a study")
         self.runs.refuse_extension(run_id)
         return str(self.directory(run_id))
 

@@ -26,6 +26,7 @@ _PRIOR = 8  # degrees of freedom for which the usual scatter of all records coun
 _MOST_RECORDS = 10_000  # rows of a table of records
 _APART = 0.05  # relative: how far a record may be from a base value
 _FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
+_ROUNDING = 1e-12  # of the largest thrust of a record: smaller orders are rounding
 _OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
 """Keys of [records] that a column of the table may give for each record."""
 
@@ -170,6 +171,10 @@ def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter
     )
     try:
         tracked = track_orders(measured.rotation_deg, measured.thrust_n, measured.time_s)
+        fitted = tracked["thrust_amplitude"].sel(order=request.file.orders)
+        if fitted.max() <= _ROUNDING * np.nanmax(np.abs(measured.thrust_n)):
+            orders = ", ".join(map(str, request.file.orders))
+            raise InputError(f"its thrust has none of the fitted orders ({orders}): nothing can be fitted to it")
         own = _stated(request, asked, measured, parameters)
     except InputError as error:
         raise InputError(f"{asked.path}: {error}") from error

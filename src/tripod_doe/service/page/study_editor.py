@@ -6,7 +6,6 @@ from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
 from tripod_doe.service.page.rendering import part, show
-from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.gallery import gallery, gallery_upload, study_of_joint
 from tripod_doe.service.routes.dependencies import Body, WritingService
 
@@ -56,8 +55,6 @@ def extend(run_id: str, service: WritingService) -> HTMLResponse:
     """Write a larger version of a run's study, with the price of the new points."""
     run = service.runs.refuse_extension(run_id)
     upload = service.upload_of(run_id)
-    if "study" not in upload:
-        raise RefusedError(409, "only the run of a study can be extended, by a study")
     form = service.ask_body("study_form", json.dumps({"study": upload["study"]}).encode())
     values = {"text": upload["study"], "form": form, "files": upload["files"]}
     return show("new.html", service.settings, gallery=[], chosen=run_id, extended=run, **values)

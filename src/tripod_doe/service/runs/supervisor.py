@@ -30,6 +30,7 @@ from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.annotation import annotated, write_annotation
 
 _PERIOD = 0.25  # seconds between two checks: a finished point must show within a second
+_FURTHER = "further points, or variables by formula"
 _PATIENCE = 20.0  # seconds that a run has to end in order after a stop
 
 log = logging.getLogger(__name__)
@@ -254,13 +255,15 @@ class Supervisor:
         return self._put(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
-        """The run; RefusedError 409 if its study may not grow: it waits or runs, or names a function."""
+        """The run; RefusedError 409 if it takes nothing further: it is no study, is not at rest, or has a function."""
         with self._lock:
             run = self._unchanged(run_id)
+            if run.kind != "study":
+                raise RefusedError(409, f"kind: {run.kind}: only the run of a study takes {_FURTHER}")
             if run.has_function:
-                raise RefusedError(409, "its study has a function, which only the command line runs: extend it there")
+                raise RefusedError(409, "its study has a function, which only the command line runs: change it there")
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
-                raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
+                raise RefusedError(409, f"state: {run.state}: only a run at rest takes {_FURTHER}")
             return run
 
     def annotate(self, run_id: str, changes: dict[str, Any]) -> Run:

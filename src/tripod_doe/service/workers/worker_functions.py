@@ -83,7 +83,7 @@ def extend(body: bytes, folder: str, path: str, limits: Limits) -> Any:
     """Check the larger version of a study with results in a directory; refuse any change other than growth."""
     kind, texts = upload_texts(read_form(body, Submission, limits.nesting).model_dump())
     if kind != "study":
-        raise RefusedError(409, "only the run of a study can be extended, by a study")
+        raise RefusedError(409, f"this is a {kind}: a run takes the larger version of its study")
     return _extended(body, texts, Path(folder), path, limits, timing=False)
 
 

@@ -76,7 +76,8 @@ def with_responses(directory: Path, file: Path | None, drop: Collection[str] = (
             there.
     """
     if not (directory / STORED).is_file():
-        raise InputError(f"{directory}: no {STORED} here; name a result directory")
+        of_steps = "".join(f", as {path.parent}" for path in sorted(directory.glob(f"steps/*/{STORED}"))[:1])
+        raise InputError(f"{directory}: no {STORED} here; name the result directory of a study{of_steps}")
     stored, origin = read_text(directory / STORED, "study"), str(file or directory / STORED)
     added = {} if file is None else read_responses(file)
     text = text_with_responses(stored, added, drop)
