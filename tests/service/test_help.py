@@ -75,6 +75,7 @@ GUIDES = {
     "does my joint vibrate": "thrust_of_my_joint",
     "animation of the joint": "motion",
     "share results": "show_it_to_a_colleague",
+    "install with pip": "install",
     "list of load cases": "my_own_points",
     "friction coefficient from test data": "which_friction_does_my_joint_have",
 }
