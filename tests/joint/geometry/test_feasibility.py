@@ -158,7 +158,7 @@ SIZES = {
 ADVISED = re.compile(r"(\w+_(?:mm|count|deg))(?:\)? do not fit beside each other: bring it)? to (-?[\d.]+\d|\d)")
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=100)
 @given(own=st.fixed_dictionaries({}, optional=SIZES))
 def test_a_value_that_a_refusal_names_is_accepted_when_typed(own):
     """Regression: "1.868 mm apart" was a rounded distance, and needles of 1.868 mm were refused again."""
