@@ -5,7 +5,8 @@ namespace that the page shares, and one of `text` right below either is what a t
 any lines, three dots in a line for any part of it. Numbers agree within 2 %, two units of their last digit, or 1e-4 of
 the largest number in their line, since models may change their last digits; all else must be the same. A block after the words "as `FILE`:" is written to that
 file, and a block of the language `diff` after "in `FILE`:" changes it. `<!-- exit code N -->` above a block of commands is the exit code of its last one, 0 if omitted; the same comment with
-`not executed` leaves a block out. Lines on the first compilation of kernels, which an empty cache adds anywhere, do not count.
+`not executed` leaves a block out. Lines on the first compilation of kernels, and on the progress of a slow
+machine, do not count.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ _FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _FILE = re.compile(r"(?:as|in)\s+`([\w./-]+)`[^`]*:\s*$")
 _MARK = re.compile(r"<!-- (exit code (\d+)|not executed) -->\s*$")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
-_COMPILING = re.compile(r"compiling kernels of |compiled in \d+ s$|is compiling kernels, once for all")
+_WAITING = re.compile(
+    r"compiling kernels of |compiled in \d+ s$|.* is compiling kernels, once for all|[\d,]+ of [\d,]+ (?:points|candidates).* left$"
+)
 _NEAR = 0.02
 _LAST_DIGITS = 2.001
 _OF_LARGEST = 1e-4
@@ -114,7 +117,7 @@ def _python(block: Block, page: Path, namespace: dict) -> str:
 
 def difference(shown: str, printed: str) -> str:
     """The first line of a page that was not printed; empty if all were."""
-    lines = [line.rstrip() for line in printed.replace("\r", "\n").splitlines() if not _COMPILING.match(line)]
+    lines = [line.rstrip() for line in printed.replace("\r", "\n").splitlines() if not _WAITING.match(line)]
     at, skips = 0, False
     for line in (line.rstrip() for line in shown.splitlines()):
         if line == "...":

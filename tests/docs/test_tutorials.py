@@ -57,6 +57,7 @@ def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
         ("order=3: 0.0021\n", "order=3: 0.0023\n", True),
         ("(1.5e-5)\n", "(1.6e-5)\n", True),
         ("a\n", "compiling kernels of rollers, once per version\ncompiled in 216 s\na\n", True),  # an empty cache
+        ("a\n", "196 of 256 points (77 %) after 30.7 s, about 9.44 s left\na\n", True),  # a slow machine
     ],
 )
 def test_what_counts_as_the_same_output(shown, printed, same):
