@@ -28,7 +28,7 @@ _FILE = re.compile(r"(?:as|in)\s+`([\w./-]+)`[^`]*:\s*$")
 _MARK = re.compile(r"<!-- (exit code (\d+)|not executed) -->\s*$")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 _WAITING = re.compile(
-    r"compiling kernels of |compiled in \d+ s$|.* is compiling kernels, once for all|[\d,]+ of [\d,]+ (?:points|candidates).* left$"
+    r"compiling kernels of |compiled in \d+ s$|.* is compiling kernels, once for all|[\d,]+ of [\d,]+ \w+ \(\d+ %\) after "
 )
 _NEAR = 0.02
 _LAST_DIGITS = 2.001
