@@ -1,7 +1,6 @@
 """The supervisor of runs: starts queued runs, counts finished points, notices ends, stops and deletes runs.
 
-After a restart it reads everything about a run from the table and the run's directory: a free lock with missing
-points means that the run is dead, so no run can stay "running".
+After a restart it reads all about a run from table and directory: with a free lock and missing points, it is dead.
 """
 
 import logging
@@ -134,11 +133,7 @@ class Supervisor:
         return self._bin.all()
 
     def find(self, run_id: str) -> Run:
-        """A run by its id.
-
-        Raises:
-            RefusedError: 404 if there is none.
-        """
+        """A run by its id; RefusedError 404 if there is none."""
         with self._lock:
             run = self._runs.get(run_id)
         if run is None and run_id in self._bin:
@@ -231,8 +226,7 @@ class Supervisor:
             run_id: Its id.
             upload: Folder with the files, moved to the run.
             plan: Plan of its study.
-            note: Called after all checks, to store the additions of the upload; the run accepts no other change
-                meanwhile.
+            note: Called after all checks, to store the upload's additions; the run accepts no other change then.
 
         Raises:
             RefusedError: 409 if it waits or runs, 413 if the queue is full.
