@@ -71,7 +71,9 @@ def test_the_commands_that_install_are_the_ones_that_ci_runs():
     installed = r"python3 -m venv --without-pip \.venv && python3 -m pip --python \.venv/bin/python install -q "
     assert re.fullmatch(installed + r"\. && \.venv/bin/tripod-doe run studies/\w+\.toml --out results/\w+\n", FIRST)
     assert re.fullmatch(
-        installed + r"-e '\.\[test\]' && \.venv/bin/python -m pytest -n 4 --dist worksteal -m \"not slow\"\n", TESTS
+        installed
+        + r"pip && \.venv/bin/python -m pip install -q -e '\.\[test\]' && \.venv/bin/python -m pytest -n 4 --dist worksteal -m \"not slow\"\n",
+        TESTS,
     )
 
 
