@@ -6,11 +6,13 @@ the body of the request. Nothing that goes wrong here changes how a run ends.
 """
 
 import json
+import logging
 import os
 import shlex
 import shutil
 import stat
 import subprocess
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
@@ -23,6 +25,8 @@ from tripod_doe.http_opener import LOOPBACK, opener_for
 
 _SECONDS = 30.0  # for a command, and for an answer of a webhook
 _MOST_BYTES = 65_536  # of a file that holds a command or an address
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,15 @@ class Notifier:
         text = escape(f"{name}: {state}" + (f": {message}" if message else ""), quote=False)  # chats make links of <>
         data = json.dumps({"text": text, **facts}).encode()
         return self._call(data) if self.url else self._start(data)
+
+    def tell_in_thread(self, facts: Mapping[str, Any]) -> None:
+        """Pass the facts on in a thread of its own; what goes wrong is logged."""
+
+        def tell() -> None:
+            if trouble := self.tell(facts):
+                log.warning("%s: %s", option("notify"), trouble)
+
+        threading.Thread(target=tell, name="notify", daemon=True).start()
 
     def _start(self, data: bytes) -> str:
         try:

@@ -339,18 +339,11 @@ class Supervisor:
         return run
 
     def _notify(self, run: Run) -> None:
-        """Send the notification that a run has ended, in a thread of its own: it may take half a minute."""
-        notifier = self.settings.notifier
-        if notifier is None or self.settings.read_only:
-            return
-        record = run.record()
-        facts = {name: record[name] for name in ("state", "name", "message", "id", "kind", "points")}
-
-        def tell() -> None:
-            if trouble := notifier.tell(facts):
-                log.warning("--notify: %s", trouble)
-
-        threading.Thread(target=tell, name="notify", daemon=True).start()
+        """Send the notification that a run has ended."""
+        if self.settings.notifier is not None and not self.settings.read_only:
+            record = run.record()
+            facts = {name: record[name] for name in ("state", "name", "message", "id", "kind", "points")}
+            self.settings.notifier.tell_in_thread(facts)
 
     def _show(self, run: Run) -> None:
         self._runs[run.id] = run
