@@ -264,11 +264,11 @@ def _of_result(place: str, result: xr.Dataset, *words: str) -> Any:
     """What the function at a place makes of the result of an analysis.
 
     Raises:
-        CubeError: If the result lacks something that each of its kind has: another program wrote it.
+        CubeError: If the result is not as each of its kind is: another program wrote it.
     """
     try:
         return _load(place)(result, *words)
-    except KeyError as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         lacks = str(error.args[0]).partition(". ")[0] if error.args else "a name is missing"
         what = f"not a whole result of an analysis of the kind {kind_of(result)!r}"
         raise CubeError(f"{what}: {lacks}; make it again") from error

@@ -9,12 +9,14 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.output_table import read_outputs
+from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.surrogate.charts import surrogate_charts
 from tripod_doe.analyses.surrogate.sentences import find_in_surrogate
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.analyses.usable_points import read_sample
+from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
@@ -41,7 +43,13 @@ def orders(columns):
 
 
 def learnt(samples, wiggle=0.0, more=()):
-    """Cube and result of a surrogate; `wiggle` is what no polynomial learns, `more` are outputs beside the orders."""
+    """Cube and page of a surrogate; `wiggle` is what no polynomial learns, `more` are outputs beside the orders."""
+    cube, result = learnt_result(samples, wiggle, more)
+    return cube, what_if_pages({"surrogate": result})[0]
+
+
+def learnt_result(samples, wiggle=0.0, more=()):
+    """Cube and result of a surrogate."""
     text = TEXT + f"samples = {samples}\nseed = 1\n"
     columns = make_points(parse_study(text)).columns
     amplitude, phase = orders(columns)
@@ -59,8 +67,58 @@ def learnt(samples, wiggle=0.0, more=()):
     cube = cube.assign({name: 20 * np.log10(cube["thrust_amplitude"].sel(order=3)) for name in more})
     sample = read_sample(cube, SurrogateSettings(), SURROGATE_DESIGNS, ["thrust_amplitude"])
     tables = list(read_outputs(cube, ["thrust_amplitude", *more], sample.rows))
-    result = what_if(sample, tables, cube, seed=0).assign_attrs(analysis_kind="surrogate")
-    return cube, what_if_pages({"surrogate": result})[0]
+    return cube, what_if(sample, tables, cube, seed=0).assign_attrs(analysis_kind="surrogate")
+
+
+@pytest.fixture(scope="module")
+def stored():
+    """A surrogate as it is in the result of an analysis."""
+    return learnt_result(20)[1]
+
+
+STRANGE = {
+    "list": lambda texts: [],
+    "empty": lambda texts: {},
+    "deep": lambda texts: "[" * 100_000,
+    "no table": lambda texts: texts["factors"].update(torque_n_m="x"),
+    "factor gone": lambda texts: texts["factors"].pop("torque_n_m"),
+    "no words": lambda texts: texts["factors"]["model"].update(words=[]),
+    "words for numbers": lambda texts: texts["factors"].update(torque_n_m={"unit": "", "words": ["a"]}),
+    "no number": lambda texts: texts["factors"]["torque_n_m"].update(mean=float("nan")),
+    "text": lambda texts: texts["factors"]["torque_n_m"].update(low="<"),
+    "one input more": lambda texts: texts["inputs"].append(["torque_n_m", 1, 2, None, False]),
+    "zero size": lambda texts: texts["zeros"].update(torque_n_m=[0, 1]),
+    "one order less": lambda texts: texts["components"][0].__setitem__(2, None),
+    "exponents": ("exponents", lambda values: np.full_like(values, 100)),
+    "negative": ("exponents", lambda values: np.full_like(values, -100)),
+    "terms": ("exponents", lambda values: np.zeros((200_000, values.shape[1]), np.int8)),
+    "lengths": ("lengths", np.zeros_like),
+    "not finite": ("weights", lambda values: np.full_like(values, np.inf)),
+    "texts": ("values", lambda values: values.astype(str)),
+    "no point": ("places", lambda values: values[:0]),
+}
+
+
+@pytest.mark.parametrize("change", STRANGE.values(), ids=STRANGE)
+def test_a_surrogate_that_another_program_wrote_is_refused(stored, change):
+    """Regression: the page answered 500, and a report ended with an internal error or took very long."""
+    result = stored.copy()
+    if callable(change):
+        texts = json.loads(result.attrs["what_if"])
+        changed = change(texts)
+        changed = texts if changed is None or "unit" in changed else changed
+        result.attrs["what_if"] = changed if isinstance(changed, str) else json.dumps(changed)
+    else:
+        name, make = f"what_if_{change[0]}", change[1]
+        result = result.drop_vars(name).assign({name: (("a", "b"), make(result[name].values))})
+    with pytest.raises(CubeError, match=r"analysis mine: its surrogate is not whole: .*; make it again"):
+        what_if_pages({"mine": result})
+
+
+def test_a_result_with_a_flag_that_does_not_exist_is_refused(stored):
+    """Regression: an internal error, as of each value that no analysis of this kind gives."""
+    with pytest.raises(CubeError, match="not a whole result of an analysis of the kind 'surrogate'"):
+        findings_of("mine", stored.assign(chosen=9).assign_attrs(outputs="y"))
 
 
 def test_orders_are_predicted_with_their_phases():

@@ -8,6 +8,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +27,8 @@ LEAST_SCALE = 0.01
 _DEGREE = 3
 _MOST_TERMS = 1000  # of a polynomial; more inputs get one of the second degree
 _PROCESS_POINTS = 300  # for a Gaussian process: a page evaluates all of them
-_TOGETHER = 500  # points that are predicted together
+_TOGETHER = 50_000_000  # numbers that are in memory at a time
+_MOST_INPUTS, _MOST_WORK = 200, 2_000_000  # of a surrogate that is read, and centres, inputs and components: some 10 s
 _LEAST_NOISE = 1e-7  # part of the variance; with less, weights grow until their sum loses the digits of a page
 _FEW_FOLDS = 3  # that compare envelopes
 _MINOR = 1e-3  # spread over the largest one below which a component is worth no Gaussian process
@@ -50,17 +54,51 @@ class Surrogates:
         """Position of each component's kind in `KINDS`."""
         return np.asarray(self.weights.any(axis=1), np.int64)
 
+    @cached_property
+    def _factors(self) -> IntArray:
+        """Inputs that are multiplied in each term, shape (term, degree); the number of inputs stands for 1."""
+        terms, width = self.exponents.shape
+        factors = np.full((terms, self.exponents.sum(axis=1).max(initial=0)), width)
+        for row, powers in zip(factors, self.exponents, strict=True):
+            row[: powers.sum()] = np.repeat(np.arange(width), powers)
+        return factors
+
     def predict(self, places: FloatArray) -> FloatArray:
         """All components at some inputs, shape (point, input) -> (point, component)."""
-        parts = [self._predict(places[start : start + _TOGETHER]) for start in range(0, len(places), _TOGETHER)]
+        together = max(1, _TOGETHER // (self._factors.size + len(self.centres) + 1))
+        parts = [self._predict(places[start : start + together]) for start in range(0, len(places), together)]
         return np.concatenate(parts)
 
     def _predict(self, places: FloatArray) -> FloatArray:
-        answers = np.prod(places[:, None, :] ** self.exponents, axis=2) @ self.coefficients.T
+        from scipy.spatial.distance import cdist  # slow to import: few pages have such a part
+
+        columns = np.column_stack([places, np.ones(len(places))])
+        answers = columns[:, self._factors].prod(axis=2) @ self.coefficients.T
         for at in np.flatnonzero(self.kinds):
-            gap = (places[:, None, :] - self.centres) / self.lengths[at]
-            answers[:, at] += np.exp(-0.5 * (gap**2).sum(axis=2)) @ self.weights[at]
+            gap = cdist(places / self.lengths[at], self.centres / self.lengths[at], "sqeuclidean")
+            answers[:, at] += np.exp(-0.5 * gap) @ self.weights[at]
         return np.asarray(answers)
+
+    def refuse_strange(self, inputs: int, components: int, points: int) -> None:
+        """Refuse (ValueError) surrogates of other sizes than `learn` gives, and those that would take long."""
+        terms, centres = len(self.exponents), len(self.centres)
+        refuse_unlike("exponents", self.exponents, (terms, inputs), "i")
+        refuse_unlike("coefficients", self.coefficients, (components, terms))
+        refuse_unlike("centres", self.centres, (centres, inputs))
+        refuse_unlike("weights", self.weights, (components, centres))
+        refuse_unlike("lengths", self.lengths, (components, inputs))
+        refuse_unlike("errors", self.errors, (points, components))
+        if (self.exponents < 0).any() or (self.exponents.sum(axis=1) > _DEGREE).any() or (self.lengths <= 0).any():
+            raise ValueError("an exponent or a length is out of range")
+        most = max(_MOST_TERMS, comb(inputs + _DEGREE - 1, _DEGREE - 1))
+        if inputs > _MOST_INPUTS or terms > most or self.centres.size * components > _MOST_WORK:
+            raise ValueError(f"too large: {inputs} inputs, {terms} terms, {centres} centres, {components} components")
+
+
+def refuse_unlike(name: str, values: NDArray[Any], shape: tuple[int, ...], kind: str = "f") -> None:
+    """Refuse (ValueError) an array of another shape or kind, or with values that are not finite."""
+    if values.shape != shape or values.dtype.kind != kind or not np.isfinite(values).all():
+        raise ValueError(f"{name}: expected finite numbers of the shape {shape}")
 
 
 @dataclass(frozen=True)

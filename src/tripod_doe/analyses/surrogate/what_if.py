@@ -6,18 +6,20 @@ and phase are not. The errors at unseen points go with it, so that a page can dr
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from tripod_doe.analyses.encoding import Input, encoded, is_numeric
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE, Surrogates, learn
+from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE, Surrogates, learn, refuse_unlike
 from tripod_doe.analyses.surrogate.zeros_and_symmetries import foreknown, grown
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
 
 ATTRIBUTE = "what_if"
@@ -25,6 +27,8 @@ ATTRIBUTE = "what_if"
 
 _SHOWN_POINTS = 2000  # computed points that a page can show and take bands from
 _MOST_COMPONENTS = 26  # besides the waves of the orders
+_MOST_CHARACTERS = 1_000_000  # of the texts that are read
+_LEARNED = ("exponents", "coefficients", "centres", "weights", "lengths", "errors")
 _ROUNDING = 1e-12  # of a number that is scaled to its range and back
 _AMPLITUDE, _PHASE = "thrust_amplitude", "thrust_phase_deg"
 _FIRST = (3, 2)  # orders that everybody asks for
@@ -113,6 +117,57 @@ class WhatIf:
         return encoded({name: np.array([value]) for name, value in values.items()}, self.inputs)
 
 
+_Number = Annotated[float, Field(ge=-1e100, le=1e100)]
+_Size = Annotated[float, Field(ge=1e-100, le=1e100)]
+
+
+class _Range(BaseModel, extra="forbid"):
+    """A numeric factor."""
+
+    unit: str
+    low: _Number
+    high: _Number
+    mean: _Number
+    std: _Number
+    whole: bool
+
+
+class _Words(BaseModel, extra="forbid"):
+    """A factor of words."""
+
+    unit: str
+    words: Annotated[list[str], Field(min_length=1)]
+
+
+class _Texts(BaseModel, extra="forbid"):
+    """All of a surrogate that is no array."""
+
+    inputs: Annotated[list[tuple[str, _Number, _Number, str | None, bool]], Field(min_length=1)]
+    zeros: dict[str, tuple[_Size, _Number]] = {}
+    factors: dict[str, _Range | _Words]
+    sampled: bool
+    components: Annotated[
+        list[tuple[str, str, Annotated[int, Field(ge=0, le=100)] | None, bool, bool]], Field(min_length=1)
+    ]
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        """Refuse inputs, zeros and orders that do not belong to the factors and to each other."""
+        numeric = [name for name, each in self.factors.items() if isinstance(each, _Range)]
+        words = {name: each.words for name, each in self.factors.items() if isinstance(each, _Words)}
+        numbers = [factor for factor, _, _, word, sign in self.inputs if word is None and not sign]
+        if sorted(numbers) != sorted(numeric) or not set(self.zeros) <= set(numeric):
+            raise ValueError("inputs and factors do not agree")
+        for factor, _, _, word, sign in self.inputs:
+            if (word is not None and word not in words.get(factor, ())) or (sign and factor not in numeric):
+                raise ValueError("inputs and factors do not agree")
+        orders = [order for _, _, order, _, _ in self.components]
+        half = sum(order is not None for order in orders) // 2
+        if orders[:half] != orders[half : 2 * half] or None in orders[:half] or any(orders[2 * half :]):
+            raise ValueError("the parts of the orders do not agree")
+        return self
+
+
 def neighbours(count: int) -> int:
     """Number of nearest computed points from which a band is taken."""
     return min(max(12, count // 20), count - 1)
@@ -155,22 +210,37 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
     return xr.Dataset(variables, attrs={ATTRIBUTE: json.dumps(texts)})
 
 
-def read_what_if(result: xr.Dataset) -> WhatIf | None:
-    """The surrogate in the result of an analysis; None if it has none."""
+def read_what_if(result: xr.Dataset, name: str) -> WhatIf | None:
+    """The surrogate in the result of an analysis of this name; None if it has none.
+
+    Raises:
+        CubeError: If it is not as `what_if` gives it.
+    """
     if ATTRIBUTE not in result.attrs:
         return None
-    texts = json.loads(result.attrs[ATTRIBUTE])
-    names = ("exponents", "coefficients", "centres", "weights", "lengths", "errors")
-    return WhatIf(
-        [Input(*each) for each in texts["inputs"]],
-        texts["factors"],
-        [Component(*each) for each in texts["components"]],
-        Surrogates(*(result[f"what_if_{name}"].values for name in names)),
-        result["what_if_places"].values,
-        result["what_if_values"].values,
-        texts["sampled"],
-        texts.get("zeros", {}),
-    )
+    try:
+        texts = _Texts.model_validate_json(str(result.attrs[ATTRIBUTE])[:_MOST_CHARACTERS])
+        arrays = [result[f"what_if_{part}"].values for part in (*_LEARNED, "places", "values")]
+        return _checked(texts, arrays)
+    except ValidationError as error:
+        where = ".".join(map(str, error.errors()[0]["loc"])) or "its texts"
+        raise CubeError(f"analysis {name}: its surrogate is not whole: {ATTRIBUTE}: {where}; make it again") from error
+    except (KeyError, ValueError) as error:
+        raise CubeError(f"analysis {name}: its surrogate is not whole: {error.args[0]}; make it again") from error
+
+
+def _checked(texts: _Texts, arrays: list[NDArray[Any]]) -> WhatIf:
+    """A surrogate of texts and arrays; ValueError if they do not agree."""
+    *learned, places, values = arrays
+    inputs, components = [Input(*each) for each in texts.inputs], [Component(*each) for each in texts.components]
+    surrogates = Surrogates(*learned)
+    surrogates.refuse_strange(len(inputs), len(components), len(places))
+    for array, width in ((places, len(inputs)), (values, len(components))):
+        refuse_unlike("its points", array, (len(places), width))
+    if not 1 < len(places) <= _SHOWN_POINTS:
+        raise ValueError(f"{len(places)} points, 2 to {_SHOWN_POINTS} are shown")
+    factors = {name: each.model_dump() for name, each in texts.factors.items()}
+    return WhatIf(inputs, factors, components, surrogates, places, values, texts.sampled, texts.zeros)
 
 
 def _range(name: str, sample: Sample, cube: xr.Dataset) -> dict[str, Any]:

@@ -210,7 +210,7 @@ def what_if_pages(analyses: Mapping[str, xr.Dataset]) -> list[WhatIfPage]:
     """One for each surrogate that can be asked."""
     pages = []
     for name, result in of_kind(analyses, "surrogate").items():
-        surrogate = read_what_if(result)
+        surrogate = read_what_if(result, name)
         if surrogate is not None:
             pages.append(WhatIfPage(name, surrogate, _quantities(surrogate)))
     return pages
