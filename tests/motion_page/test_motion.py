@@ -16,7 +16,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.motion_page.drawing import joint_drawing
 from tripod_doe.motion_page.page import motion_data, motion_page, viewed_point
-from tripod_doe.motion_page.poses import needle_poses, poses_of
+from tripod_doe.motion_page.poses import poses_of
 from tripod_doe.motion_page.stored_point import points_in
 from tripod_doe.reports.joint_drawing import drawing_of
 
@@ -31,6 +31,21 @@ FRICTIONLESS = {
 
 def outputs_of(point):
     return {name: values.data for name, values in point.outputs.items()}
+
+
+def needle_poses(values, poses, sample):
+    """Centres and axes of all needles at a sample, shapes (3, needle, 3), as the page places them."""
+    side = -1.0 if values.torque < 0 else 1.0
+    turned = poses.phi[sample] + 2 * np.pi / 3 * np.arange(3)
+    flank = -side * np.stack([-np.sin(turned), np.cos(turned), 0 * turned], axis=-1)
+    trunnion = poses.trunnions[sample]
+    load = flank - (flank * trunnion).sum(-1, keepdims=True) * trunnion
+    load /= np.linalg.norm(load, axis=-1, keepdims=True)
+    across = np.cross(trunnion, load)
+    angle, place, skew = (poses.needles[sample, ..., i, None] for i in range(3))
+    normal = np.cos(angle) * load[:, None] + np.sin(angle) * across[:, None]
+    centre = poses.spider[sample] + (values.ring_distance + place) * trunnion[:, None] + values.bearing_radius * normal
+    return centre, np.cos(skew) * trunnion[:, None] + np.sin(skew) * np.cross(normal, trunnion[:, None])
 
 
 def test_poses_are_those_of_three_trunnions_through_three_grooves():

@@ -21,7 +21,6 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, closest, option
-from tripod_doe.measurements.headings import OPERATING
 from tripod_doe.measurements.operating_point import from_columns, from_name, from_notes
 from tripod_doe.measurements.pulse_count import infer_pulses
 from tripod_doe.measurements.record_file import Record, read_record
@@ -245,8 +244,3 @@ def rotation_from_tachometer(
         pulses_per_revolution=pulses_per_revolution,
         remarks=(said,) if said else (),
     )
-
-
-def stated_parameters(measured: Measurement) -> dict[str, float]:
-    """Joint angle and torque that a record states; the speed follows from its revolutions."""
-    return {name: measured.operating[name] for name in OPERATING if name in measured.operating}

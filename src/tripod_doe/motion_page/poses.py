@@ -125,18 +125,3 @@ def _rolled(values: JointValues[float], phi: FloatArray) -> FloatArray:
     moved = np.cumsum(pace, axis=0) * (phi[1] - phi[0])
     rolled: FloatArray = moved - moved[:1]
     return rolled
-
-
-def needle_poses(values: JointValues[float], poses: Poses, sample: int) -> tuple[FloatArray, FloatArray]:
-    """Centres and axes of all needles at a sample, shapes (3, needle, 3), as the page places them."""
-    side = -1.0 if values.torque < 0 else 1.0
-    turned = poses.phi[sample] + _TURNED
-    flank = -side * np.stack([-np.sin(turned), np.cos(turned), 0 * turned], axis=-1)
-    trunnion = poses.trunnions[sample]
-    load = flank - (flank * trunnion).sum(-1, keepdims=True) * trunnion
-    load /= np.linalg.norm(load, axis=-1, keepdims=True)
-    across = np.cross(trunnion, load)
-    angle, place, skew = (poses.needles[sample, ..., i, None] for i in range(3))
-    normal = np.cos(angle) * load[:, None] + np.sin(angle) * across[:, None]
-    centre = poses.spider[sample] + (values.ring_distance + place) * trunnion[:, None] + values.bearing_radius * normal
-    return centre, np.cos(skew) * trunnion[:, None] + np.sin(skew) * np.cross(normal, trunnion[:, None])

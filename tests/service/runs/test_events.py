@@ -105,7 +105,7 @@ def test_no_event_of_a_busy_thread_is_lost():
         return seen
 
     assert all(numbers == list(range(1, count + 2)) for numbers in in_own_loop(watch_all()))
-    assert events.watching == 0
+    assert not events._waiting
 
 
 def test_streams_asked_for_at_once_keep_the_limit(tmp_path):

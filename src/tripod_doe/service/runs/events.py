@@ -37,11 +37,6 @@ class Events:
         self.closing = False
         self.streams = 0  # admitted and not ended; changed in the event loop only
 
-    @property
-    def watching(self) -> int:
-        """Number of open streams."""
-        return len(self._waiting)
-
     def latest(self, run_id: str) -> str:
         """A run as JSON, as last published."""
         event = self._latest.get(run_id)

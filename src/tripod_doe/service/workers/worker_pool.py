@@ -79,6 +79,7 @@ class WorkerPool:
         self._counting = threading.Lock()
         self._open: Counter[str] = Counter()  # questions of each reader
         self._turns = defaultdict[str, threading.Semaphore](lambda: threading.Semaphore(max(1, count - 1)))
+        self._turns[""] = threading.Semaphore(count)
         self._workers = [_Worker(limits.memory_bytes) for _ in range(count)]
         self._free: queue.LifoQueue[_Worker] = queue.LifoQueue()
         for worker in self._workers:
@@ -121,34 +122,23 @@ class WorkerPool:
 
     @contextmanager
     def _turn(self, reader: str, left: threading.Event) -> Iterator[None]:
-        """Take a place, and wait until not too many questions of a reader are at work."""
-        with self._place(reader) as turn:
-            if not reader:
-                yield
-                return
+        """Take a place for a question, and wait until not too many of the reader are at work."""
+        with self._counting:
+            turn, full = self._turns[reader], bool(reader) and self._open[reader] >= self._of_one
+            if full or not self._places.acquire(blocking=False):
+                raise AllBusyError
+            self._open[reader] += 1
+        try:
             if not any(turn.acquire(timeout=pause) for pause in _pauses(self._patience, left)):
                 raise AllBusyError
             try:
                 yield
             finally:
                 turn.release()
-
-    @contextmanager
-    def _place(self, reader: str) -> Iterator[threading.Semaphore]:
-        """Take one of the places for questions, at work or waiting; gives what a reader's questions wait for."""
-        with self._counting:
-            if (reader and self._open[reader] >= self._of_one) or not self._places.acquire(blocking=False):
-                raise AllBusyError
-            self._open[reader] += 1
-            turn = self._turns[reader]
-        try:
-            yield turn
         finally:
             with self._counting:
-                self._places.release()
                 self._open[reader] -= 1
-                if not self._open[reader]:
-                    del self._open[reader], self._turns[reader]
+            self._places.release()
 
     def _free_worker(self, left: threading.Event) -> _Worker:
         """Take a free worker, or wait for one within `patience`."""
