@@ -34,7 +34,7 @@ def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]
     try:
         import nptdms
     except ImportError as error:
-        raise InputError("a TDMS file: install the reader with pip install 'tripod-doe[tdms]', or export it") from error
+        raise InputError("a TDMS file: install the reader with pip install npTDMS, or export it") from error
     try:
         file = nptdms.TdmsFile.read(path)
     except Exception as error:  # a damaged file may raise anything in its reader

@@ -11,7 +11,7 @@ from tripod_doe.study.result_directory.open_cube import open_cube
 def refuse_without_zarr() -> None:
     """Refuse the export where it is not installed; InputError with the command that installs it."""
     if importlib.util.find_spec("zarr") is None:
-        raise InputError(f"{option('export', 'zarr')}: zarr is not installed; pip install 'tripod-doe[zarr]'")
+        raise InputError(f"{option('export', 'zarr')}: zarr is not installed; pip install zarr")
 
 
 def export_zarr(directory: Path) -> Path:
