@@ -142,10 +142,6 @@ class FollowedJoint:
         whole = _joined([(part, slice(1 if at else 0, None)) for at, part in enumerate(one.parts)])
         return Pass(one.setting, (whole,), whole.times.size - 1 - revolutions * self.samples, one.orders[-revolutions:])
 
-    def orders_of(self, motion: Motion) -> ComplexArray:
-        """Complex orders of the thrust in the sampled revolutions of a motion, shape (revolution, order)."""
-        return self._orders(motion.result, slice(-motion.sampled * self.samples - 1, -1), motion.setting)
-
     def motion(self, first: Pass, finest: Pass) -> Run:
         """All revolutions as one run: the sampled ones are those of the finest pass."""
         pieces = [(first.parts[0], slice(0, first.before - finest.before)), (finest.parts[0], slice(None))]
