@@ -298,7 +298,7 @@ class _Run:
             tried(self._units[best][None])
             while True:
                 generation += 1
-                refine(self.problem.variables, self._units[best], radius, judge)
+                refine(self.problem.variables, self._units[best], radius, judge, self.left - kept)
                 best = min(values, key=lambda row: values[row])
                 steps = [unit for _, unit in steps_around(self.problem.variables, self._units[best], NARROWEST)]
                 if steps:

@@ -83,7 +83,8 @@ def plan_optimisation(
     joints = table.samples if sampled else 1
     by = f" by {problem.model}" if problem.model else ""
     how = timing, recorded
-    parts = _refined(problem, _part(problem, f"search{by}", table.evaluations, joints, problem.model, how), by)
+    search = _part(problem, f"search{by}", table.evaluations, joints, problem.model, how)
+    parts = [*_refined(problem, search, by), search.scaled(f"steps around the best{by}", _steps(problem))]
     if sampled or problem.confirm != problem.model:
         most = table.confirmed + 1  # and the start
         by = f" by {problem.confirm}" if problem.confirm else ""
@@ -92,6 +93,12 @@ def plan_optimisation(
     if any(how):
         parts.append(_beside(table, parts))
     return parts
+
+
+def _steps(problem: Problem) -> int:
+    """Number of candidates one step away from the ends and the knee of a front, at most."""
+    objectives = len(problem.signs)
+    return (objectives + (objectives > 1)) * 2 * len(problem.variables.chosen)
 
 
 def _refined(problem: Problem, whole: PlannedPart, by: str) -> list[PlannedPart]:

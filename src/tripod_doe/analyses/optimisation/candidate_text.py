@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -40,8 +41,13 @@ def aim_text(problem: Problem, at: int, value: float, error: float = np.nan) -> 
 
 def joint_text(problem: Problem, unit: FloatArray) -> str:
     """The variables of a candidate in words."""
+    return values_text(problem, base_values(problem, unit))
+
+
+def values_text(problem: Problem, values: Mapping[str, Any]) -> str:
+    """Values of parameters in words: ``pitch radius = 26.5 mm, roller radius = 17 mm``."""
     parts = []
-    for name, value in base_values(problem, unit).items():
+    for name, value in values.items():
         own = unit_text(problem.simulator.parameters[name].unit)
         shown = level(float(value)) if isinstance(value, int | float) else str(value)
         parts.append(f"{spoken_name(problem, name)} = {with_unit(shown, own)}")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tripod_doe.analyses.optimisation.candidate_text import values_text
 from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
@@ -182,9 +183,7 @@ def _waveforms(problem: Problem, waves: xr.Dataset) -> list[Chart]:
     place = int(np.nanargmax(size))
     own = waves.isel(place=place)
     at = problem.operating.values[place]
-    where = ", ".join(
-        f"{name} = {value:g}" if isinstance(value, int | float) else f"{name} = {value}" for name, value in at.items()
-    )
+    where = values_text(problem, at)
     angle = own["rotation_deg"].values
     once = angle < 360
     data = pd.DataFrame({"rotation_deg": angle[once]})

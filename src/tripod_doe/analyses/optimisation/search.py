@@ -6,6 +6,7 @@ and it brings SQLAlchemy and Alembic; SciPy's differential evolution has one obj
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,11 @@ _IDLE = 10  # generations with hardly a new candidate, or with equal ones, after
 _EQUAL = 1e-4  # spread of the objective of a generation, relative, in which candidates are equal
 _REFINED = 0.5  # share of the candidates with which a single objective is refined, or searched as corrected
 _STEPPED = 0.15  # the same where variables have levels only
-_MARGIN = 1e-5  # of a limit, by which a refined candidate keeps it: a last one beyond by rounding would be lost
-
+# distances from limits, as parts of them, and last steps of candidates that refine a single objective. Wide steps along
+# limits that bend end beyond them; narrow ones go up to the limit, less what rounding takes
+_WIDE, _NARROW = (5e-3, 0.01), (1e-5, 2.5e-4)
+_NEXT = 0.02  # of a range, with which narrow steps go on where wide ones ended
+_ENOUGH = 10  # candidates for each range, and ten more, from which on wide steps leave enough for the narrow ones
 
 FAILED = 10.0
 """Violation of a candidate that cannot be computed: more than limits have."""
@@ -167,16 +171,23 @@ def steps_around(variables: Variables, unit: FloatArray, step: float) -> list[tu
 
 
 def refine(
-    variables: Variables, best: FloatArray, radius: float, judge: Callable[[FloatArray], tuple[float, FloatArray]]
+    variables: Variables,
+    best: FloatArray,
+    radius: float,
+    judge: Callable[[FloatArray], tuple[float, FloatArray]],
+    left: int,
 ) -> None:
     """Try candidates around the best one that change all ranges at once, levels held: they follow limits that bend.
 
-    COBYQA of SciPy (Ragonneau 2022) models the objective and the limits by quadratics of the candidates before.
+    COBYQA of SciPy (Ragonneau 2022) models the objective and the limits by quadratics of the candidates before. With
+    enough candidates it begins with wide steps, up to one that cannot be computed, which spoils these models; narrow
+    ones begin at the best that hardly breaks a limit.
 
     Args:
         best: Where it starts, on the unit cube.
         radius: Of the first candidates about it, as part of a range.
         judge: The objective to minimise and the violations of a candidate, about 1 in size; what it raises ends this.
+        left: Number of candidates that may still be tried.
     """
     from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
@@ -184,23 +195,32 @@ def refine(
     if not ranges.size:
         return
     last: tuple[bytes, tuple[float, FloatArray]] = (b"", (np.nan, np.empty(0)))
+    value, is_wide = np.inf, radius >= WIDEST and left >= _ENOUGH * (ranges.size + 1)
 
     def asked(place: FloatArray) -> tuple[float, FloatArray]:
-        nonlocal last
+        nonlocal last, value, best
         unit = best.copy()
         unit[ranges] = np.clip(place, 0, 1)
         if last[0] != unit.tobytes():
             last = unit.tobytes(), judge(unit)
+            aim, limits = last[1]
+            if is_wide and limits[-1] >= FAILED:
+                raise StopIteration
+            if (limits <= _WIDE[0]).all() and aim < value:
+                value, best = aim, unit
         return last[1]
 
-    minimize(
-        lambda place: asked(place)[0],
-        best[ranges],
-        method="COBYQA",
-        bounds=Bounds(0, 1),
-        constraints=NonlinearConstraint(lambda place: asked(place)[1], -np.inf, -_MARGIN),
-        options={"initial_tr_radius": radius, "final_tr_radius": NARROWEST / 4},
-    )
+    for margin, final in (_WIDE, _NARROW)[not is_wide :]:
+        with suppress(StopIteration):
+            minimize(
+                lambda place: asked(place)[0],
+                best[ranges],
+                method="COBYQA",
+                bounds=Bounds(0, 1),
+                constraints=NonlinearConstraint(lambda place: asked(place)[1], -np.inf, -margin),
+                options={"initial_tr_radius": radius, "final_tr_radius": final},
+            )
+        radius, is_wide = _NEXT, False
 
 
 def last_share(variables: Variables, objectives: int, is_corrected: bool) -> float:

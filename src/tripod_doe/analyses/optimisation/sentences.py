@@ -18,6 +18,7 @@ from tripod_doe.analyses.optimisation.candidate_text import (
 from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
+from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import listed
 from tripod_doe.quantities import count_of, number
 
@@ -52,7 +53,8 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     touched = binding(problem, solved.front.units[0], judged.violations[0])
     if touched:
         sentences.append(f"Binding: {listed(touched)}.")
-    sentences += _at_rest(problem, solved, of)
+    course = best_so_far(solved.archive, float(problem.signs[0]))
+    sentences += _at_rest(problem, solved, of, course)
     if len(solved.ended) > 1:
         best = min(solved.ended)
         reach, words, _ = _nearness(problem, best)
@@ -60,7 +62,6 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
         sentences.append(
             f"{same} of {len(solved.ended)} searches from other places came within {words} of the best of them."
         )
-    course = best_so_far(solved.archive, float(problem.signs[0]))
     final = course[-1]
     reach, words, last = _nearness(problem, final)
     near = np.flatnonzero(np.abs(course - final) <= reach)
@@ -73,8 +74,12 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
     return sentences
 
 
-def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
-    """Whether steps around the best candidate of a single objective improve it, or whether they came to no end."""
+def _at_rest(problem: Problem, solved: Solved, of: str, course: FloatArray) -> list[str]:
+    """Whether steps around the best candidate of a single objective improve it, or how much the last ones did.
+
+    Args:
+        course: The best objective after each candidate.
+    """
     levels = [bool(variable.levels) for variable in problem.variables.chosen]
     if problem.confirm != problem.model:
         return [
@@ -83,14 +88,29 @@ def _at_rest(problem: Problem, solved: Solved, of: str) -> list[str]:
         ]
     if not np.isfinite(solved.polished):
         return [
-            f"The search ended with its {of} before small steps around the best one came to rest: a joint nearby may "
-            "be better; raise evaluations."
+            f"The search ended with its {of} before small steps around the best one came to rest: "
+            f"{_last_gain(problem, course)}. Raise evaluations."
         ]
     ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(levels))
     ways += ["to its next value"] * any(levels)
     rest = f"No change of a single variable {', or '.join(ways)} improves the candidate on which the search ended"
     together = ", nor did changes of several ranges at once, along limits that bind (COBYQA)"
     return [f"{rest}{together * (levels.count(False) > 1)}."]
+
+
+def _last_gain(problem: Problem, course: FloatArray) -> str:
+    """How much the last quarter of the candidates improved the best one."""
+    last = max(len(course) // 4, 1)
+    before, final = float(course[-last - 1]) if len(course) > last else np.nan, float(course[-1])
+    if not np.isfinite(before):
+        return f"the first feasible one is among the last {last:,}, and others may be much better"
+    if final == before:
+        return f"none of the last {last:,} is better than those before, but a joint nearby or elsewhere may be"
+    if objective_is_level(problem, 0) or before == 0:
+        change = objective_change(problem, 0, final - before)
+    else:
+        change = f"{change_text(100 * (final - before) / abs(before))} %"
+    return f"the last {last:,} changed the best value by {change}, and others may change it by as much or more"
 
 
 def _nearness(problem: Problem, value: float) -> tuple[float, str, str]:
@@ -228,10 +248,10 @@ def _nothing(problem: Problem, solved: Solved) -> list[str]:
         if solved.nearest is None:
             return [none]
         unit, reason = solved.nearest
-        return [
-            none,
-            f"The nearest one is {joint_text(problem, unit)}, where {reason}. Relax a limit, or widen a range.",
-        ]
+        advice = "Relax a limit, or widen a range."
+        if problem.confirm != problem.model:
+            advice = f"Search by {problem.confirm} itself, or with more evaluations, before a limit is relaxed."
+        return [none, f"The nearest one is {joint_text(problem, unit)}, where {reason}. {advice}"]
     sentences = [f"None of {count_of(len(judged.reasons), 'candidate')} is feasible."]
     nearest = judged.nearest()
     if nearest is not None:
