@@ -244,6 +244,7 @@ def test_a_flipped_bit_in_a_text_of_a_fit_is_not_delivered(api, settings, fitted
         answer = api.get(f"/runs/{fitted}/{address}")
         assert answer.status_code == 422
         assert f"{name}: damaged or edited" in answer.text
+        assert str(settings.folder) not in answer.text
     finally:
         path.write_bytes(whole)
     assert api.get(f"/runs/{fitted}/{address}").status_code == 200

@@ -76,7 +76,7 @@ def _add_error_answers(app: FastAPI) -> None:
     def answer(request: Request, refusal: RefusedError) -> Response:
         access = request.scope.get("access")
         settings = access.settings if access else request.app.state.service.settings
-        return refusal_answer(request, refusal, settings, request.scope["root_path"])
+        return refusal_answer(request, refusal.among_runs(settings.folder), settings, request.scope["root_path"])
 
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, RefusedError)

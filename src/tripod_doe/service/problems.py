@@ -1,11 +1,16 @@
 """Complaints as objects: sentences of the command line, split into key, value, near match, line and column."""
 
+from __future__ import annotations
+
 import ast
 import math
+import os
 import re
+import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -52,9 +57,27 @@ class RefusedError(Exception):
         self.headers = headers or {}
         super().__init__(f"{status}: {'; '.join(problem.message for problem in self.problems)}")
 
+    def among_runs(self, folder: Path) -> RefusedError:
+        """The same with the paths of `among_runs` in all its texts."""
+        texts = [
+            {name: among_runs(text, folder) for name, text in problem if isinstance(text, str)}
+            for problem in self.problems
+        ]
+        problems = [problem.model_copy(update=own) for problem, own in zip(self.problems, texts, strict=True)]
+        return RefusedError(self.status, *problems, headers=self.headers)
+
     def answer(self) -> dict[str, Any]:
         """The body of the answer."""
         return {"errors": [problem.model_dump() for problem in self.problems]}
+
+
+def among_runs(text: str, folder: Path) -> str:
+    """A text with paths that begin in the folder of runs: its clients need not know where that is on the server.
+
+    Names of the service's temporary folders are left out, too.
+    """
+    text = text.replace(f"{folder.absolute()}{os.sep}", "")
+    return re.sub(rf"{re.escape(tempfile.gettempdir())}{os.sep}tripod-doe-[^{os.sep}\s]*{os.sep}", "", text)
 
 
 def refusal_of(error: InputError, texts: Mapping[str, str]) -> RefusedError:

@@ -7,6 +7,7 @@ import os
 import random
 import shutil
 import signal
+import subprocess
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -325,3 +326,22 @@ def test_damage_without_a_checksum_ends_with_a_message(folder, capsys, seed):
     code = main(["query", str(cube), "--variable", "thrust_amplitude"])
     assert code in (0, 2)
     assert "internal error" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "depth"), [("a", 1100), ("a" * 200, 25)])
+def test_deep_folders_are_checked_as_far_as_the_system_reaches(tmp_path, capsys, name, depth):
+    """Regression: folders nested deeper than Python calls, and paths longer than the system takes, were internal errors."""
+    place = os.open(tmp_path, os.O_RDONLY)
+    for _ in range(depth):
+        os.mkdir(name, dir_fd=place)
+        inner = os.open(name, os.O_RDONLY, dir_fd=place)
+        os.close(place)
+        place = inner
+    os.close(place)
+    write_listed(tmp_path / "z.toml", "")
+    is_long = len(name) > 1
+    assert main(["check", str(tmp_path)]) == (3 if is_long else 0)
+    said = capsys.readouterr().out
+    assert ("cannot be read: File name too long" in said) == is_long
+    assert f"whole    {tmp_path}/z.toml" in said
+    subprocess.run(["rm", "-r", str(tmp_path / name)], check=True)  # which Python cannot

@@ -10,7 +10,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from tripod_doe.errors import InputError
 from tripod_doe.service import ask_workers
 from tripod_doe.service.page.rendering import part, show
-from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
 from tripod_doe.service.runs.listing import (
     SORTS,
@@ -289,7 +289,7 @@ def diff(service: AnyService, a: str = "", b: str = "") -> HTMLResponse:
         try:
             differences = json.loads(service.diff(a, b, []))
         except InputError as error:
-            trouble = str(error)
+            trouble = among_runs(str(error), service.settings.folder)
     names = names_of(studies)
     return show(
         "diff.html",
@@ -347,7 +347,7 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
     try:
         return ask_workers.explore(service, run.id, _items(request), step), ""
     except (InputError, RefusedError) as error:
-        return None, str(error)
+        return None, among_runs(str(error), service.settings.folder)
 
 
 def _control_values(service: Service, run: Run, explored: dict[str, Any] | None, step: str | None) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
+from tripod_doe.service.problems import among_runs
 from tripod_doe.service.runs.run_table import PointCounts, Run
 from tripod_doe.study.journal import Journal, Mark, journal_path
 from tripod_doe.workflow.steps_file import read_steps
@@ -50,14 +51,15 @@ class RunProgress:
         return (time.monotonic() - started) * counts.missing / done if done > 0 else None
 
     def _read_steps(self) -> tuple[Mapping[str, Any], ...]:
-        """Records of steps and stages, in order; steps without a record are waiting."""
-        said = read_steps(self._directory)
+        """Records of steps and stages, in order, with paths in the directory; steps without a record are waiting."""
+        stored = read_steps(self._directory)
+        said = [step | {"detail": among_runs(str(step.get("detail", "")), self._directory)} for step in stored]
         if self._kind != "workflow":
             return tuple(said)
-        stored = {step["name"]: step for step in said}
+        by_name = {step["name"]: step for step in said}
         waiting = {"state": "waiting", "seconds": None, "detail": ""}
         return tuple(
-            {"name": name, "kind": step["kind"], "inputs": step["inputs"]} | waiting | stored.get(name, {})
+            {"name": name, "kind": step["kind"], "inputs": step["inputs"]} | waiting | by_name.get(name, {})
             for name, step in self._plan["steps"].items()
         )
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs import processes, result_directory
 from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
@@ -487,4 +487,4 @@ class Supervisor:
             words = processes.run_words(run, directory, self.settings.workers)
             processes.start_run(directory, words, self.settings.limits.run_memory_bytes)
         except InputError as error:
-            self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))
+            self._put(replace(self._runs[run_id], state=State.FAILED, message=among_runs(str(error), directory)))

@@ -58,12 +58,22 @@ def check_files(path: Path) -> list[CheckedFile]:
 
 
 def _checked(path: Path) -> Iterator[CheckedFile]:
+    waiting = [path]  # a stack: folders may be nested deeper than Python calls
+    while waiting:
+        path = waiting.pop()
+        try:
+            if not path.is_symlink() and path.is_dir():
+                inner = [each for each in path.iterdir() if not each.name.startswith(".")]
+                waiting += sorted(inner, reverse=True)
+            else:
+                yield from _checked_file(path)
+        except OSError as error:
+            yield CheckedFile(path, f"cannot be read: {error.strerror}")
+
+
+def _checked_file(path: Path) -> Iterator[CheckedFile]:
     if path.is_symlink():  # to a place elsewhere
         yield CheckedFile(path, note="a symbolic link; check the file to which it leads", is_checked=False)
-    elif path.is_dir():
-        for inner in sorted(path.iterdir()):
-            if not inner.name.startswith("."):
-                yield from _checked(inner)
     elif path.name == LIST:
         yield from _checked_list(path)
     elif path.suffix == ".nc":
