@@ -5,7 +5,7 @@
 The joints are the first of ordinary_joints.py, spread over their field, the outputs those that a study keeps unless it
 names others. `kinetostatic` is told without a look at vibrations, with that at joints that may vibrate (as studies have
 it), and with one at every joint; `needles` at the reference joint stands beside its plain run: fixed steps of 2e-5 s by
-`bdf2`, without a look at vibrations, checks, or a second run for the error. Lines give the median, and the quartiles of
+`bdf2`, one linear solve each, without a look at vibrations, checks, or a second run for the error. Lines give the median, and the quartiles of
 rounds; ratios are those of the same round, since other work on the machine burdens what runs at the same time alike.
 """
 
@@ -27,6 +27,7 @@ from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 
 USUAL = tuple(name for name, output in JOINT_OUTPUTS.items() if not output.on_request)
@@ -71,6 +72,7 @@ def of_plain_run() -> float:
         2 * math.pi / values.speed * turns,
         step=PLAIN_STEP,
         samples=turns * int(JOINT_PARAMETERS["samples_per_revolution"].default),
+        settings=Settings(correction=math.inf),
         limits=Limits(energy=math.inf, reversals=math.inf, drift=math.inf, windows=0),
     )
     return 1e3 * (time.process_time() - began)
