@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -464,3 +465,18 @@ def test_many_names_are_not_listed_in_a_message(capsys):
     error = capsys.readouterr().err
     assert error.count(", ") == 9
     assert "; the most similar of " in error
+
+
+def test_an_empty_file_says_which_table_is_missing(tmp_path, capsys):
+    """Regression: "the file: study is missing"."""
+    (tmp_path / "empty.toml").write_text("")
+    assert main(["plan", str(tmp_path / "empty.toml")]) == 2
+    assert "empty.toml: the file: table [study] is missing" in capsys.readouterr().err
+
+
+def test_times_may_end_with_m_or_min(tmp_path, capsys):
+    """Regression: 5m was refused where 5min was taken."""
+    for time, complaint in (("5m", "none.toml"), ("5min", "none.toml"), ("5 parsecs", "write a time such as 90")):
+        with contextlib.suppress(SystemExit):
+            main(["run", str(tmp_path / "none.toml"), "--out", str(tmp_path / "out"), "--wait", time])
+        assert complaint in capsys.readouterr().err

@@ -10,6 +10,7 @@ import xarray as xr
 from wave_bench import STUDY, Bench
 
 import tripod_doe as td
+from tripod_doe.analyses.model_choice import study_choice
 from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.growing_pilot import confirming_sizes
 from tripod_doe.analyses.model_choice.pilot_errors import PilotErrors
@@ -81,6 +82,25 @@ def test_a_point_is_expected_within_the_accuracy_by_the_share_that_its_study_exp
             SIMILAR,
         )
         assert (record.labelled(pilot, columns, study, share)["accuracy_met"] == met).all()
+
+
+def test_a_plan_times_candidates_at_points_of_the_pilot(recorded, monkeypatch):
+    """Regression: 28.9 s by prices of usual points, where the pilot at the edges of a design and its study took 157 s."""
+    bench = recorded(model_0=0.05, model_1=0.01)
+    study, asked = td.load_study(bench.write(STUDY)), []
+
+    def timed(pilot, seconds):
+        asked.append((make_points(pilot).count, seconds))
+        return [3.0, 5.0] if len(asked) == 1 else []
+
+    monkeypatch.setattr(study_choice, "time_points", timed)
+    lines = describe_choice(study, None, timing=True).splitlines()
+    assert asked == [(4, 20.0)] * 2
+    cheap, full = [line.rpartition("CPU time ")[2] for line in lines if line.startswith("candidate")]
+    assert cheap == "4 s per run, timed at points of the pilot"
+    assert full == "1 s per run, recorded on another machine for usual points; others may cost twenty times as much"
+    assert "CPU time about 20 s" in lines[0]  # four points by both
+    assert "another machine" in describe_choice(study, None).splitlines()[-1]
 
 
 def test_a_point_that_the_full_model_does_not_know_itself_tells_nothing():

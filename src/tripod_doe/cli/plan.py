@@ -53,7 +53,7 @@ def _plan_study(options: argparse.Namespace) -> int:
     if study.auto_model:
         from tripod_doe.analyses.model_choice.study_choice import describe_choice
 
-        print(describe_choice(study, options.out))
+        print(describe_choice(study, options.out, timing=not options.no_timing))
     if study.file.design.kind == "multifidelity":
         from tripod_doe.analyses.multifidelity.study_split import describe_split
 

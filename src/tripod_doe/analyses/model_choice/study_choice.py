@@ -4,6 +4,7 @@ No point runs twice, neither in the pilot as it grows (`growing_pilot`) nor in t
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import xarray as xr
 
 from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
-from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points
+from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points, pilot_study
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate
@@ -19,8 +20,10 @@ from tripod_doe.quantities import duration, number
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points
+from tripod_doe.study.execution.timing import time_points
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import PILOT
+from tripod_doe.study.plan import RECORDED
 from tripod_doe.study.result_directory.stored_choice import (
     CHOICE,
     auto_model_of,
@@ -28,6 +31,8 @@ from tripod_doe.study.result_directory.stored_choice import (
     frozen_choice,
     key_texts,
 )
+
+_TIMING_SECONDS = 20.0  # for each candidate; a run of the full model takes a few seconds
 
 
 def make_choice(
@@ -118,31 +123,49 @@ def _check_budget(study: Study, price: float, what: str) -> None:
         )
 
 
-def describe_choice(study: Study, directory: Path | None) -> str:
-    """The choice in lines of text, for `plan`; before it is made, the price of the pilot."""
+def describe_choice(study: Study, directory: Path | None, timing: bool = False) -> str:
+    """The choice in lines of text, for `plan`; before it is made, the price of the pilot.
+
+    Args:
+        directory: Its result directory, if there may be a choice already.
+        timing: Whether to time each candidate at points of the pilot, in processes of their own; else prices on record
+            stand in, of usual points of another machine, and a pilot goes to the edges of a design.
+    """
     points = make_points(study)
     choice = frozen_choice(study, directory) if directory else None
-    if choice is None:
-        record = choice_by_record(study, points)
-        candidates, count = _first_stage(study, points, record)
-        if not count:
-            full, count = full_candidates(auto_model_of(study))[0], int(points.allowed.sum())
-            return (
-                f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
-                f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
-            )
-        by_record = record is not None and bool(confirming_sizes(study, points, record))
-        price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
-        return "\n".join(
-            [
-                f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
-                + (": it is to confirm errors that are on record for similar points" if by_record else ""),
-                f"study        CPU time about {duration(points.count * usual.price)} "
-                f"if all points run with {usual.label}",
-                *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
-            ]
+    if choice is not None:
+        return "\n".join(_summary(choice))
+    record = choice_by_record(study, points)
+    candidates, count = _first_stage(study, points, record)
+    if not count:
+        full, count = full_candidates(auto_model_of(study))[0], int(points.allowed.sum())
+        return (
+            f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
+            f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
         )
-    return "\n".join(_summary(choice))
+    by_record = record is not None and bool(confirming_sizes(study, points, record))
+    timed = [_timed(study, points, each, count) if timing else None for each in candidates]
+    candidates = [new or each for new, each in zip(timed, candidates, strict=True)]
+    price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
+    sources = ["timed at points of the pilot" if new else RECORDED for new in timed]
+    return "\n".join(
+        [
+            f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
+            + (": it is to confirm errors that are on record for similar points" if by_record else ""),
+            f"study        CPU time about {duration(points.count * usual.price)} if all points run with {usual.label}",
+            *(
+                f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run, {source}"
+                for each, source in zip(candidates, sources, strict=True)
+            ),
+        ]
+    )
+
+
+def _timed(study: Study, points: Points, candidate: Candidate, count: int) -> Candidate | None:
+    """A candidate with its mean price at points of the pilot; None if none of them finished in time."""
+    places = pilot_points(study, points, count)
+    seconds = time_points(pilot_study(study, points, [(candidate, places)]), _TIMING_SECONDS)
+    return replace(candidate, evaluations=float(np.mean(seconds)) / candidate.evaluation_seconds) if seconds else None
 
 
 def _summary(choice: xr.Dataset) -> list[str]:
