@@ -110,7 +110,7 @@ def test_dropouts_are_nan_and_words_are_named(read):
     ("text", "message"),
     [
         ("angle,winkel,thrust\n1,2,3\n", "'angle' or 'winkel' may be rotation_deg: choose one"),
-        ("rotation_deg,thrust [psi]\n1,2\n", "unit of 'thrust .psi.' is not known; known are n, kn"),
+        ("rotation_deg,thrust [psi]\n1,2\n", "unit of 'thrust .psi.' is not known; known are n, newton"),
         ("1,2\n3,4\n", "one line of column names"),
         ("rotation_deg,thrust_n\n1,2\n3,4,5\n", "rows of different length"),
         ("rotation_deg,thrust_n\n" + "1,2\n" * 400 + "3,4,5\n", "rows of different length"),
@@ -172,3 +172,55 @@ def test_a_table_of_very_many_columns_is_refused_before_it_is_taken_apart(read):
         with pytest.raises(InputError, match="more than 500 columns"):
             read(f"{names}\n{row}\n{row}\n")
         assert time.process_time() - started < 2
+
+
+@pytest.mark.parametrize(
+    ("heading", "factor"),
+    [
+        ("Thrust (mN)", 1e-3),
+        ("Thrust_mN", 1e-3),
+        ("Thrust mN", 1e-3),
+        ("Thrust [mN]", 1e-3),
+        ("Thrust (kips)", 4448.2216152605),
+        ("Thrust kips", 4448.2216152605),
+        ("Axial force (left)", 1),
+        ("Axial force (Kanal 3)", 1),
+        ("Axialkraft (Kraftmessdose 2)", 1),
+        ("Axialkraft Gehäuse links", 1),
+    ],
+)
+def test_units_of_the_force(read, heading, factor):
+    assert read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n").columns["thrust_n"] == pytest.approx(
+        [1.25 * factor, -2 * factor]
+    )
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Thrust (oz)",
+        "Thrust (MN)",
+        "Thrust [MN]",
+        "Thrust (tf)",
+        "Thrust (V)",
+        "Thrust V",
+        "Thrust_mV",
+        "Thrust (N/10)",
+        "Thrust lb",
+    ],
+)
+def test_a_unit_that_is_not_known_is_refused(read, heading):
+    """Each was read as newtons."""
+    with pytest.raises(InputError, match=r"the unit of .* is not known; .* names another one"):
+        read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n")
+    assert read(f"{heading},rotation_deg\n1.25,0.5\n", {"thrust_n": f"{heading} [kN]"}).columns["thrust_n"] == 1250
+
+
+def test_long_headings_and_long_beginnings_take_no_long_time(read):
+    """A heading of 3,000 spaces took 53 s for each name that was looked for."""
+    began = time.process_time()
+    with pytest.raises(InputError, match="a heading of more than 200 characters"):
+        read(f"thrust [{3000 * ' '}x,rotation_deg\n1,2\n")
+    with pytest.raises(InputError, match="no row of numbers in the first 300 lines"):
+        read("\n".join([*20_000 * [f"thrust [{80 * ' '}x,rotation_deg"], "1,2", "2,3"]))
+    assert time.process_time() - began < 5

@@ -23,21 +23,26 @@ class Role:
 
 
 _TURN = 180 / math.pi
-_FORCE = {"n": 1.0, "kn": 1e3, "dan": 10.0, "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665}
+_LBF, _LBF_FT = 4.4482216152605, 1.3558179483314
+_FORCE = {
+    "n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "dan": 10.0, "lbf": _LBF, "klbf": 1e3 * _LBF, "kip": 1e3 * _LBF,
+    "kips": 1e3 * _LBF, "kgf": 9.80665, "kp": 9.80665,
+}  # fmt: skip
 _ANGLE = {
     "deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "grad": 1.0, "rad": _TURN, "mrad": _TURN / 1e3,
     "rev": 360.0, "revs": 360.0, "turns": 360.0, "umdr": 360.0,
 }  # fmt: skip
-_TIME = {"s": 1.0, "sec": 1.0, "sek": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0,
-         "hh:mm:ss": 1.0, "hh:mm": 1.0, "h:m:s": 1.0}  # fmt: skip
+_TIME = {"s": 1.0, "sec": 1.0, "sek": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+         "min": 60.0, "h": 3600.0, "hh:mm:ss": 1.0, "hh:mm": 1.0, "h:m:s": 1.0}  # fmt: skip
 _MOMENT = {
-    "nm": 1.0, "knm": 1e3, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2, "lbfft": 1.3558179483314, "lbft": 1.3558179483314,
-    "ftlb": 1.3558179483314, "ftlbf": 1.3558179483314,
+    "nm": 1.0, "n-m": 1.0, "knm": 1e3, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2,
+    **dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf", "lbf-ft", "lb-ft", "ft-lb", "ft-lbf"), _LBF_FT),
+    **dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf", "lbf-in", "lb-in", "in-lb", "in-lbf"), _LBF_FT / 12),
 }  # fmt: skip
 _SPEED = {
     "rpm": 1.0, "1/min": 1.0, "u/min": 1.0, "r/min": 1.0, "rev/min": 1.0, "tr/min": 1.0, "min-1": 1.0, "/min": 1.0,
-    "upm": 1.0, "giri/min": 1.0, "rev/s": 60.0, "1/s": 60.0, "s-1": 60.0,
-    "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
+    "upm": 1.0, "giri/min": 1.0, "rev/s": 60.0, "rps": 60.0, "1/s": 60.0, "s-1": 60.0,
+    "krpm": 1e3, "hz": 60.0, "rad/s": 30 / math.pi, "deg/s": 1 / 6, "°/s": 1 / 6,
 }  # fmt: skip
 ROLES = {
     "thrust_n": Role(
@@ -93,7 +98,7 @@ _LEVELS = {"v", "mv", "ttl"}
 
 _OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
 _COMPOUND = 7  # least letters of a name recognised within a longer word, as in Antriebsdrehmoment
-_BRACKETS = re.compile(r"^(.*?)\s*(?:\[\s*(.*?)\s*\]|<\s*(.*?)\s*>|\(\s*(.*?)\s*\))\s*$")
+_OPENING = {"]": "[", ">": "<", ")": "("}
 _APART = re.compile(r"\s+in\s+|[\s/,;:_]+")
 
 
@@ -113,26 +118,46 @@ KNOWN_UNITS = {unit for role in ROLES.values() for unit in role.units}
 _OTHER_UNITS = set(
     "v mv a ma - -- % 1 k °c degc °f bar mbar kpa mpa pa g m/s m/s2 mm µm um m w kw # count".split()  # noqa: SIM905
 )
+_NOT_CONVERTED = set("mn mv v lb lbs oz ozf tf gf kg psi ticks tick counts krad gon arcmin arcsec 1/h".split())  # noqa: SIM905
+"""Units that a heading without brackets may end in, and that are refused; no word of a name is among them."""
+_NO_UNIT = re.compile(
+    r"(?:(?:ch|chan|nr|no|[^\W\d_]{5,}) ?)?\d+|[xyz]|left|right|links|rechts|front|rear|vorn|hinten|"
+    r"axial|housing|gehaeuse|raw|roh|mean|filtered|filt|gefiltert|measured|gemessen|ist|actual|input|output|set|soll"
+)
+"""What round brackets may hold apart from a unit: a number of a channel, a side."""
 
 
 def is_unit(text: str) -> bool:
     """Whether a field below a heading is a possible unit of a record's column."""
-    return unit_key(text.strip().strip("[]()<>").strip()) in KNOWN_UNITS | _OTHER_UNITS
+    return unit_key(text.strip().strip("[]()<>").strip()) in KNOWN_UNITS | _OTHER_UNITS | _NOT_CONVERTED
+
+
+def in_brackets(heading: str) -> tuple[str, str, str]:
+    """A heading without the brackets at its end, the sign that opens them, and their text; both empty if none."""
+    text = heading.strip()
+    opening = _OPENING.get(text[-1:], "")
+    at = text.rfind(opening, 0, -1) if opening else -1
+    return (text, "", "") if at < 0 else (text[:at].rstrip(), opening, text[at + 1 : -1].strip())
+
+
+def is_no_unit(text: str) -> bool:
+    """Whether a text in round brackets names a channel or a side."""
+    return _NO_UNIT.fullmatch(plain_words(text)) is not None
 
 
 def name_and_unit(role: str, heading: str) -> tuple[str, str]:
     """Name and unit of a heading for a role; no unit if the heading has none.
 
-    Text in square brackets is a unit; text in round brackets, or at the end, is a unit if the role knows it.
+    Text in brackets is a unit, unless round ones hold the number of a channel or a side. Text at the end is a unit if
+    the role knows it, or if it can be nothing else.
     """
-    units = ROLES[role].units
-    if (match := _BRACKETS.match(heading)) is not None:
-        own = match[2] or match[3] or ""
-        if own or not match[4]:
-            return match[1], own
-        return (match[1], match[4]) if unit_key(match[4]) in units else (f"{match[1]} {match[4]}", "")
+    name, opening, text = in_brackets(heading)
+    if opening == "(" and is_no_unit(text):
+        return f"{name} {text}", ""
+    if opening:
+        return name, text
     for apart in _APART.finditer(heading):
-        if apart.start() and unit_key(heading[apart.end() :]) in units:
+        if apart.start() and unit_key(heading[apart.end() :]) in ROLES[role].units.keys() | _NOT_CONVERTED:
             return heading[: apart.start()], heading[apart.end() :]
     return heading, ""
 
@@ -147,11 +172,23 @@ def unit_factor(role: str, heading: str) -> float:
     if not units or heading == role:
         return 1.0
     unit = name_and_unit(role, heading)[1]
-    if unit == "mN":
+    factor = factor_of(role, unit) if unit else 1.0
+    if factor is None:
+        raise InputError(
+            f"the unit of {heading!r} is not known; known are {', '.join(units)}; "
+            f"{option('column', f'{role}={heading} [UNIT]')} names another one"
+        )
+    return factor
+
+
+def factor_of(role: str, unit: str) -> float | None:
+    """Factor from a unit to that of a role; None if the role does not know it.
+
+    Case decides between milli and mega only.
+    """
+    if unit == "mN" and role == "thrust_n":
         return 1e-3
-    if unit and unit_key(unit) not in units:
-        raise InputError(f"the unit of {heading!r} is not known; known are {', '.join(units)}")
-    return units[unit_key(unit)] if unit else 1.0
+    return None if unit.startswith("MN") else ROLES[role].units.get(unit_key(unit))
 
 
 def _rank(role: str, heading: str) -> tuple[int, int] | None:
@@ -210,8 +247,9 @@ def _claims(heading: str) -> dict[str, tuple[int, int]]:
 
 def given_position(role: str, given: str, headings: Sequence[str]) -> int:
     """Position of the heading that a user named: an exact match, or a match without unit, case and signs."""
-    if given in headings:
-        return headings.index(given)
+    for named in (given, _without_unit(given)):
+        if named in headings:
+            return headings.index(named)
     for form in (_without_unit, plain_words):
         places = [place for place, heading in enumerate(headings) if form(heading) == form(given)]
         places = places or [
@@ -231,18 +269,13 @@ def given_position(role: str, given: str, headings: Sequence[str]) -> int:
 
 
 def _without_unit(heading: str) -> str:
-    match = _BRACKETS.match(heading)
-    return match[1] if match else heading
+    return in_brackets(heading)[0]
 
 
 def unit_given(heading: str, given: str | None) -> str:
     """A heading with the unit that the user wrote after it, if the heading has another unit or none."""
-    match = _BRACKETS.match(given or "")
-    return (
-        heading
-        if match is None or given == heading
-        else f"{_without_unit(heading)} [{match[2] or match[3] or match[4]}]"
-    )
+    unit = in_brackets(given or "")[2]
+    return f"{_without_unit(heading)} [{unit}]" if unit and given != heading else heading
 
 
 def parse_column(text: str) -> tuple[str, str]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, closest, option
-from tripod_doe.measurements.operating_point import from_columns, from_name, from_notes
+from tripod_doe.measurements.operating_point import differ, from_columns, from_name, from_notes
 from tripod_doe.measurements.pulse_count import infer_pulses
 from tripod_doe.measurements.record_file import Record, read_record
 from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses
@@ -30,7 +30,6 @@ from tripod_doe.regular_files import read_regular
 
 _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
 _LARGEST_THRUST = 1e9  # N: a wrong column or unit; squares of larger numbers overflow in fits
-_APART = 0.05  # largest relative difference of two statements of one value
 _ENDS = 0.15  # part of the range at each end, near which the samples of a pulse train lie
 _PULSED = 0.9  # part of the samples that must lie there
 
@@ -90,13 +89,14 @@ def read_measurement(
     stated = {} if pattern is None else from_name(path.name, pattern)
     try:
         record = read_record(path, columns)
-        operating = _operating(record, stated)
+        operating, lines, remarks = _operating(record, stated)
         measured = _from_record(record, pulses_per_revolution, speed_rpm or operating.get("speed_rpm"))
         digest = hashlib.sha256(read_regular(path, links=True)).hexdigest()[:16]
         return replace(
             measured,
             thrust_n=sign * measured.thrust_n,
-            columns=record.taken,
+            columns=", ".join(filter(None, [record.taken, *lines])),
+            remarks=(*measured.remarks, *remarks),
             name=path.name,
             digest=digest,
             operating=operating,
@@ -105,15 +105,31 @@ def read_measurement(
         raise InputError(f"{path}: {error}") from error
 
 
-def _operating(record: Record, stated: Mapping[str, float]) -> dict[str, float]:
-    """The operating point that a record states: the file name has priority over notes, notes over columns."""
-    notes = from_notes(record.notes)
-    for name in stated.keys() & notes.keys():
-        if abs(stated[name] - notes[name]) > _APART * abs(notes[name]):
-            raise InputError(
-                f"{name} is {number(stated[name])} by the name of the file and {number(notes[name])} by its first lines"
-            )
-    return {**from_columns(record.columns), **notes, **stated}
+def _operating(record: Record, stated: Mapping[str, float]) -> tuple[dict[str, float], list[str], list[str]]:
+    """The operating point that a record states: the file name has priority over notes, notes over columns.
+
+    Returns:
+        The values; the lines that they are from, and remarks on lines that are not used.
+    """
+    columns, notes = from_columns(record.columns), from_notes(record.notes)
+    sure = {name: statement.value for name, statement in notes.items() if not statement.trouble}
+    for name, value in sure.items():
+        if name in stated:
+            other, place = stated[name], "the name of the file"
+        elif name in columns and name != "speed_rpm":  # a run-up states its highest speed, perhaps
+            other, place = columns[name], "its column"
+        else:
+            continue
+        if differ(other, value):
+            raise InputError(f"{name} is {number(other)} by {place} and {number(value)} by its first lines")
+    lines = [f"{name} = {number(sure[name], 6)} from {notes[name].line!r}" for name in sure if name not in stated]
+    remarks = [
+        f"The line {statement.line!r} of the record is not used for {name}: {statement.trouble}; state the value in "
+        f"a table of records or in the name of the file ({option('pattern')})."
+        for name, statement in notes.items()
+        if statement.trouble and name not in stated
+    ]
+    return {**columns, **sure, **stated}, lines, remarks
 
 
 def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) -> Measurement:

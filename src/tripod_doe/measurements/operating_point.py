@@ -1,43 +1,112 @@
 """Operating point of the joint in a record, from its notes, its columns or its file name."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.measurements.headings import OPERATING, ROLES, plain_words, unit_key
+from tripod_doe.measurements.headings import OPERATING, ROLES, factor_of, is_no_unit, is_unit, plain_words
+from tripod_doe.quantities import number
 
-_NUMBER = r"([+-]?\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
 _MOST_STARS = 3  # stars in a pattern: each multiplies the matching time by the length of a name
 _FIELD = re.compile(r"\{([^{}]*)\}")
-_UNIT_BEFORE = r"(?:\s*[\[(]([^\])]*)[\])])?"
-_UNIT_BEHIND = r"(?:\s*[;,\t]?\s*[\[(]?([^\s;,\t\])]+))?"
+_MOST_NOTES, _LONGEST = 1000, 500  # lines, and characters of a line, in which values are looked for
+_NUMBER = re.compile(r"[+-]?\d[\d.,'’]*(?:e[+-]?\d+)?", re.I)
+_OTHER_QUANTITY = re.compile(r"(?:max|min|peak|limit|rated|range|full)\w*[\s.,:-]*$", re.I)
+_APART = 0.05  # largest relative difference of two statements of one value
+_SMALL = 0.2  # in degrees or N m: a difference that is none
 
 
-def from_notes(notes: Sequence[str]) -> dict[str, float]:
+class Statement(NamedTuple):
+    """What a line of a record says about an operating value."""
+
+    line: str
+    value: float  # in our unit, NaN where it is not known for certain
+    trouble: str = ""  # why it is not
+
+
+def from_notes(notes: Sequence[str]) -> dict[str, Statement]:
     """Operating values that a recorder wrote before its table: ``Joint angle: 8 deg``, ``Drehmoment;50,0;Nm``.
 
-    A name, an optional unit in brackets, a separator, the number, and an optional unit.
+    A name, an optional unit in brackets, a separator, the number, and an optional unit. A number that may mean two
+    values, an unknown unit and lines that contradict each other are no values.
     """
-    known: dict[str, float] = {}
+    known = {}
     for role in OPERATING:
-        names = sorted((role, *ROLES[role].telling, *ROLES[role].plain), key=len, reverse=True)
-        words = "|".join(re.escape(name).replace(r"\ ", r"[\s_-]+") for name in names)
-        form = re.compile(rf"(?:^|[\s;,\t(])({words}){_UNIT_BEFORE}\s*[:=;,\t]\s*{_NUMBER}{_UNIT_BEHIND}", re.I)
-        for match in filter(None, map(form.search, notes)):
-            factor = _factor(role, match[2], match[4])
-            if role not in known and (factor or plain_words(match[1]) not in ROLES[role].plain):
-                known[role] = float(match[3].replace(",", ".")) * (factor or 1.0)
+        form, lines = _form(role), [note for note in notes[:_MOST_NOTES] if len(note) <= _LONGEST]
+        said = list(filter(None, (_statement(role, form, line) for line in lines)))
+        sure = [one for one in said if not one.trouble]
+        if (other := next((one for one in sure if differ(one.value, sure[0].value)), None)) is not None:
+            known[role] = Statement(sure[0].line, math.nan, f"another line is {other.line!r}")
+        elif said:
+            known[role] = (sure or said)[0]
     return known
 
 
-def _factor(role: str, *units: str | None) -> float | None:
-    """Factor of the first unit that the role knows."""
-    keys = [unit_key(unit) for unit in units if unit]
-    return next((ROLES[role].units[key] for key in keys if key in ROLES[role].units), None)
+def differ(value: float, other: float) -> bool:
+    """Whether two statements contradict each other."""
+    return abs(value - other) > max(_APART * max(abs(value), abs(other)), _SMALL)
+
+
+@cache
+def _form(role: str) -> re.Pattern[str]:
+    """An expression for a name of a role with a unit in brackets, up to the number."""
+    names = sorted((role, *ROLES[role].telling, *ROLES[role].plain), key=len, reverse=True)
+    words = "|".join(re.escape(name).replace(r"\ ", r"[\s_-]{1,3}") for name in names)
+    return re.compile(
+        rf"(?:^|[\s;,\t(])({words})\s?(?:[\[(]([^\])]{{0,20}})[\])])?\s?[:=;,\t]\s{{0,9}}(?=[+-]?\d)", re.I
+    )
+
+
+def _statement(role: str, form: re.Pattern[str], line: str) -> Statement | None:
+    """The value that a line gives for a role; None if it names none."""
+    for match in form.finditer(line):
+        digits = _NUMBER.match(line, match.end())
+        if digits is None or _OTHER_QUANTITY.search(line[: match.start(1)]):
+            continue
+        text = digits[0].rstrip(".,'’")
+        before = "" if match[2] is None or is_no_unit(match[2]) else match[2]
+        unit = _unit_behind(role, line[match.end() + len(text) :]) or before
+        factor = factor_of(role, unit) if unit else 1.0
+        if plain_words(match[1]) in ROLES[role].plain and (not unit or factor is None):
+            continue  # a short name may be anything
+        if factor is None:
+            return Statement(line, math.nan, f"{unit} is no known unit")
+        values = [value * factor for value in _readings(text)]
+        allowed = JOINT_PARAMETERS[role]
+        values = [value for value in values if allowed.low <= value <= allowed.high] or values[:1]
+        if len(values) == 1 and math.isfinite(values[0]):
+            return Statement(line, values[0])
+        return Statement(line, math.nan, f"{text} may be {' or '.join(map(number, values)) or 'any number'}")
+    return None
+
+
+def _unit_behind(role: str, text: str) -> str:
+    """The unit at the beginning of a text, with all that belongs to the number before it; empty if there is none."""
+    field = re.match(r"\s?[;,\t]?\s?[\[(]?([^;,\t\])]*)", text)
+    words = field[1].split()[:3] if field else []
+    for many in range(len(words), 0, -1):
+        if factor_of(role, unit := " ".join(words[:many])) is not None:
+            return unit
+    apart = text.lstrip()[:1] in {";", ",", "\t"}
+    return "" if not words or (apart and not is_unit(words[0])) else words[0]
+
+
+def _readings(text: str) -> list[float]:
+    """The numbers that a text may mean: 1,200 is 1.2 or 1200."""
+    text = re.sub(r"(?<=\d)['’](?=\d{3})", "", text)
+    plain = re.fullmatch(r"[+-]?\d+(?:[.,]\d+)?(?:e[+-]?\d+)?", text, re.I)
+    values = [float(text.replace(",", "."))] if plain else []
+    for apart, decimal in ((",", "."), (".", ",")):
+        if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(?:\{apart}\d{{3}})+(?:\{decimal}\d+)?", text):
+            values.append(float(text.replace(apart, "").replace(decimal, ".")))
+    return values
 
 
 def from_columns(columns: Mapping[str, FloatArray]) -> dict[str, float]:

@@ -28,6 +28,7 @@ _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",
 """Separator (None: spaces) and decimal sign, in the order in which they are preferred."""
 _LOOKED_AT = 300  # lines that determine the separator and the start of the table
 _MOST_COLUMNS = 500
+_LONGEST = 200  # characters of a heading: the time to look for names and units grows with the square
 _CLOCK = re.compile(r"(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=\D*$)")
 _GAPS = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "null", "none", "inf", "-inf", "ovl", "overflow", "ovr"}
 _MDF = b"MDF     "
@@ -68,6 +69,8 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
             is no number.
     """
     given, table = given or {}, read_table_of(path, given or {})
+    if long := next((heading for heading in table.headings if len(heading) > _LONGEST), ""):
+        raise InputError(f"{long[:40]}...: a heading of more than {_LONGEST} characters: shorten it")
     columns, taken = {}, []
     for role, position in roles_of(table.headings, given).items():
         heading = unit_given(table.headings[position], given.get(role))
@@ -95,6 +98,8 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     first = next((i for i, line in enumerate(lines) if _is_numeric(line, separator, decimal)), len(lines))
     if first == len(lines):  # there is a column of words among the numbers
         first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, separator, decimal) > 1), len(lines))
+    if _LOOKED_AT < first < len(lines):
+        raise InputError(f"no row of numbers in the first {_LOOKED_AT} lines: cut what stands before the table")
     before = lines[:first]
     if not before and notes:  # headings after a #
         before = [note for note in notes if len(_fields(note, separator)) > 1][-1:]
@@ -218,7 +223,7 @@ def _heading_fields(line: str, separator: str | None, wide: int) -> list[str]:
 
 def _known(headings: Sequence[str], given: Mapping[str, str]) -> int:
     """How many headings of a line are known or given."""
-    wanted = {}
+    headings, wanted = [heading[:_LONGEST] for heading in headings], {}
     for role, heading in given.items():
         with suppress(InputError):
             given_position(role, heading, headings)
