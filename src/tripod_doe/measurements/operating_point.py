@@ -18,6 +18,11 @@ _MOST_STARS = 3  # stars in a pattern: each multiplies the matching time by the 
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _MOST_NOTES, _LONGEST = 1000, 500  # lines, and characters of a line, in which values are looked for
 _NUMBER = re.compile(r"[+-]?\d[\d.,'’]*(?:e[+-]?\d+)?", re.I)
+_THOUSANDS = {
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?"),
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?"),
+}
+"""Numbers in groups of three digits, by the sign between them."""
 _OTHER_QUANTITY = re.compile(r"(?:max|min|peak|limit|rated|range|full)\w*[\s.,:-]*$", re.I)
 _APART = 0.05  # largest relative difference of two statements of one value
 _SMALL = 0.2  # in degrees or N m: a difference that is none
@@ -103,9 +108,9 @@ def _readings(text: str) -> list[float]:
     text = re.sub(r"(?<=\d)['’](?=\d{3})", "", text)
     plain = re.fullmatch(r"[+-]?\d+(?:[.,]\d+)?(?:e[+-]?\d+)?", text, re.I)
     values = [float(text.replace(",", "."))] if plain else []
-    for apart, decimal in ((",", "."), (".", ",")):
-        if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(?:\{apart}\d{{3}})+(?:\{decimal}\d+)?", text):
-            values.append(float(text.replace(apart, "").replace(decimal, ".")))
+    for apart, form in _THOUSANDS.items():
+        if form.fullmatch(text):
+            values.append(float(text.replace(apart, "").replace(",", ".")))
     return values
 
 
