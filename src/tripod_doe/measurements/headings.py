@@ -122,7 +122,7 @@ _NOT_CONVERTED = set("mn mv v lb lbs oz ozf tf gf kg psi ticks tick counts krad 
 """Units that a heading without brackets may end in, and that are refused; no word of a name is among them."""
 _NO_UNIT = re.compile(
     r"(?:(?:ch|chan|nr|no|[^\W\d_]{5,}) ?)?\d+|[xyz]|left|right|links|rechts|front|rear|vorn|hinten|"
-    r"axial|housing|gehaeuse|raw|roh|mean|filtered|filt|gefiltert|measured|gemessen|ist|actual|input|output|set|soll"
+    r"axial|housing|gehaeuse|raw|roh|mean|filtered|filt|gefiltert|measured|gemessen|actual|input|output|set"
 )
 """What round brackets may hold apart from a unit: a number of a channel, a side."""
 
