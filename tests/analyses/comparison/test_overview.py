@@ -10,7 +10,8 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, UNDECIDED, VERDICTS
-from tripod_doe.analyses.comparison.overview import Reading, compare_records, overview_rows, read_table
+from tripod_doe.analyses.comparison.overview import OverviewRow, Reading, compare_records, overview_rows, read_table
+from tripod_doe.analyses.comparison.overview_page import _differing_orders
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import numbers_in_words
@@ -183,3 +184,24 @@ def test_a_point_that_can_neither_be_taken_nor_simulated_says_what_differs(rig, 
     (tmp_path / "one.csv").write_text(f"file,speed_rpm\n{rig / 'same.csv'},700\n")
     assert main(["compare", str(rig / "out"), "--table", str(tmp_path / "one.csv")]) == 3
     assert "the record is at speed 700 rpm, all points of the cube at speed 450 rpm" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("others", "text"),
+    [
+        ({}, "Orders 1 to 12 all agree within the uncertainties of measurement and model together in 2 records."),
+        ({7: UNDECIDED}, "in 2 records; order 7 agrees or is too small to tell."),
+        (
+            {7: UNDECIDED, 3: DIFFERS},
+            "order 3 in 1 of 2 records; orders 1, 2, 4 to 6 and 8 to 12 agree in all; order 7",
+        ),
+    ],
+)
+def test_orders_that_agree_where_they_can_be_judged_do_not_agree_in_all(others, text):
+    """Orders 7 and 8 "agreed in all" of eight records, and were too small to tell in six of them."""
+    rows = [
+        OverviewRow(name, order, 1.0, 0.1, 1.0, 0.1, others.get(order, AGREES) if name == "b" else AGREES)
+        for name in "ab"
+        for order in range(1, 13)
+    ]
+    assert text in " ".join(_differing_orders(rows))

@@ -104,28 +104,28 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
     every = count_of(len(compared) // 12, "record")
     if not compared:
         return []
-    differing = Counter(row.order for row in compared if row.verdict == DIFFERS)
-    lacking = Counter(row.order for row in compared if row.verdict == _NONE)
-    agreeing = {row.order for row in compared if row.verdict == AGREES} - differing.keys() - lacking.keys()
-    same = sorted(agreeing)
-    small = [order for order in range(1, 13) if order not in agreeing | differing.keys() | lacking.keys()]
-    agree = (
-        f"order{'s' * (len(same) > 1)} {numbers_in_words(same)} agree{'s' * (len(same) == 1)} in all" if same else ""
+    differing, lacking, agreeing = (
+        Counter(row.order for row in compared if row.verdict == verdict) for verdict in (DIFFERS, _NONE, AGREES)
     )
+    rest = [order for order in range(1, 13) if not differing[order] and not lacking[order]]
+    same = [order for order in rest if agreeing[order] == len(compared) // 12]
+    partly = [order for order in rest if 0 < agreeing[order] < len(compared) // 12]
+    small = [order for order in rest if not agreeing[order]]
+    perhaps = f" or {'are' if len(partly) > 1 else 'is'} too small to tell"
+    others = (f"; {_agree(partly)}{perhaps}" if partly else "") + too_small_text(small)
+    within = "within the uncertainties of measurement and model together"
     sentences = []
     if differing:
-        others = (f"; {agree}" if same else "") + too_small_text(small)
+        agree = f"; {_agree(same)} in all" if same else ""
         sentences = [
             "Differences beyond the uncertainties of measurement and model together: "
-            f"{_by_count(differing)} of {every}{others}."
+            f"{_by_count(differing)} of {every}{agree}{others}."
         ]
     elif same:
-        which = (
-            "Orders 1 to 12 all agree" if len(same) == 12 else f"{agree[:1].upper()}{agree[1:].removesuffix(' in all')}"
-        )
-        sentences = [
-            f"{which} within the uncertainties of measurement and model together in {every}{too_small_text(small)}."
-        ]
+        which = "Orders 1 to 12 all agree" if len(same) == 12 else _agree(same).capitalize()
+        sentences = [f"{which} {within} in {every}{others}."]
+    elif partly:
+        sentences = [f"{_agree(partly).capitalize()} {within}{perhaps}, in {every}{too_small_text(small)}."]
     elif small:
         sentences = [nothing_decided(small)]
     if lacking:
@@ -134,6 +134,10 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
             f"{every}): joint or rig are not symmetric."
         )
     return sentences
+
+
+def _agree(orders: Sequence[int]) -> str:
+    return f"order{'s' * (len(orders) > 1)} {numbers_in_words(orders)} agree{'s' * (len(orders) == 1)}"
 
 
 def _by_count(orders: Counter[int]) -> str:
