@@ -248,10 +248,10 @@ def _nothing(problem: Problem, solved: Solved) -> list[str]:
         if solved.nearest is None:
             return [none]
         unit, reason = solved.nearest
-        advice = "Relax a limit, or widen a range."
+        advice = "relax a limit, or widen a range"
         if problem.confirm != problem.model:
-            advice = f"Search by {problem.confirm} itself, or with more evaluations, before a limit is relaxed."
-        return [none, f"The nearest one is {joint_text(problem, unit)}, where {reason}. {advice}"]
+            advice = f"search by {problem.confirm} itself, or with more evaluations, before you relax a limit"
+        return [none, f"The nearest one is {joint_text(problem, unit)}, where {reason}: {advice}."]
     sentences = [f"None of {count_of(len(judged.reasons), 'candidate')} is feasible."]
     nearest = judged.nearest()
     if nearest is not None:
