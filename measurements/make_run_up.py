@@ -37,7 +37,10 @@ def run_up() -> str:
         thrust += (low + (high - low) * part) * np.cos(np.radians(order * rotation + phase))
     tacho = 5 * ((rotation / 360) % 1 < PULSE)
     rows = [f"{t:.3f},{force:.2f},{pulse:.0f}" for t, force, pulse in zip(time, thrust, tacho, strict=True)]
-    head = "# synthetic, not measured: made by measurements/make_run_up.py, which says how"
+    head = (
+        "# synthetic, not measured: made by measurements/make_run_up.py, which says how\n"
+        "# joint angle: 10 deg, torque: 50 N m"
+    )
     return "\n".join([head, "time_s,thrust_n,tacho", *rows]) + "\n"
 
 
