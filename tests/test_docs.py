@@ -61,7 +61,9 @@ def test_links_and_named_files_exist(page):
 
 def test_the_index_leads_to_every_page():
     listed = re.findall(r"\]\(([^)#]+)", (ROOT / "docs" / "index.md").read_text())
-    assert sorted(set(listed)) == sorted({page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:]} - {"index.md"})
+    assert sorted(set(listed)) == sorted(
+        {page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:]} - {"index.md"}
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

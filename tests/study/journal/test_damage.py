@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import random
 import shutil
 import sqlite3
 import struct
+import warnings
+import zlib
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +19,8 @@ import tripod_doe as td
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, damage, journal_path
-from tripod_doe.study.journal.rows import PAGE_BYTES
+from tripod_doe.study.journal.finished_block import decode, encode
+from tripod_doe.study.journal.rows import BLOCK_COLUMNS, PAGE_BYTES, BlockRow
 from tripod_doe.study.result_directory.directory import ResultDirectory
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -294,3 +299,38 @@ def test_a_journal_that_names_another_file_deletes_none(out, tmp_path):
     with Journal(out) as journal:  # a writer keeps what is whole
         assert numbers(journal) == list(range(BLOCKS))
     assert victim.exists()
+
+
+@pytest.mark.parametrize(
+    "payload", [b"abc", struct.pack("<Q", 200_008) + b'{"a":' + 100_000 * b"[" + 100_000 * b"]" + b"}  "]
+)
+def test_results_that_another_program_wrote_are_named_by_every_reader(out, payload):
+    """Checksums that fit say nothing about what another program wrote: `check` called it whole, `query` was a traceback."""
+    with closing(sqlite3.connect(journal_path(out))) as connection:
+        row = BlockRow(*connection.execute(f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block WHERE id = 1").fetchone())
+        row = replace(row, payload=payload, payload_digest=zlib.crc32(payload)).numbered(1)
+        edited = "UPDATE block SET digest = ?, payload_digest = ?, payload = ? WHERE id = 1"
+        connection.execute(edited, (row.digest, row.payload_digest, row.payload))
+        connection.commit()
+    with Journal(out) as journal, pytest.raises(CubeError, match="block 1: its results cannot be read"):
+        list(journal.blocks())
+    assert damage(journal_path(out)).startswith("block 1: its results cannot be read")
+
+
+def test_more_texts_than_points_are_no_results(out):
+    """Three million texts of one point took 22 s."""
+    result = block(0).result
+    payload = encode(replace(result, detail=["a", "b", *result.detail[2:]]))
+    with pytest.raises(ValueError, match="texts of 1 points"):
+        decode(payload, result.outcome[:1])
+
+
+def test_a_reader_that_ends_after_the_journal_says_nothing(out, capsys):
+    with Journal(out) as journal:
+        blocks = journal.blocks()
+        next(blocks)
+    with warnings.catch_warnings(record=True) as caught:
+        del blocks
+        gc.collect()
+    assert not caught
+    assert capsys.readouterr().err == ""

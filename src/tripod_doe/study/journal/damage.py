@@ -167,7 +167,7 @@ def _block_damage(connection: sqlite3.Connection) -> str:
     for number, values in enumerate(connection.execute(_BLOCKS), 1):
         if values[0] != number:
             return f"block {number} is not there"
-        if reason := _reason(BlockRow(*values).check):
+        if reason := _reason(BlockRow(*values).block):
             return f"block {number}: {reason}"
     return ""
 

@@ -99,5 +99,7 @@ def _text_table(name: str, texts: list[str], arrays: dict[str, NDArray[Any]]) ->
 
 def _texts(name: str, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], count: int) -> list[str]:
     table = header[name]
+    if len(table) > max(count, 1):
+        raise ValueError(f"{len(table):,} texts of {count:,} points")
     codes = arrays.get(f"{name}_code")
     return [*table] * count if codes is None else [table[code] for code in codes.tolist()]

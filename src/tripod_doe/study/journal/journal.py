@@ -205,7 +205,7 @@ class Journal:
 
     def _rows(self, question: str, *values: Any) -> Iterator[tuple[Any, ...]]:
         with self._reading("its structure"):
-            yield from self._connection.execute(question, values)
+            yield from map(tuple, self._connection.execute(question, values))  # it must not close the cursor at its end
 
     @contextmanager
     def _reading(self, part: str) -> Iterator[None]:

@@ -6,6 +6,7 @@ import json
 import math
 import secrets
 import sqlite3
+import struct
 import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import closing
@@ -44,6 +45,11 @@ CREATE TABLE IF NOT EXISTS note (
 """
 
 _OUTCOMES = {int(outcome) for outcome in Outcome}
+_NO_RESULTS = (
+    ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, MemoryError, RecursionError,
+    struct.error,
+)  # fmt: skip
+"""Errors of reading results that another program wrote."""
 
 
 class DamagedRowError(ValueError):
@@ -97,7 +103,7 @@ class BlockRow:
         self.check()
         try:
             result = decode(self.payload, np.frombuffer(self.outcomes, np.int8))
-        except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        except _NO_RESULTS as error:
             raise DamagedRowError(f"its results cannot be read: {error}") from error
         keys = np.frombuffer(self.keys, "V16")
         return FinishedBlock(keys, result, self.cpu_seconds, self.wall_seconds, self.worker)
