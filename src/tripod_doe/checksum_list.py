@@ -89,8 +89,8 @@ def _results_in(folder: Path) -> Results:
     """Whose results a folder holds, without a look at its own list."""
     place, root = _places(folder)
     whole = 0
-    if not (root / JOURNAL).exists():  # a list that is lost gets the number in those of the steps
-        folders = (root, *(path.parent for path in _lists_of_steps(root)))
+    if not (root / JOURNAL).exists():  # a list that is lost, or is the last, gets the number in the others
+        folders = (root, *(root / part for part in _PARTS), *(path.parent for path in _lists_of_steps(root)))
         whole = next(filter(None, (_named_in(each).directory for each in folders)), 0)
     return Results(number_in(place / JOURNAL), whole)
 

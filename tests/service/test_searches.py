@@ -88,7 +88,7 @@ def fitted(api):
 
 def test_searches_have_a_price_beforehand(api):
     plan = api.post("/plans", {"optimisation": JOINT, "timing": False}).json()
-    assert (plan["kind"], plan["points"]) == ("optimisation", 240)
+    assert (plan["kind"], plan["points"]) == ("optimisation", 264)  # 24 of them steps around the best
     assert 0 < plan["cpu_seconds"]["mean"] < 60
     plan = api.post("/plans", fit_upload() | {"timing": False}).json()
     assert (plan["kind"], plan["records"]) == ("fit", 3)

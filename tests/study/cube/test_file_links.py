@@ -188,7 +188,6 @@ def sparse_cube(path, points):
     "ask",
     [
         lambda path: td.open_cube(path),
-        lambda path: td.diff(path, path),
         lambda path: main(["query", str(path), "--variable", "force"]),
         lambda path: td.query(path, "force"),
     ],
