@@ -101,7 +101,8 @@ def compare_record(
     row = with_stated_values(cube, row, measurement, select)
     chosen = point_of_record(cube, row, select, nearest)
     comparison = compare(measurement, chosen.point, reading.reference_angle_deg, reading.speeds_rpm)
-    lacking = "The cube lacks the point of this record, which was simulated." if chosen.simulated else ""
+    place = ", ".join(f"{name} = {value:.6g}" for name, value in row.values.items() if isinstance(value, float | int))
+    lacking = f"The cube lacks the point of this record ({place}), which was simulated." if chosen.simulated else ""
     remarks = "\n".join(filter(None, [lacking, chosen.replaced, str(comparison.attrs["remarks"])]))
     return ComparedRecord(row, comparison.assign_attrs(remarks=remarks), chosen.simulated, chosen.replaced)
 

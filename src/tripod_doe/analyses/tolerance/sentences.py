@@ -166,7 +166,11 @@ def _run_more(part: xr.Dataset, keep: float, resolved: bool) -> list[str]:
     known = [points for points in needed if np.isfinite(points)]
     if not known:
         return []
-    what = "whether the limit is kept, and by which smaller scatter"
+    low, high = float(part["exceedance_low"]), float(part["exceedance_high"])
+    open_yet = low <= 1 - keep < high
+    what = (
+        "whether the limit is kept, and by which smaller scatter" if open_yet else "by which smaller scatter it is kept"
+    )
     return [f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again."]
 
 
