@@ -67,7 +67,7 @@ def finish(page, served):
 def test_an_optimisation_is_written_watched_and_taken(page, served):
     run_file(page, served, JOINT)
     assert page.is_hidden("#form")
-    assert "at most 100" in page.inner_text("#price")
+    assert "at most 112" in page.inner_text("#price")
     finish(page, served)
     run_id = re.search(r"/runs/(\w+)", page.url)[1]
     page.goto(f"{served.home}/runs/{run_id}/steps")
