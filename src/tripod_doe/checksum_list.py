@@ -3,8 +3,8 @@
 The next list is written before the file, and replaces the list after it: at each moment, and after a kill at any, the
 file fits one of both. A file that fits none of them, while nothing is written, is damaged.
 
-The first line names whose results the folder holds, by random numbers: that in the header of a study's journal, and
-that of the directory of a workflow or a search, which its list and those of all its steps name. So files that were
+The first line names whose results the folder holds, by two random numbers: one from the header of a study's journal,
+one of the directory of a workflow or a search, which its list and the lists of all its steps name. So files that were
 copied into another directory together with their list are known as those of other results.
 """
 
@@ -19,6 +19,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,7 +50,7 @@ class Results(NamedTuple):
     """Whose results a folder holds, by numbers; 0 where unknown, as in results of earlier versions."""
 
     study: int  # of the journal in the folder
-    directory: int  # of the directory of a workflow or a search; 0 for that of a study
+    directory: int  # of the directory of a workflow or a search; 0 for the directory of a study
 
     def __str__(self) -> str:
         return f"# results {self.study} of directory {self.directory}"
@@ -90,8 +91,8 @@ def _results_in(folder: Path) -> Results:
     place, root = _places(folder)
     whole = 0
     if not (root / JOURNAL).exists():  # a list that is lost, or is the last, gets the number in the others
-        folders = (root, *(root / part for part in _PARTS), *(path.parent for path in _lists_of_steps(root)))
-        whole = next(filter(None, (_named_in(each).directory for each in folders)), 0)
+        parts, steps = (root / part for part in _PARTS), (path.parent for path in _lists_of_steps(root))
+        whole = next(filter(None, (_named_in(each).directory for each in chain([root], parts, steps))), 0)
     return Results(number_in(place / JOURNAL), whole)
 
 
@@ -194,7 +195,7 @@ def _one_writer(folder: Path) -> Iterator[None]:
 
 
 def _upcoming(folder: Path) -> tuple[Results, dict[str, str]]:
-    """Whose results a folder holds, and its checksums, with that of a file that a kill kept from the list."""
+    """Whose results a folder holds, and its checksums, with the one that a kill kept from the list."""
     here = _results_in(folder)
     if not any(here) and not (_places(folder)[1] / JOURNAL).exists():
         here = Results(0, 1 + secrets.randbelow(MOST_RESULTS))

@@ -30,6 +30,7 @@ from tripod_doe.regular_files import read_regular
 
 _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
 _LARGEST_THRUST = 1e9  # N: a wrong column or unit; squares of larger numbers overflow in fits
+_ZERO = 0.2  # degrees or N m: the zero of a sensor may be off by as much
 _ENDS = 0.15  # part of the range at each end, near which the samples of a pulse train lie
 _PULSED = 0.9  # part of the samples that must lie there
 
@@ -115,12 +116,12 @@ def _operating(record: Record, stated: Mapping[str, float]) -> tuple[dict[str, f
     sure = {name: statement.value for name, statement in notes.items() if not statement.trouble}
     for name, value in sure.items():
         if name in stated:
-            other, place = stated[name], "the name of the file"
+            other, place, small = stated[name], "the name of the file", 0.0
         elif name in columns and name != "speed_rpm":  # a run-up states its highest speed, perhaps
-            other, place = columns[name], "its column"
+            other, place, small = columns[name], "its column", _ZERO
         else:
             continue
-        if differ(other, value):
+        if differ(other, value, small):
             raise InputError(f"{name} is {number(other)} by {place} and {number(value)} by its first lines")
     lines = [f"{name} = {number(sure[name], 6)} from {notes[name].line!r}" for name in sure if name not in stated]
     remarks = [

@@ -25,7 +25,6 @@ _THOUSANDS = {
 """Numbers in groups of three digits, by the sign between them."""
 _OTHER_QUANTITY = re.compile(r"(?:max|min|peak|limit|rated|range|full)\w*[\s.,:-]*$", re.I)
 _APART = 0.05  # largest relative difference of two statements of one value
-_SMALL = 0.2  # in degrees or N m: a difference that is none
 
 
 class Statement(NamedTuple):
@@ -42,10 +41,9 @@ def from_notes(notes: Sequence[str]) -> dict[str, Statement]:
     A name, an optional unit in brackets, a separator, the number, and an optional unit. A number that may mean two
     values, an unknown unit and lines that contradict each other are no values.
     """
-    known = {}
+    known, lines = {}, [note for note in notes[:_MOST_NOTES] if len(note) <= _LONGEST]
     for role in OPERATING:
-        form, lines = _form(role), [note for note in notes[:_MOST_NOTES] if len(note) <= _LONGEST]
-        said = list(filter(None, (_statement(role, form, line) for line in lines)))
+        said = list(filter(None, (_statement(role, line) for line in lines)))
         sure = [one for one in said if not one.trouble]
         if (other := next((one for one in sure if differ(one.value, sure[0].value)), None)) is not None:
             known[role] = Statement(sure[0].line, math.nan, f"another line is {other.line!r}")
@@ -54,9 +52,9 @@ def from_notes(notes: Sequence[str]) -> dict[str, Statement]:
     return known
 
 
-def differ(value: float, other: float) -> bool:
-    """Whether two statements contradict each other."""
-    return abs(value - other) > max(_APART * max(abs(value), abs(other)), _SMALL)
+def differ(value: float, other: float, small: float = 0.0) -> bool:
+    """Whether a value contradicts another statement of it, by more than a small difference."""
+    return abs(value - other) > max(_APART * abs(other), small)
 
 
 @cache
@@ -69,9 +67,9 @@ def _form(role: str) -> re.Pattern[str]:
     )
 
 
-def _statement(role: str, form: re.Pattern[str], line: str) -> Statement | None:
+def _statement(role: str, line: str) -> Statement | None:
     """The value that a line gives for a role; None if it names none."""
-    for match in form.finditer(line):
+    for match in _form(role).finditer(line):
         digits = _NUMBER.match(line, match.end())
         if digits is None or _OTHER_QUANTITY.search(line[: match.start(1)]):
             continue

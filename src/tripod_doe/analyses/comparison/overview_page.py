@@ -16,7 +16,7 @@ import pandas as pd
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, UNDECIDED, VERDICTS
 from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
-from tripod_doe.analyses.comparison.sentences import asymmetry_text, nothing_decided, too_small_text
+from tripod_doe.analyses.comparison.sentences import asymmetry_text, nothing_decided, orders_text, too_small_text
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
@@ -24,7 +24,7 @@ from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.orders import agreement, differences
 from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken, unit_text
 from tripod_doe.page_parts.templates import render
-from tripod_doe.quantities import count_of, csv_cell, interval, level, numbers_in_words, with_unit
+from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
 
 _SHOWN = (3, 2)
 """Orders in texts and on the page; the CSV file has all."""
@@ -112,20 +112,20 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
     partly = [order for order in rest if 0 < agreeing[order] < len(compared) // 12]
     small = [order for order in rest if not agreeing[order]]
     perhaps = f" or {'are' if len(partly) > 1 else 'is'} too small to tell"
-    others = (f"; {_agree(partly)}{perhaps}" if partly else "") + too_small_text(small)
+    others = (f"; {_agree(partly).lower()}{perhaps}" if partly else "") + too_small_text(small)
     within = "within the uncertainties of measurement and model together"
     sentences = []
     if differing:
-        agree = f"; {_agree(same)} in all" if same else ""
+        agree = f"; {_agree(same).lower()} in all" if same else ""
         sentences = [
             "Differences beyond the uncertainties of measurement and model together: "
             f"{_by_count(differing)} of {every}{agree}{others}."
         ]
     elif same:
-        which = "Orders 1 to 12 all agree" if len(same) == 12 else _agree(same).capitalize()
+        which = "Orders 1 to 12 all agree" if len(same) == 12 else _agree(same)
         sentences = [f"{which} {within} in {every}{others}."]
     elif partly:
-        sentences = [f"{_agree(partly).capitalize()} {within}{perhaps}, in {every}{too_small_text(small)}."]
+        sentences = [f"{_agree(partly)} {within}{perhaps}, in {every}{too_small_text(small)}."]
     elif small:
         sentences = [nothing_decided(small)]
     if lacking:
@@ -137,18 +137,13 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
 
 
 def _agree(orders: Sequence[int]) -> str:
-    return f"order{'s' * (len(orders) > 1)} {numbers_in_words(orders)} agree{'s' * (len(orders) == 1)}"
+    return f"{orders_text(orders)} agree{'s' * (len(orders) == 1)}"
 
 
 def _by_count(orders: Counter[int]) -> str:
     """Orders with the number of records, the most frequent first."""
     by_count = {some: [order for order in orders if orders[order] == some] for some in {*orders.values()}}
-    return listed(
-        [
-            f"order{'s' * (len(by_count[some]) > 1)} {numbers_in_words(by_count[some])} in {some}"
-            for some in sorted(by_count, reverse=True)
-        ]
-    )
+    return listed([f"{orders_text(by_count[some]).lower()} in {some}" for some in sorted(by_count, reverse=True)])
 
 
 def _origins(records: Sequence[ComparedRecord]) -> list[str]:

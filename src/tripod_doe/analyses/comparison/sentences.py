@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -72,17 +72,19 @@ def _verdict_sentence(comparison: xr.Dataset) -> list[str]:
         return [nothing_decided(hidden)] if hidden else []
     if not differ:
         every = " all" * (len(agree) == len(verdicts) - 1)
-        return [f"{_orders(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}{small}."]
-    start = f"{_orders(differ)} {'differ' if len(differ) > 1 else 'differs'} by more than the {_TOGETHER}"
+        return [f"{orders_text(agree)}{every} agree{'s' * (len(agree) == 1)} within the {_TOGETHER}{small}."]
+    start = f"{orders_text(differ)} {'differ' if len(differ) > 1 else 'differs'} by more than the {_TOGETHER}"
     if not agree:
         return [f"{start}{small or '; none agrees'}."]
-    others = _orders(agree)
+    others = orders_text(agree)
     return [f"{start}; {others[:1].lower()}{others[1:]} {'agree' if len(agree) > 1 else 'agrees'}{small}."]
 
 
 def nothing_decided(orders: list[int]) -> str:
     """The sentence on orders that are smaller than their uncertainties, where no order differs or agrees."""
-    what = "Every order is" if len(orders) == _ROTATING else f"{_orders(orders)} {'are' if len(orders) > 1 else 'is'}"
+    what = (
+        "Every order is" if len(orders) == _ROTATING else f"{orders_text(orders)} {'are' if len(orders) > 1 else 'is'}"
+    )
     return f"{what} smaller than the {_TOGETHER}, which decides nothing."
 
 
@@ -92,7 +94,7 @@ def too_small_text(orders: list[int]) -> str:
         return ""
     several = len(orders) > 1
     return (
-        f"; {_orders(orders).lower()} {'are' if several else 'is'} smaller than these uncertainties, which decides "
+        f"; {orders_text(orders).lower()} {'are' if several else 'is'} smaller than these uncertainties, which decides "
         "nothing"
     )
 
@@ -116,10 +118,11 @@ def asymmetry_text(orders: list[int]) -> str:
     """Why a model is zero in some orders: by symmetry in those that three trunnions cancel."""
     symmetric = all(order % 3 for order in orders)
     verb = "are" if len(orders) > 1 else "is"
-    return f"{_orders(orders)} {verb} zero in the model{', whose three trunnions are alike' * symmetric}"
+    return f"{orders_text(orders)} {verb} zero in the model{', whose three trunnions are alike' * symmetric}"
 
 
-def _orders(orders: list[int]) -> str:
+def orders_text(orders: Sequence[int]) -> str:
+    """Orders as the beginning of a sentence: ``Orders 1 to 3 and 6``."""
     return f"Order{'s' * (len(orders) > 1)} {numbers_in_words(orders)}"
 
 

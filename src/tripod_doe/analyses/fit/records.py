@@ -15,6 +15,7 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match, speaking_of_keys
 from tripod_doe.measurements.measurement import Measurement, read_measurement
+from tripod_doe.measurements.operating_point import differ
 from tripod_doe.measurements.order_tracking import track_orders
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.quantities import number
@@ -24,7 +25,6 @@ _ANGLE, _TORQUE, _SPEED = "joint_angle_deg", "torque_n_m", "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
 _PRIOR = 8  # degrees of freedom for which the usual scatter of all records counts in each of them
 _MOST_RECORDS = 10_000  # rows of a table of records
-_APART = 0.05  # relative: how far a record may be from a base value
 _FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
 _ROUNDING = 1e-12  # of the largest thrust of a record: smaller orders are rounding
 _OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
@@ -211,7 +211,7 @@ def _stated(
         known = request.file.base.get(name)
         if known is None:
             own[name] = parameters[name].check(value)
-        elif isinstance(known, int | float) and abs(known - value) > _APART * abs(value):
+        elif isinstance(known, int | float) and differ(known, value):
             raise InputError(
                 f"it states {name} = {number(value)}, [base] {known:g}; remove {name} from [base], and records that "
                 "state none need a table"

@@ -93,7 +93,7 @@ def _chance(part: xr.Dataset, key: str) -> str:
 
 
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
-    """Which scatter to halve first: gains beyond what noise gives to one of so many factors."""
+    """Which scatter to halve first: gains beyond what noise gives to the largest of all factors."""
     names, confidence = [str(name) for name in part["factor"].values], float(part.attrs.get("confidence_level", 0.95))
     gain, half = part["gain_of_halving"].values, part["gain_of_halving_conf"].values
     beyond = half * _wider(confidence, int(np.isfinite(gain).sum()))
@@ -121,7 +121,7 @@ def _wider(confidence: float, ways: int) -> float:
 
 
 def _exceedance_if_halved(one: xr.Dataset, unit: str) -> str:
-    """The chance to exceed the limit with half the scatter, where the interval lies below that of now."""
+    """The chance to exceed the limit with half the scatter, where its interval lies below the present one."""
     if not float(one["exceedance_if_halved_high"]) < float(one["exceedance_low"]):
         return ""
     limit = with_unit(number(float(one["limit"])), unit)
@@ -134,10 +134,10 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     keep = float(part.attrs.get("keep", np.nan))
     if not np.isfinite(part["exceedance"]) or "scale_to_keep" not in part:
         return []
-    low, value, high = (float(part[f"exceedance{end}"]) for end in ("_low", "", "_high"))
+    value = float(part["exceedance"])
     within = f"within {with_unit(number(float(part['limit'])), unit)}"
     said = []
-    resolved = low > 1 - keep or high <= 1 - keep
+    resolved = _is_decided(part, keep)
     if not resolved:
         said = [f"Whether {what} stays {within} with {100 * keep:g} % is not resolved by these points."]
     if not value > 1 - keep:
@@ -157,6 +157,11 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     ]
 
 
+def _is_decided(part: xr.Dataset, keep: float) -> bool:
+    """Whether these points tell if the limit is kept."""
+    return float(part["exceedance_low"]) > 1 - keep or float(part["exceedance_high"]) <= 1 - keep
+
+
 def _run_more(part: xr.Dataset, keep: float, resolved: bool) -> list[str]:
     """How many points resolve what these leave open: whether the limit is kept, and by which smaller scatter."""
     used = int(part.attrs["samples_of_points"])
@@ -166,11 +171,8 @@ def _run_more(part: xr.Dataset, keep: float, resolved: bool) -> list[str]:
     known = [points for points in needed if np.isfinite(points)]
     if not known:
         return []
-    low, high = float(part["exceedance_low"]), float(part["exceedance_high"])
-    open_yet = low <= 1 - keep < high
-    what = (
-        "whether the limit is kept, and by which smaller scatter" if open_yet else "by which smaller scatter it is kept"
-    )
+    smaller = "by which smaller scatter it is kept"
+    what = smaller if _is_decided(part, keep) else "whether the limit is kept, and by which smaller scatter"
     return [f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again."]
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.derived_constants.contact_pressure import needle_pressure
-from tripod_doe.joint.geometry.overlaps import Overlap, overlaps
+from tripod_doe.joint.geometry.overlaps import MARGIN, Overlap, overlaps
 from tripod_doe.joint.geometry.transition_velocities import slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import BOTH
@@ -36,9 +36,6 @@ _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
 
 _EXPONENT = 10 / 9
-
-_MARGIN = 1 + 1e-9
-"""Factor that keeps a limit in a message on the safe side of rounding errors."""
 
 _SLIDING = {"speed_rpm": ("speed", np.pi / 30, 10_000.0), "joint_angle_deg": ("joint_angle", np.pi / 180, 40.0)}
 """Parameters on which slips depend: their fields, the factors to internal units, and the ends of their ranges."""
@@ -198,7 +195,7 @@ def _room(points: JointValues[FloatArray], i: int) -> str:
     while most > 1 and _spacing(replace(point, needle_count=np.full(1, float(most))), skew)[0] < needle:
         most -= 1
     spacing = float(_spacing(point, skew)[0])
-    thinner, wider = rounded_down(spacing, 4), rounded_up(_MARGIN * needle / spacing * pitch, 4)
+    thinner, wider = rounded_down(spacing, 4), rounded_up(MARGIN * needle / spacing * pitch, 4)
     thin = _improved(points, i, needle_diameter=float(thinner))
     wide = _improved(points, i, needle_pitch_diameter=float(wider))
     return (
@@ -212,7 +209,7 @@ def _largest_skew(points: JointValues[FloatArray], i: int) -> str:
     """Largest skew in deg at which the needles of a point fit beside each other, rounded down."""
     room = float(_spacing(points.take(slice(i, i + 1)), 0.0)[0] / points.needle_diameter[i])
     tangent = np.sqrt(max(room**2 - 1, 0.0)) / np.cos(np.pi / points.needle_count[i])
-    return rounded_down(float(np.degrees(np.arctan(tangent))) / _MARGIN, 3)
+    return rounded_down(float(np.degrees(np.arctan(tangent))) / MARGIN, 3)
 
 
 def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:

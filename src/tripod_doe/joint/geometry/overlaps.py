@@ -22,6 +22,9 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
 from tripod_doe.quantities import rounded_down, rounded_up
 
+MARGIN = 1 + 1e-9
+"""Factor that keeps a limit in a message on the safe side of rounding errors."""
+
 _PHASES = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
 """Rotation angles at which rollers are checked; between two of them rollers move at most 2 % of their travel."""
 _HALF_ANGLE = np.pi / 3
@@ -235,7 +238,7 @@ def _outboard(points: JointValues[FloatArray]) -> Overlap:
     end = points.shaft_length * np.cos(points.joint_angle)
 
     def reason(i: int) -> str:
-        enough = rounded_up((1 + 1e-9) * float(reach[i] / np.cos(points.joint_angle[i])))
+        enough = rounded_up(MARGIN * float(reach[i] / np.cos(points.joint_angle[i])))
         return (
             f"the rollers reach {reach[i]:.4g} mm along the input axis, and the outboard joint is at {end[i]:.4g} mm: "
             f"raise shaft_length_mm (now {points.shaft_length[i]:.4g}) to {enough} or more"

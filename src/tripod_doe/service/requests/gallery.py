@@ -10,7 +10,7 @@ from typing import Any
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.requests.uploads import KINDS
-from tripod_doe.study.definition.template import EXAMPLE_PLACES, TEMPLATES
+from tripod_doe.study.definition.template import TEMPLATES, examples_place
 
 _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
@@ -90,7 +90,7 @@ def _entry(name: str, text: str) -> dict[str, str]:
 
 def _files() -> dict[str, Path]:
     """The project's files by their ids, from the installation or from the clone that runs this code."""
-    place = next((place for place in EXAMPLE_PLACES if (place / "studies").is_dir()), None)
+    place = examples_place()
     if place is None:
         return {}
     studies = {path.stem: path for path in sorted((place / "studies").glob("*.toml"))}

@@ -12,8 +12,11 @@ TEMPLATES = ("grid", "sensitivity", "contribution", "response-surface", "toleran
 EXAMPLES = ("studies", "workflows", "optimisations", "measurements")
 """Folders of the examples."""
 
-EXAMPLE_PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
-"""Where they are: with pip's installation, and in a clone."""
+
+def examples_place() -> Path | None:
+    """The folder with the folders of the examples: of pip's installation, or of a clone; None without them."""
+    places = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[4])
+    return next((place for place in places if all((place / name).is_dir() for name in EXAMPLES)), None)
 
 
 def write_template(path: str | Path, kind: str = "grid") -> Path:
@@ -58,7 +61,7 @@ def write_examples(folder: str | Path = ".") -> list[Path]:
     Raises:
         InputError: If one of them is there already, or cannot be written, or the installation has no examples.
     """
-    place = next((place for place in EXAMPLE_PLACES if (place / EXAMPLES[-1]).is_dir()), None)
+    place = examples_place()
     if place is None:
         raise InputError("this installation has no example files: install a wheel with pip, or use a clone")
     made = [Path(folder) / name for name in EXAMPLES]
