@@ -114,6 +114,14 @@ def test_name_and_notes_that_contradict_each_other_are_refused(tmp_path):
     assert measured.columns == "joint_angle_deg = 12 from 'joint angle: 12 deg'"
 
 
+def test_name_and_notes_differ_by_a_twentieth_at_small_angles_too(tmp_path):
+    """Regression: 0.2 deg counted as no difference, at 2 deg a tenth."""
+    path = tmp_path / "run_2.15.csv"
+    path.write_text("# joint angle: 2 deg\nrotation_deg,thrust_n\n0,1\n1,2\n")
+    with pytest.raises(InputError, match=r"joint_angle_deg is 2\.15 by the name of the file and 2 by its first lines"):
+        read_measurement(path, pattern="run_{joint_angle_deg}.csv")
+
+
 def test_notes_and_columns_that_contradict_each_other_are_refused_and_doubtful_lines_are_named(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("# torque: 400 Nm\nrotation_deg,thrust_n,torque_n_m\n0,1,50\n1,2,50\n")
