@@ -4,6 +4,7 @@
 
 `run` in its own process, `run` with two workers and a `workflow` with two workers are killed in turns (SIGKILL of the
 process group, at a moment of a whole run, so while it starts, computes, writes or draws), and the same command goes on.
+Each is forked from this process, which has done the imports: they are three quarters of such a run, and write nothing.
 Whenever one has finished, its cubes are compared with those of a run that nobody disturbed, and it begins anew in
 another directory. A point that was committed before a kill must not be computed again; besides the result directory
 nothing may be written but temporary files, in the folder for those, which the next command may find there.
@@ -12,21 +13,28 @@ nothing may be written but temporary files, in the folder for those, which the n
 from __future__ import annotations
 
 import argparse
+import atexit
 import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import dask.array  # noqa: F401 - which xarray imports with the first cube
+import matplotlib.figure  # noqa: F401
 import numpy as np
+import scipy.stats  # noqa: F401
 import xarray as xr
 
+import tripod_doe.analyses.main_effects.charts
+import tripod_doe.workflow.run_workflow
+from tripod_doe.cli import main as tripod_doe
 from tripod_doe.study.journal import Journal
 
 FUNCTION = """
@@ -73,15 +81,35 @@ AT_WORK = {"run --workers 0": 1, "run --workers 2": 4, "workflow --workers 2": 4
 MEASURED = ("cpu_seconds", "wall_seconds", "worker")
 
 
+@dataclass(frozen=True)
+class Forked:
+    """A command in a process of its own."""
+
+    pid: int
+
+    def wait(self, seconds: float) -> int:
+        """Its exit code; TimeoutError if it goes on."""
+        end = time.monotonic() + seconds
+        while True:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                return os.waitstatus_to_exitcode(status)
+            if time.monotonic() > end:
+                raise TimeoutError
+            time.sleep(0.002)
+
+
 @dataclass
 class Storm:
     """One command that is killed and started again."""
 
     folder: Path  # with the study, its results, a home and a folder for temporary files
     name: str  # one of COMMANDS
+    points: int  # of the study
     whole: float = 0.0  # seconds of a run that is not disturbed
     number: int = 0  # of the result directory
     kills: int = 0  # of that directory
+    at: Counter[str] = field(default_factory=Counter)  # kills by what the command did
     faults: list[str] = field(default_factory=list)
 
     @property
@@ -92,19 +120,29 @@ class Storm:
     def begin(self) -> None:
         """Take the time of a run that is not disturbed, whose cubes are the measure of all."""
         begun = time.monotonic()
-        process = self.start()
-        self.check_end(process.wait(600))
+        self.check_end(self.start().wait(600))
         self.whole = time.monotonic() - begun
         self.next()
 
-    def start(self) -> subprocess.Popen[bytes]:
+    def start(self) -> Forked:
         """Start the command on the latest directory."""
-        environment = os.environ | {"HOME": str(self.folder / "home"), "TMPDIR": str(self.folder / "tmp")}
-        words = [sys.executable, "-m", "tripod_doe", *COMMANDS[self.name], "--out", self.out.name]
-        with (self.folder / "errors").open("ab") as errors:
-            return subprocess.Popen(
-                words, cwd=self.folder, env=environment, stdout=errors, stderr=errors, start_new_session=True
-            )
+        pid = os.fork()
+        if pid:
+            return Forked(pid)
+        code = 1
+        try:
+            os.setsid()
+            os.chdir(self.folder)
+            os.environ |= {"HOME": str(self.folder / "home"), "TMPDIR": str(self.folder / "tmp")}
+            tempfile.tempdir = None
+            with (self.folder / "errors").open("ab") as errors:
+                for number in (1, 2):
+                    os.dup2(errors.fileno(), number)
+            sys.path[0] = ""  # as with `python -m`
+            code = tripod_doe([*COMMANDS[self.name], "--out", self.out.name])
+            atexit._run_exitfuncs()
+        finally:
+            os._exit(code)
 
     def turn(self, moment: float) -> bool:
         """Start the command and kill it after a part of the time that it needs; whether it was still at work."""
@@ -112,11 +150,16 @@ class Storm:
         before = self.committed()
         try:
             self.check_end(process.wait(moment * self.whole))
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+        except TimeoutError:
+            with suppress(ProcessLookupError):  # it leads no group yet
+                os.killpg(process.pid, signal.SIGKILL)
+            os.kill(process.pid, signal.SIGKILL)
+            os.waitpid(process.pid, 0)
             self.kills += 1
-            if not before <= self.committed():
+            after = self.committed()
+            whole = len(after) == self.points
+            self.at["writes" if whole else "computes" if len(after) > len(before) else "starts"] += 1
+            if not before <= after:
                 self.faults.append(f"{self.out.name}: committed points are gone")
             return True
         self.compare()
@@ -192,7 +235,7 @@ def prepared(folder: Path, name: str, points: int, pause: float) -> Storm:
     (folder / "killed_function.py").write_text(FUNCTION.format(log=str(folder / "log"), pause=pause))
     (folder / "study.toml").write_text(STUDY.format(points=points))
     (folder / "workflow.toml").write_text(WORKFLOW)
-    return Storm(folder, name)
+    return Storm(folder, name, points)
 
 
 def storm(folder: Path, name: str, kills: int, points: int, pause: float, chosen: random.Random) -> list[str]:
@@ -205,7 +248,8 @@ def storm(folder: Path, name: str, kills: int, points: int, pause: float, chosen
     disturbed.finish()
     left = sum(path.is_file() for path in (folder / "tmp").rglob("*"))
     print(
-        f"{name:22} {done} kills in {disturbed.number} studies of {disturbed.whole:.1f} s: "
+        f"{name:22} {done} kills in {disturbed.number} studies of {disturbed.whole:.1f} s, "
+        f"while it {', '.join(f'{what} {count}' for what, count in disturbed.at.items())}: "
         f"{len(disturbed.faults)} faults; {left} temporary files left"
     )
     return disturbed.faults

@@ -15,9 +15,10 @@ import hashlib
 import os
 import re
 import secrets
+import shlex
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
@@ -169,12 +170,38 @@ def listed_file(path: Path) -> Iterator[Path]:
             yield fresh
             first, upcoming = _upcoming(path.parent)
             upcoming[path.name] = _digest(fresh, links=False)
-            lines = "".join(f"{upcoming[name]}  {name}\n" for name in sorted(upcoming))
-            listed = replace_text(path.with_name(_NEXT), f"{first}\n{lines}" if any(first) else lines)
+            listed = _write_list(path.with_name(_NEXT), first, upcoming)
         try:
             os.replace(listed, path.with_name(LIST))
         except OSError as error:
             raise StorageError(f"{path.with_name(LIST)}: cannot write this file: {error.strerror}") from error
+
+
+def remove_listed(folder: Path, keep: Set[str] = frozenset()) -> None:
+    """Remove the files in the list of a folder before new ones are made: none of earlier results is left beside them.
+
+    Args:
+        keep: Names of files that stay.
+
+    Raises:
+        StorageError: If the list cannot be written.
+    """
+    if not (folder / LIST).exists():
+        return
+    with _one_writer(folder):
+        first, sums = _upcoming(folder)
+        for name in sums.keys() - keep:
+            with suppress(OSError):  # writing the new one states the reason
+                (folder / name).unlink()
+        _write_list(folder / LIST, first, {name: sums[name] for name in sums.keys() & keep})
+
+
+def remove_pages(directory: Path) -> None:
+    """Remove the report of earlier results, and what was handed on of it; StorageError as `remove_listed`."""
+    for folder in (directory / "report" / "figures", directory / "report"):
+        remove_listed(folder)
+    with suppress(OSError):  # of an earlier version, without a list
+        (directory / "report" / "index.html").unlink()
 
 
 @contextmanager
@@ -206,6 +233,11 @@ def _upcoming(folder: Path) -> tuple[Results, dict[str, str]]:
             if digest != sums.get(name) and _digest(path, links=False) == digest:
                 sums[name] = digest
     return here, sums
+
+
+def _write_list(path: Path, first: Results, sums: dict[str, str]) -> Path:
+    lines = "".join(f"{sums[name]}  {name}\n" for name in sorted(sums))
+    return replace_text(path, f"{first}\n{lines}" if any(first) else lines)
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -289,5 +321,5 @@ def _remedy(path: Path) -> str:
     """How to make a file of results again, in words."""
     results = path.parent.parent
     if path.parent.name == "report" and any((results / name).is_file() for name in ("study.toml", "fit.nc")):
-        return f"make it again: tripod-doe report {results}"
+        return f"make it again: tripod-doe report {shlex.quote(str(results))}"
     return f"make it again by the same command with the same {option('out')}: finished points are kept"

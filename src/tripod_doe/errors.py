@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal, Self, TypeVar
@@ -102,8 +103,9 @@ def option(name: str, value: object = None) -> str:
         value: What was given; True for a switch.
 
     Returns:
-        ``--retry-failed`` or ``retry_failed=True``, ``--out results`` or ``out='results'``; in a file, where ``column``
-        is a table of names, ``sign = -1`` or ``columns.thrust_n = 'Force'``.
+        ``--retry-failed`` or ``retry_failed=True``, ``--out 'my results'``, quoted where a shell needs it, or
+        ``out='my results'``; in a file, where ``column`` is a table of names, ``sign = -1`` or
+        ``columns.thrust_n = 'Force'``.
     """
     if _spoken == "keys":
         if name == "column":
@@ -111,7 +113,7 @@ def option(name: str, value: object = None) -> str:
             return f"columns.{role} = {heading!r}"
         return name if value is None else f"{name} = {value!r}"
     if _spoken == "options":
-        shown = "" if value is None or value is True else f" {value}"
+        shown = "" if value is None or value is True else f" {shlex.quote(str(value))}"
         return f"--{name.replace('_', '-')}{shown}"
     return name if value is None else f"{name}={value!r}"
 

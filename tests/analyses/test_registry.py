@@ -108,11 +108,23 @@ INDICES = ("sobol", "morris", "fast", "rbd-fast", "pawn", "delta", "dgsm", "shap
 
 
 @pytest.mark.parametrize("kind", [kind for kind, row in ANALYSES.items() if row.sentences])
-def test_a_result_that_lacks_its_variables_is_said(kind):
+def test_a_result_that_lacks_its_variables_is_said(kind, monkeypatch):
     """Regression: a file of a known kind without its variables was an internal error of the service."""
+    monkeypatch.setattr(registry, "MADE", set())
     empty = xr.Dataset(attrs={"analysis_kind": kind})
     if kind in INDICES:  # which state each factor, and here is none
         assert findings_of("a", empty) == []
         return
     with pytest.raises(CubeError, match=f"not a whole result of an analysis of the kind '{kind}': "):
         findings_of("a", empty)
+
+
+def test_an_error_of_our_own_is_not_called_a_fault_of_the_result(ablation, monkeypatch):
+    """Regression: an IndexError in a sentence ended with "make it again", and made again it ended so again."""
+    monkeypatch.setattr(registry, "_load", lambda place: lambda result, name: [][0])
+    shares = contribution_shares(ablation, ContributionSettings(output="y"))
+    with pytest.raises(IndexError):
+        findings_of("shares", shares)
+    monkeypatch.setattr(registry, "MADE", set())
+    with pytest.raises(CubeError, match="out of range; make it again"):
+        findings_of("shares", shares)

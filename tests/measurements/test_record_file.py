@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import time
 import warnings
 from contextlib import suppress
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, speaking_of_options
 from tripod_doe.measurements.headings import parse_column
 from tripod_doe.measurements.record_file import read_record
 
@@ -214,6 +215,16 @@ def test_a_unit_that_is_not_known_is_refused(read, heading):
     with pytest.raises(InputError, match=r"the unit of .* is not known; .* names another one"):
         read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n")
     assert read(f"{heading},rotation_deg\n1.25,0.5\n", {"thrust_n": f"{heading} [kN]"}).columns["thrust_n"] == 1250
+
+
+def test_the_option_of_a_message_can_be_typed(read):
+    """Regression: a shell took the brackets of --column thrust_n=Axial force (oz) [UNIT] for its own."""
+    heading = "Axial force (oz)"
+    with speaking_of_options(), pytest.raises(InputError) as refused:
+        read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n")
+    words = shlex.split(str(refused.value).partition("; --column ")[2].replace("UNIT", "kN"))
+    role, _, named = words[0].partition("=")
+    assert read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n", {role: named}).columns["thrust_n"][0] == 1250
 
 
 def test_long_headings_and_long_beginnings_take_no_long_time(read):

@@ -9,6 +9,9 @@ import xarray as xr
 P = ParamSpec("P")
 _ATTRIBUTE = "analysis_kind"
 
+MADE: set[str] = set()
+"""Kinds of which this process has made a result."""
+
 
 def makes_kind(kind: str) -> Callable[[Callable[P, xr.Dataset]], Callable[P, xr.Dataset]]:
     """Decorator of an analysis: every result carries its kind, the name that study and workflow files use."""
@@ -16,7 +19,9 @@ def makes_kind(kind: str) -> Callable[[Callable[P, xr.Dataset]], Callable[P, xr.
     def decorate(function: Callable[P, xr.Dataset]) -> Callable[P, xr.Dataset]:
         @wraps(function)
         def analysis(*args: P.args, **kwargs: P.kwargs) -> xr.Dataset:
-            return function(*args, **kwargs).assign_attrs({_ATTRIBUTE: kind})
+            result = function(*args, **kwargs).assign_attrs({_ATTRIBUTE: kind})
+            MADE.add(kind)
+            return result
 
         analysis.__dict__[_ATTRIBUTE] = kind
         return analysis

@@ -21,7 +21,7 @@ from tripod_doe.analyses.claims.verdicts import ClaimsSettings, check_claims, cl
 from tripod_doe.analyses.comparison.comparison import ComparisonSettings, compare_file
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.factorial_effects.factorial_effects import EFFECT_DESIGNS, EffectsSettings, factorial_effects
-from tripod_doe.analyses.kinds import is_study, kind_made_by, kind_of
+from tripod_doe.analyses.kinds import MADE, is_study, kind_made_by, kind_of
 from tripod_doe.analyses.model_choice.selection import ChooseSettings, choose_for_study
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
@@ -264,11 +264,13 @@ def _of_result(place: str, result: xr.Dataset, *words: str) -> Any:
     """What the function at a place makes of the result of an analysis.
 
     Raises:
-        CubeError: If the result is not as each of its kind is: another program wrote it.
+        CubeError: If the result, which this process did not make, is not as each of its kind is.
     """
     try:
         return _load(place)(result, *words)
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+        if kind_of(result) in MADE:  # the error is our own
+            raise
         lacks = str(error.args[0]).partition(". ")[0] if error.args else "a name is missing"
         what = f"not a whole result of an analysis of the kind {kind_of(result)!r}"
         raise CubeError(f"{what}: {lacks}; make it again") from error

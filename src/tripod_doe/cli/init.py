@@ -1,6 +1,7 @@
 """Write a study file to start from, or the example files of the documentation."""
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 
@@ -35,7 +36,7 @@ def _run(options: argparse.Namespace) -> int:
         return DONE
     path = write_template(options.name or "study", options.kind)
     print(path)
-    print(f"next: tripod-doe plan {path}", file=sys.stderr)
+    print(f"next: tripod-doe plan {shlex.quote(str(path))}", file=sys.stderr)
     return DONE
 
 

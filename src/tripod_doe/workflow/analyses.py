@@ -115,8 +115,6 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
         For each analysis by name, the reason why it failed; empty if it did not.
     """
     reasons: dict[str, str] = {}
-    for stale in (directory / "analysis").glob("*.nc"):  # from another version of the study, or from other points
-        stale.unlink()
     for name in study.file.analysis:
         analysis, settings = analysis_of(study, name)
         try:

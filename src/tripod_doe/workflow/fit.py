@@ -33,7 +33,7 @@ from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
 from tripod_doe.study.result_directory.open_cube import FIT_FILE
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
-from tripod_doe.workflow.steps_file import Stages
+from tripod_doe.workflow.steps_file import Stages, remove_earlier_results
 
 _ORDERS = ("thrust_amplitude", "thrust_phase_deg")
 _NEEDLES = ("groove_thrust_amplitude", "groove_thrust_phase_deg", "needle_skew_summary_deg")
@@ -110,6 +110,7 @@ def fit(
     result = fit_dataset(rig, solution, error, following)
     result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
     result = stamp_history(result, f"tripod-doe fit: {computed} points computed")
+    remove_earlier_results(directory)
     write_dataset(result, directory / FIT_FILE, listed=True)
     write_listed(directory / "fit.toml", request.text)
     known = check_parameters(rig.simulator.parameters, rig.file.base)

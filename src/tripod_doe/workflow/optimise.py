@@ -49,7 +49,7 @@ from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
-from tripod_doe.workflow.steps_file import Stages
+from tripod_doe.workflow.steps_file import Stages, remove_earlier_results
 
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
@@ -403,7 +403,6 @@ def optimise(
     existing = ExistingScheduler(scheduler, None, None, None) if scheduler else None
     with Execution(workers, existing, oversubscribe) as execution:
         with ResultDirectory(place) as kept:
-            write_listed(directory / "optimise.toml", request.text)
             points = PointBatches(study, kept, execution, retry_failed, progress)
             run = _Run(problem, study, points, progress, stages)
             solved = run.solved(run.search())
@@ -419,6 +418,8 @@ def optimise(
     front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
     candidates = candidates_dataset(problem, solved)
     action = f"tripod-doe optimise: {computed} points computed"
+    remove_earlier_results(directory)
+    write_listed(directory / "optimise.toml", request.text)
     write_dataset(stamp_history(front, action), directory / "front.nc", listed=True)
     write_dataset(stamp_history(candidates, action), directory / "candidates.nc", listed=True)
     if len(solved.front.units):

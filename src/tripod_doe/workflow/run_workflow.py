@@ -19,7 +19,7 @@ import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import refuse_links
-from tripod_doe.checksum_list import checksums, refuse_changed, write_listed
+from tripod_doe.checksum_list import checksums, refuse_changed, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
@@ -97,6 +97,7 @@ def run_workflow(
     with Execution(workers, oversubscribe=oversubscribe) as execution:
         directory = make_directory(out)
         refuse_links(directory / "steps")
+        remove_pages(directory)
         chain = _Chain(workflow, directory, execution, retry_failed, progress)
         views = chain.run(wanted)
     for name in workflow.steps.keys() - views.keys():
@@ -200,6 +201,10 @@ class _Chain:
             self._found[name] = found_in(self.folder(name))
             return self._report_state(view)
         self._note(self.view(step, "running"))
+        if step.study is None:
+            remove_listed(self.folder(name))
+        for path in self._exported(step):
+            path.unlink(missing_ok=True)
         started = time.perf_counter()
         try:
             detail = self._make(step)

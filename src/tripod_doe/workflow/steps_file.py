@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import is_changed, write_listed
+from tripod_doe.checksum_list import is_changed, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import InputError, StorageError, printable
-from tripod_doe.regular_files import STUDY_BYTES, read_regular
+from tripod_doe.regular_files import read_regular
 from tripod_doe.study.result_directory.search_condition import FOUND, found_in
 
 STEPS = "steps.json"
@@ -19,6 +19,7 @@ The key `FOUND` holds the sentence on what a step or stage looked for.
 """
 
 _EVERY = 0.5  # seconds between two states of a stage
+_MOST_BYTES = 4_000_000  # some ten thousand steps
 _LONGEST = 4_000  # characters of all sentences together
 
 
@@ -28,13 +29,24 @@ def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
 
 
 def read_steps(directory: Path) -> list[dict[str, Any]]:
-    """Read the states of the steps; empty where they are missing or damaged."""
+    """Read the states of the steps; empty where they are missing, damaged or too large to be ours."""
     path = directory / STEPS
     try:
-        steps = [] if is_changed(path) else json.loads(read_regular(path, STUDY_BYTES))
+        text = read_regular(path, _MOST_BYTES)  # before its checksum, which reads all of it
+        steps = [] if is_changed(path) else json.loads(text)
     except (OSError, ValueError, RecursionError, InputError):
         return []
     return steps if isinstance(steps, list) else []
+
+
+def remove_earlier_results(directory: Path) -> None:
+    """Remove what an earlier search left in its directory, before its results are written: all but its points.
+
+    Raises:
+        StorageError: If the list of its files cannot be written.
+    """
+    remove_pages(directory)
+    remove_listed(directory, {STEPS})
 
 
 class Stages:

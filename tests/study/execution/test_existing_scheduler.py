@@ -25,7 +25,7 @@ from tripod_doe.errors import TripodDoeError
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution import dask_executor, dask_workers
-from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
+from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler, TlsFiles
 from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
 from tripod_doe.workflow.run_study import run
 
@@ -319,6 +319,9 @@ def test_a_scheduler_that_talks_tls_takes_clients_with_its_credentials_only(case
     files["tls_key"].write_text(other.tls_client_key)
     with pytest.raises(td.InputError, match="answers there, or it refuses these credentials"):
         run(study, tmp_path / "other", scheduler=address, progress=False, **files)
+    files["tls_ca_file"].write_text(other.tls_ca_file)
+    with pytest.raises(TripodDoeError, match=r"for 0.* its certificate does not pass tls_ca_file: "):
+        run(study, tmp_path / "other", scheduler=address, progress=False, wait=0, **files)
     files["tls_key"].write_text("no key")
     with pytest.raises(td.InputError, match=r"tls_ca_file='.*ca.pem', tls_cert='.*', tls_key='.*': cannot be used for"):
         run(study, tmp_path / "other", scheduler=address, progress=False, **files)
@@ -342,6 +345,17 @@ def test_a_scheduler_that_talks_tls_takes_clients_with_its_credentials_only(case
 def test_credentials_that_cannot_be_meant_are_refused(case, tmp_path, given, message):
     with pytest.raises(td.InputError, match=message):
         run(case(count=2), tmp_path / "out", progress=False, **given)
+
+
+def test_a_wrong_scheme_is_named_also_after_a_wait(credentials):
+    """Regression: the message was that no scheduler had answered."""
+    address, files = credentials
+    with pytest.raises(TripodDoeError, match=r"for 0.* what answers there talks TLS; .* begins with tls://"):
+        ExistingScheduler(address.replace("tls:", "tcp:"), wait=0).connect_first()
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0") as cluster:
+        plain = cluster.scheduler_address.replace("tcp:", "tls:")
+        with pytest.raises(TripodDoeError, match=r"for 0.* handshake failed \(.*\); .* begins with tcp://"):
+            ExistingScheduler(plain, wait=0, tls=TlsFiles(*files.values())).connect_first()
 
 
 def test_a_connection_without_tls_is_warned_of(capsys):

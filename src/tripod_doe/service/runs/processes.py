@@ -9,6 +9,7 @@ locks its steps' directories, not its own; and the file that the run inherits wo
 
 import fcntl
 import os
+import shlex
 import signal
 import sys
 import time
@@ -138,7 +139,10 @@ def run_log(directory: Path) -> str:
             text = log.read().decode("utf-8", "replace")
     except (OSError, InputError):
         return ""
-    for word, replacement in ((f"--out {directory}", "the folder of this run"), (" or choose another --out", "")):
+    for word, replacement in (
+        (f"--out {shlex.quote(str(directory))}", "the folder of this run"),
+        (" or choose another --out", ""),
+    ):
         text = text.replace(word, replacement)
     return text.replace(f"{directory}{os.sep}", "").replace(str(directory), "")
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import socket
+import ssl
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from tripod_doe.errors import InputError, TripodDoeError, option
 from tripod_doe.quantities import duration
@@ -22,7 +23,10 @@ if TYPE_CHECKING:  # Dask takes a second to import
 USUAL_WAIT = 60.0
 """Seconds for which a study waits for a lost scheduler by default."""
 
-_TLS = "tls://"
+_TCP, _TLS = "tcp://", "tls://"
+_OF_TLS = {"TLSV13_ALERT_CERTIFICATE_REQUIRED", "SSLV3_ALERT_HANDSHAKE_FAILURE", "TLSV1_ALERT_PROTOCOL_VERSION"}
+"""Errors that a server with TLS gives a client whom it refuses."""
+
 _ATTEMPT = 5.0  # seconds for one
 _PAUSES = (0.5, 10.0)  # seconds between two attempts: the first, doubled up to the last
 
@@ -97,20 +101,18 @@ class ExistingScheduler:
         from distributed import Client
 
         address = self._read_address()
-        security = self._security(address)
+        security, tls = self._security(address), address.startswith(_TLS)
         try:
-            place = urlsplit(address)
-            # A client tries for much longer than its timeout.
-            socket.create_connection((place.hostname, place.port), timeout=_ATTEMPT).close()
+            # A client tries for much longer than its timeout, and loses the cause.
+            _handshake(urlsplit(address), security.get_connection_args("client")["ssl_context"] if tls else None)
             return Client(address, timeout=_ATTEMPT, security=security)
         except (OSError, ValueError) as error:
-            refused = ", or it refuses these credentials" if address.startswith(_TLS) else ""
-            raise InputError(f"{self}: no Dask scheduler answers there{refused}") from error
+            raise InputError(f"{self}: {_reason(error, address)}") from error
 
     def _read_address(self) -> str:
         if not self.file:
             address = str(self.address)
-            return address if "://" in address else f"tcp://{address}"  # as Dask's own client reads it
+            return address if "://" in address else f"{_TCP}{address}"  # as Dask's own client reads it
         try:
             return str(json.loads(self.file.read_text())["address"])
         except FileNotFoundError as error:
@@ -170,8 +172,40 @@ class ExistingScheduler:
                 left = until - time.monotonic()
                 if left <= 0:
                     raise TripodDoeError(
-                        f"{self}: no Dask scheduler has answered for {duration(seconds)}; finished points are kept, "
-                        "and the same command runs the others"
+                        f"{self}: no Dask scheduler has answered for {duration(seconds)}: "
+                        f"{str(error).removeprefix(f'{self}: ')}; finished points are kept, and the same command runs "
+                        "the others"
                     ) from error
                 time.sleep(min(pause, left))
                 pause = min(2 * pause, _PAUSES[1])
+
+
+def _handshake(place: SplitResult, tls: ssl.SSLContext | None) -> None:
+    """Connect to a scheduler once; OSError if nobody answers, ssl.SSLError if TLS is not spoken or not trusted."""
+    with socket.create_connection((place.hostname, place.port), timeout=_ATTEMPT) as plain:
+        if tls:
+            tls.wrap_socket(plain).close()
+
+
+def _talks_tls(place: SplitResult) -> bool:
+    """Whether a server speaks TLS, whoever it is."""
+    anyone = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    anyone.check_hostname, anyone.verify_mode = False, ssl.CERT_NONE
+    try:
+        _handshake(place, anyone)
+    except (OSError, ValueError) as error:
+        return isinstance(error, ssl.SSLError) and error.reason in _OF_TLS
+    return True
+
+
+def _reason(error: Exception, address: str) -> str:
+    """Why no connection was made, in words: of a failed handshake the scheme or the certificate at fault."""
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate does not pass {option('tls_ca_file')}: {error.verify_message}"
+    if isinstance(error, ssl.SSLError):
+        return f"the TLS handshake failed ({error.reason}); without TLS its address begins with {_TCP}"
+    if address.startswith(_TLS):
+        return "no Dask scheduler answers there, or it refuses these credentials"
+    if _talks_tls(urlsplit(address)):
+        return f"what answers there talks TLS; the address of such a scheduler begins with {_TLS}"
+    return "no Dask scheduler answers there"

@@ -17,9 +17,11 @@ from typing import Any
 import xarray as xr
 
 from tripod_doe.atomic_files import refuse_links, replace_text
+from tripod_doe.checksum_list import remove_pages
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.study.cube.dataset import build_cube
+from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.writing import StoredResults, write_cube
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.journal import COMPUTING, KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
@@ -113,7 +115,10 @@ class ResultDirectory:
         return list(self._journal.places())
 
     def adopt(self, study: Study) -> None:
-        """Make this the study of the directory, without checks."""
+        """Make this the study of the directory, without checks; what was made of its earlier results is removed."""
+        remove_pages(self.path)
+        for stale in analysis_files(self.path).values():
+            stale.unlink()
         notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
         self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
