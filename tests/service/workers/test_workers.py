@@ -275,6 +275,7 @@ def test_questions_of_readers_hold_up_no_question_of_the_owner(tmp_path, monkeyp
     service = Service(Settings(tmp_path, token="t" * 32))
     left, questions = threading.Event(), {"question": "workers.worker:import_module", "name": "sleeping"}
     seen = service.seen_by(service.settings, lambda: True).asked_by(left)
+    endless(monkeypatch, service)
     asking = [threading.Thread(target=_refused, args=(ask, questions)) for ask in [seen.ask, seen.ask_large] * 2]
     try:
         for thread in asking:
@@ -297,6 +298,7 @@ def test_a_reader_leaves_a_worker_to_the_others(tmp_path, monkeypatch, kind):
     monkeypatch.syspath_prepend(str(tmp_path))
     service, left = Service(Settings(tmp_path, token="t" * 32)), threading.Event()
     one, other = (service.seen_by(replace(service.settings, key=key), lambda: True).asked_by(left) for key in "ab")
+    endless(monkeypatch, service)
     questions = {"question": "workers.worker:import_module", "name": "sleeping"}
     asking = [threading.Thread(target=_refused, args=(getattr(one, kind), questions)) for _ in range(2)]
     try:
@@ -317,6 +319,46 @@ def test_a_reader_leaves_a_worker_to_the_others(tmp_path, monkeypatch, kind):
         service.end_questions()
         for thread in asking:
             thread.join(30)
+
+
+def test_two_readers_who_hold_all_workers_make_room_for_a_third(pool, monkeypatch):
+    """Regression: a third reader waited until one of their answers was ready, and after 30 s got none."""
+    monkeypatch.setattr("tripod_doe.service.workers.worker_pool._TURN", 0.5)
+    shared = WorkerPool(2, Limits(), of_one=2)
+    ended, heard = threading.Event(), []
+
+    def hold(reader):
+        try:
+            shared.ask("workers.worker:import_module", 60, left=ended, reader=reader, name="sleeping")
+        except AllBusyError as error:
+            heard.append(str(error))
+        except (RefusedError, ServerEndsError):
+            pass
+
+    greedy = [threading.Thread(target=hold, args=(reader,)) for reader in "ab"]
+    try:
+        for thread in greedy:
+            thread.start()
+        while not shared._free.empty():
+            time.sleep(0.01)
+        body = b'{"study": "", "timing": false}'
+        question = {"question": "workers.worker_functions:wants_timing", "body": body, "limits": Limits()}
+        assert shared.ask(seconds=60, reader="c", **question) is False
+        assert heard == ["import module: ended after 0.5 s, since others wait"]
+        assert sorted(thread.is_alive() for thread in greedy) == [False, True]  # the other one goes on
+    finally:
+        ended.set()
+        shared.close()
+        for thread in greedy:
+            thread.join(30)
+
+
+def endless(monkeypatch, service):
+    """Let questions of readers wait and last until they are ended, also on a busy machine."""
+    for name in ("_PATIENCE", "_TURN"):
+        monkeypatch.setattr(f"tripod_doe.service.workers.worker_pool.{name}", 1000)
+    for readers in service._of_readers:
+        readers._patience = 1000
 
 
 def _refused(ask, arguments):

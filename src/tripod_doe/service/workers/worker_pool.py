@@ -14,7 +14,7 @@ import signal
 import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -27,6 +27,7 @@ from tripod_doe.service.workers.worker import serve
 _MOMENT = 1.0  # seconds to wait for the exit code of a process that has closed its connection
 _PATIENCE = 4  # most wall time of an answer, as a multiple of its CPU time limit
 _LOOK = 0.25  # seconds between two checks whether the client is still there
+_TURN = 5.0  # seconds of the clock for a reader's question while another reader waits
 _GRACE = 2.0  # seconds for an answer whose client has left: a new process that opens its cubes again may cost more
 
 
@@ -63,7 +64,8 @@ class WorkerPool:
         count: Number of processes.
         patience: Seconds for which a question waits for a free worker.
         waiting: Most waiting questions; each holds a thread of the server, and other requests also need threads.
-        of_one: Most questions of one reader. At least one worker of several is left to others.
+        of_one: Most questions of one reader. At least one worker of several is left to others, and where others hold
+            them all, a question that has lasted longest is ended for a reader who waits.
 
     Attributes:
         threads: Threads of the server that its questions can hold.
@@ -80,6 +82,7 @@ class WorkerPool:
         self._open: Counter[str] = Counter()  # questions of each reader
         self._turns = defaultdict[str, threading.Semaphore](lambda: threading.Semaphore(max(1, count - 1)))
         self._turns[""] = threading.Semaphore(count)
+        self._waiting: list[object] = []  # those for whom a worker must be freed
         self._workers = [_Worker(limits.memory_bytes) for _ in range(count)]
         self._free: queue.LifoQueue[_Worker] = queue.LifoQueue()
         for worker in self._workers:
@@ -116,7 +119,7 @@ class WorkerPool:
         with self._turn(reader, left):
             worker = self._free_worker(left)
             try:
-                return worker.ask(question, seconds, arguments, as_json, left)
+                return worker.ask(question, seconds, arguments, as_json, left, self._makes_room if reader else None)
             finally:
                 self._free.put(worker)
 
@@ -142,10 +145,26 @@ class WorkerPool:
 
     def _free_worker(self, left: threading.Event) -> _Worker:
         """Take a free worker, or wait for one within `patience`."""
-        for pause in _pauses(self._patience, left):
-            with suppress(queue.Empty):
-                return self._free.get(timeout=pause)
+        with suppress(queue.Empty):
+            return self._free.get_nowait()
+        self._waiting.append(here := object())
+        try:
+            for pause in _pauses(self._patience, left):
+                with suppress(queue.Empty):
+                    return self._free.get(timeout=pause)
+        finally:
+            with suppress(ValueError):  # somebody has made room
+                self._waiting.remove(here)
         raise AllBusyError
+
+    def _makes_room(self, spent: float) -> bool:
+        """Whether a question at work must end for one that waits; asked once for each that waits."""
+        if spent < _TURN:
+            return False
+        with suppress(IndexError):
+            self._waiting.pop(0)
+            return True
+        return False
 
     def warm(self) -> None:
         """Start one worker, so that the first question need not wait for it; if that fails, it tries again."""
@@ -206,7 +225,13 @@ class _Worker:
                 self._changing.release()
 
     def ask(
-        self, question: str, seconds: float, arguments: dict[str, Any], as_json: bool, left: threading.Event
+        self,
+        question: str,
+        seconds: float,
+        arguments: dict[str, Any],
+        as_json: bool,
+        left: threading.Event,
+        makes_room: Callable[[float], bool] | None = None,
     ) -> Any:
         """Ask a question; see `WorkerPool.ask`."""
         connection = self.start()
@@ -214,10 +239,13 @@ class _Worker:
         answer: Any = None
         try:
             connection.send((question, seconds, arguments, as_json))
-            kind = "late"
+            kind, began = "late", time.monotonic()
             for pause in _pauses(_PATIENCE * seconds, left, _GRACE):
                 if connection.poll(pause):
                     kind, answer = connection.recv()
+                    break
+                if makes_room and makes_room(time.monotonic() - began):
+                    kind = "long"
                     break
         except ClientLeftError:
             kind = "left"
@@ -238,6 +266,8 @@ class _Worker:
         if kind == "left":
             raise ClientLeftError
         name = question.partition(":")[2].replace("_", " ")
+        if kind == "long":
+            raise AllBusyError(f"{name}: ended after {_TURN:g} s, since others wait")
         if late:
             raise LateError(413, f"{name}: no answer within {seconds:g} s of CPU time, which is the limit here")
         raise WorkerFailedError(f"{name}: the worker has ended")
