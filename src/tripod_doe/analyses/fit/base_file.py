@@ -19,7 +19,7 @@ _SAMPLES = 256
 def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     """The table [base] with what was known and what was fitted, each fitted value with its interval as a comment."""
     lines = [f"# {_in_a_comment(result.attrs['title'])}: the joint as it was fitted, to paste into a study", "[base]"]
-    lines += [f"{name} = {json.dumps(value)}" for name, value in base.items()]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in _of_these_needles(result, base).items()]
     for name in result["unknown"].values.tolist():
         own = result.sel(unknown=name, unknown_2=name)
         if not math.isfinite(float(own["value"])):
@@ -29,6 +29,11 @@ def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         verdict = str(own["verdict"].item())
         lines.append(f"{name} = {_rounded(own)}  # 95 %: {words}; {verdict}")
     return "\n".join(lines) + "\n"
+
+
+def _of_these_needles(result: xr.Dataset, base: Mapping[str, Value]) -> Mapping[str, Value]:
+    """What was known, with a model whose needles keep their skew if the fitted skews are of such."""
+    return {**base, "model": "rollers"} if result.attrs.get("skews_stay") else base
 
 
 def _in_a_comment(text: object) -> str:
@@ -63,7 +68,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         'question = "How far does what is not known of the joint spread the orders of its thrust force?"',
         "",
         "[base]",
-        *(f"{name} = {json.dumps(value)}" for name, value in base.items()),
+        *(f"{name} = {json.dumps(value)}" for name, value in _of_these_needles(result, base).items()),
         *(
             f"{name} = {json.dumps(value.item())}  # the middle of the records"
             for name, value in operating.items()

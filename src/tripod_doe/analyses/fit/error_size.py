@@ -69,8 +69,7 @@ def estimate_error_size(
         return Misfit(rows.with_errors_times(size_of(sizes).of(rows.order)), used, prior)
 
     def cost(sizes: FloatArray) -> float:
-        restricted = misfit(sizes).restricted_cost(best.prediction, best.place, best.slope)
-        return restricted + float(((sizes / _SPREAD) ** 2).sum())
+        return _improbability(misfit(sizes), best, sizes)
 
     def variances(sizes: FloatArray) -> FloatArray:
         own = misfit(sizes)
@@ -85,6 +84,22 @@ def estimate_error_size(
     spread = _spread_of_sizes(np.array([[_curvature(cost, sizes, one, other) for one in steps] for other in steps]))
     doubt = np.einsum("ks,kl,ls->s", change, spread, change)  # variance of the logarithm of each scalar's variance
     return replace(size_of(sizes), freedom=max(2 / max(float(doubt.max()), 1e-9), _FEWEST))
+
+
+def improbability(misfit: Misfit, best: Descent, size: ErrorSize) -> float:
+    """Minus twice the logarithm of the restricted likelihood of these sizes, but for a constant.
+
+    Args:
+        misfit: With errors of these sizes.
+        best: A minimum, with its derivatives.
+    """
+    groups = {order if order in _ALONE else 0: factor for order, factor in size.factors.items()}
+    return _improbability(misfit, best, np.log(list(groups.values())))
+
+
+def _improbability(misfit: Misfit, best: Descent, sizes: FloatArray) -> float:
+    restricted = misfit.restricted_cost(best.prediction, best.place, best.slope)
+    return restricted + float(((sizes / _SPREAD) ** 2).sum())
 
 
 def _curvature(cost: Callable[[FloatArray], float], at: FloatArray, one: FloatArray, other: FloatArray) -> float:

@@ -37,6 +37,15 @@ _STAYS = 0.1  # of the standard deviation: a minimum that moves less by a correc
 
 
 @dataclass(frozen=True)
+class Skews:
+    """Which needles a fit is of, where both were looked at: such that turn or such that keep their skew."""
+
+    stay: bool  # whether its values are of needles that keep their skew
+    lead: float  # twice the logarithm of the odds of these needles against the others
+    other: FloatArray | None  # places of the scalars with the other needles; None where these are too unlikely
+
+
+@dataclass(frozen=True)
 class Solution:
     """Result of a fit, on the unit cube of its scalars."""
 
@@ -56,6 +65,7 @@ class Solution:
     corrections: int  # how often the model asked for was computed at a minimum
     at_rest: bool  # whether the minimum came to rest by these
     failed_places: int  # starting places where a point failed
+    skews: Skews | None = None  # None where only needles that turn were looked at
 
 
 def solve(

@@ -40,7 +40,9 @@ _FINEST_OTHER = 0.05
 _LENGTH = {"kinetostatic": 0.2}  # of logarithms of the joint angle, over which errors are alike
 _USUAL_LENGTH = 1.0
 _LOW, _HIGH = np.log(0.1), np.log(60.0)  # logarithms of deg: smaller angles are alike
-_TURNING = "kinetostatic"  # the model of which the errors of the following parts are known
+TURNING = "kinetostatic"
+"""The model of which the errors of the following parts are known."""
+
 # of the second order at a groove, and of what its needles' turning has added: in a record alone, and alike
 _OWN_PARTS = np.array([0.08, 0.04])
 _ALIKE_PARTS = np.array([0.06, 0.22])
@@ -120,8 +122,9 @@ def model_error(
     alike = _alike(columns["joint_angle_deg"], max(_LENGTH.get(model, _USUAL_LENGTH) for model in models))
     own, shared = whole.copy(), _each_order(np.sqrt(2) * whole * unit, alike)
     of_second = f"of order 2 at most {100 * _OTHER:g} %" if 2 in orders and recorded.all() else None
-    if 2 in orders and needles is not None and models == {_TURNING}:
-        parts = _parts_of_grooves(needles, np.stack([columns[f"initial_skew_{at}_deg"] for at in (1, 2, 3)], axis=1))
+    if 2 in orders and needles is not None and models == {TURNING}:
+        initial = np.stack([columns[f"initial_skew_{at}_deg"] for at in (1, 2, 3)], axis=1)
+        parts = np.stack([needles.second, turning_of(needles, initial)], axis=1)  # (point, 2, groove)
         if np.isfinite(parts).all():
             at = list(orders).index(2)
             own[:, at] = np.sqrt(((np.abs(parts) * _OWN_PARTS[:, None]) ** 2).sum(axis=(1, 2)))
@@ -204,12 +207,16 @@ def _each_order(changes: ComplexArray, alike: FloatArray) -> ComplexArray:
     return np.asarray(by_node.reshape(len(changes), width, -1), complex)
 
 
-def _parts_of_grooves(needles: Needles, initial: FloatArray) -> ComplexArray:
-    """Second order at each groove, and what the turning of its needles has added to it, shape (point, 2, groove)."""
+def turning_of(needles: Needles, initial: FloatArray) -> ComplexArray:
+    """What the turning of needles since the start has added to the second order at each groove, shape (point, groove).
+
+    Args:
+        initial: Skews at the start, deg, shape (point, groove).
+    """
     skew, ahead = needles.skew, _AHEAD
     size = (skew**2).sum(axis=1)
     each = np.divide((needles.second * np.conj(ahead) * skew).sum(axis=1), size, out=0j * size, where=size != 0)
-    return np.stack([needles.second, each[:, None] * ahead * (skew - initial)], axis=1)
+    return np.asarray(each[:, None] * ahead * (skew - initial), complex)
 
 
 def _second_and_third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:

@@ -292,6 +292,15 @@ def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str,
         "skews_change_places": int(rig.skews_change_places),
         "skews_alike": json.dumps(rig.skews_alike(solution.best.place)),
         "other_minima": len(solution.others),
+        **_skews(layout, solution),
         "combinations": json.dumps(combined),
         "scalars": json.dumps(names),
     }
+
+
+def _skews(layout: Layout, solution: Solution) -> dict[str, str | float | int]:
+    """Which needles the values are of, where both were looked at, and the values with the others."""
+    if (skews := solution.skews) is None:
+        return {}
+    other = {} if skews.other is None else dict(zip(layout.names(), layout.physical(skews.other).tolist(), strict=True))
+    return {"skews_stay": int(skews.stay), "skews_lead": skews.lead, "other_skews": json.dumps(other)}

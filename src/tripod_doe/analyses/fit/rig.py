@@ -6,20 +6,22 @@ Whatever computes points is handed in, so that nothing here knows of journals or
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.fit.fit import Solution, solve
+from tripod_doe.analyses.fit.fit import Skews, Solution, solve
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.identifiability import skews_alike
 from tripod_doe.analyses.fit.least_squares import Descent, Predict
 from tripod_doe.analyses.fit.misfit import Rows
-from tripod_doe.analyses.fit.model_error import ModelError, Needles, model_error
+from tripod_doe.analyses.fit.model_error import TURNING, ModelError, Needles, model_error
 from tripod_doe.analyses.fit.next_record import CandidateRows, Gain, Next, gains
 from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
+from tripod_doe.analyses.fit.skews_that_stay import UNLIKELY, first_look, improbability_of, joined, with_initial_skews
 from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
@@ -202,7 +204,46 @@ class RigFit:
         return make_rows(self.records, self.orders, error.own, error.shared, self.file.records.force_scale_error)
 
     def fit(self, points: Answers, tell: Callable[[str], None]) -> tuple[Solution, ModelError]:
-        """Search, refine, and profile; `tell` takes the name of each stage as it begins."""
+        """Search, refine, and profile, with needles that turn and, where that may be, with skews that stay.
+
+        Args:
+            tell: Takes the name of each stage as it begins.
+        """
+        turning, error = self._fit(points, tell)
+        if not self._may_stay:
+            return turning, error
+        tell("skews that stay")
+        staying = self.with_initial_skews(points)
+        look = first_look(
+            turning,
+            self.predictor(staying, self.cheap),
+            lambda best: self.rows(self.error_at(staying, best.place)),
+            self.places_alike,
+            self.file.fit.seed,
+        )
+        if (lead := look - improbability_of(turning)) > UNLIKELY:
+            return replace(turning, skews=Skews(False, lead, None)), error
+        other, error_of_other = self._fit(staying, tell)
+        likelier = joined(turning, other)
+        return likelier, error_of_other if likelier.problem is other.problem else error
+
+    @property
+    def _may_stay(self) -> bool:
+        """Whether skews are fitted to orders of a model whose needles turn, with errors that are on record."""
+        fitted = any(name in self.file.unknowns for name in _SKEWS) and set(self.orders) == {2, 3}
+        return fitted and self.model == TURNING and self.file.fit.model_error == "recorded"
+
+    def with_initial_skews(self, points: Answers) -> Answers:
+        """Answers of a joint whose needles keep the skew that they start with."""
+
+        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:
+            every = self.all_columns(columns)
+            return with_initial_skews(*points(columns), np.stack([every[name] for name in _SKEWS], axis=1))
+
+        return answers
+
+    def _fit(self, points: Answers, tell: Callable[[str], None]) -> tuple[Solution, ModelError]:
+        """Search, refine, and profile with these answers."""
         errors = [self.first_error()]
 
         def weigh(best: Descent) -> Rows:
@@ -262,6 +303,8 @@ class RigFit:
         """Effect of one more record at each candidate."""
         if not self.candidates or self.file.next is None:
             return None
+        if solution.skews is not None and solution.skews.stay:
+            points = self.with_initial_skews(points)
         layout, best = self.layout, solution.best
         names = [unknown.name for unknown in layout.unknowns]
         relative = [_relative(layout, solution, scalar) for scalar in range(layout.count)]

@@ -203,6 +203,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             f"{count_of(int(attrs['other_minima']), 'other minimum').replace('minimums', 'minima')} of the search fit "
             "within the 95 % confidence; the intervals reach over them."
         )
+    yield from _skews_that_stay(fit)
     if attrs["aligned_by_order"]:
         yield f"Without a reference angle, records are aligned by an order of their own.{_skews_alike(fit)}"
     yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(fit)}"
@@ -228,6 +229,23 @@ def _skews_alike(fit: xr.Dataset) -> str:
         f" Trunnions then look alike: skews of {alike[1]} and {alike[2]} deg at trunnions 1 / 2 / 3, with the same "
         f"differences as {alike[0]} deg in other places of the circle, give nearly the same records. The search began "
         "there, too."
+    )
+
+
+def _skews_that_stay(fit: xr.Dataset) -> Iterator[str]:
+    """Whether needles turn or keep their skew, as far as the records say."""
+    if (stay := fit.attrs.get("skews_stay")) is None:
+        return
+    needles = ("needles that turn, as in kinetostatic,", "needles that keep their skew, as in rollers,")
+    own, other = needles[::-1] if stay else needles
+    values = json.loads(str(fit.attrs["other_skews"]))
+    if not values:
+        yield f"The records fit {own} better than {other} by more than 20 to 1: the values are of the former."
+        return
+    texts = ", ".join(f"{name} {number(value, 3)}" for name, value in values.items())
+    yield (
+        f"The records fit {own} better than {other} by less than 20 to 1: the values are of the former, and the "
+        f"intervals reach over both. Best values of the latter: {texts}."
     )
 
 

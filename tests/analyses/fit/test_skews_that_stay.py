@@ -1,0 +1,111 @@
+"""Needles that turn and needles that keep their skew are told apart by their records."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripod_doe.analyses.fit.base_file import base_text
+from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.model_error import Needles
+from tripod_doe.analyses.fit.result import fit_dataset
+from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.analyses.fit.sentences import find_in_fit
+
+sys.path.append(str(Path(__file__).parents[3] / "measurements"))
+import make_rig
+
+HIDDEN = {"initial_skew_1_deg": 0.5, "initial_skew_2_deg": -0.2}
+FIT = """
+[fit]
+name = "skews"
+[base]
+model = "kinetostatic"
+needle_sliding_friction = 0.05
+[unknowns.initial_skew_1_deg]
+low = -1
+high = 1
+[unknowns.initial_skew_2_deg]
+low = -1
+high = 1
+[records]
+table = "records.csv"
+reference_angle_deg = 0
+"""
+
+
+def answers(every, stay=False):
+    """A made-up joint: orders in proportion to torque and frictions, needles that turn more at large angles."""
+    angle, torque, needle = (
+        np.asarray(every[name], float) for name in ("joint_angle_deg", "torque_n_m", "needle_sliding_friction")
+    )
+    initial = np.stack([np.asarray(every[f"initial_skew_{at}_deg"], float) for at in (1, 2, 3)], axis=1)
+    skew = initial * (1 if stay else 1.0 - 0.055 * angle[:, None])
+    second = (2 * torque * needle)[:, None] * np.exp(2j * np.radians(120) * np.arange(3)) * skew
+    orders = np.zeros((angle.size, 13), complex)
+    orders[:, 2], orders[:, 3] = second.sum(axis=1), 1j * torque * np.radians(angle) * (4 + 40 * needle)
+    return orders, Needles(second, skew)
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """Fits records of the made-up joint, with another second order at one record if asked for."""
+
+    def fitted(stay, error=0.0):
+        random, rows = np.random.default_rng(5), []
+        for at, values in enumerate(make_rig.POINTS, start=1):
+            point = dict(zip(make_rig.OPERATING, map(float, values), strict=True))
+            every = {
+                name: np.array([value])
+                for name, value in {
+                    **HIDDEN,
+                    **point,
+                    "needle_sliding_friction": 0.05,
+                    "initial_skew_3_deg": 0.0,
+                }.items()
+            }
+            own = answers(every, stay)[0][0]
+            own[2] *= 1 + error * random.standard_normal()
+            lines = [
+                f"{t:.5f},{angle:.1f},{force:.3f}"
+                for t, angle, force in make_rig.record(own, point["speed_rpm"], 0, random)
+            ]
+            (tmp_path / f"{at}.csv").write_text("\n".join(["time_s,rotation_deg,thrust_n", *lines, ""]))
+            rows.append([f"{at}.csv", *values])
+        with (tmp_path / "records.csv").open("w", newline="") as stream:
+            csv.writer(stream).writerows([["file", *make_rig.OPERATING], *rows])
+        (tmp_path / "fit.toml").write_text(FIT)
+        own = RigFit(load_fit(tmp_path / "fit.toml"))
+        return own, *own.fit(lambda columns: answers(own.all_columns(columns)), lambda stage: None)
+
+    return fitted
+
+
+@pytest.mark.parametrize("stay", [False, True])
+def test_records_say_whether_needles_turn(rig, stay):
+    own, solution, error = rig(stay)
+    assert solution.skews.stay == stay
+    assert solution.skews.other is None
+    fit = fit_dataset(own, solution, error, None)
+    for name, hidden in HIDDEN.items():
+        assert fit["low"].sel(unknown=name) < hidden < fit["high"].sel(unknown=name)
+    words = " ".join(find_in_fit(fit))
+    first, second = ("keep their skew", "turn") if stay else ("turn", "keep their skew")
+    assert f"The records fit needles that {first}" in words
+    assert f"better than needles that {second}" in words
+    assert ('model = "rollers"' in base_text(fit, own.file.base)) == stay
+
+
+def test_intervals_reach_over_both_where_records_do_not_say(rig):
+    """Second orders that scatter by 40 % hide the quarter to half by which both differ."""
+    own, solution, error = rig(False, 0.4)
+    assert solution.skews.other is not None
+    fit = fit_dataset(own, solution, error, None)
+    for name, profile, place in zip(HIDDEN, solution.profiles, solution.skews.other, strict=True):
+        assert profile.low <= place <= profile.high
+        assert fit["low"].sel(unknown=name) < HIDDEN[name] < fit["high"].sel(unknown=name)
+    assert any("by less than 20 to 1" in line for line in find_in_fit(fit))
