@@ -1,11 +1,14 @@
 """Makes the records of a stranger's rig: own names, ugly formats, a poor tachometer, a joint that nobody is told.
 
-It shares no code with the package: the thrust comes from `tripod-doe simulate --format json` on the command line, and
-everything else is written here. The rig has a reversed force sensor with a preload and a drift, three recorders (a
+It shares no code with the package: the thrust comes from `td.simulate` in a process of its own, and everything else is
+written here. The rig has a reversed force sensor with a preload and a drift, three recorders (a
 German one with a header, decimal commas and Latin-1; one that writes UTF-16 and tabs; one with quotes and milliseconds),
 and tachometers of 1, 6 and 60 pulses whose contacts bounce and miss.
 
 Run as: python benchmarks/stranger_rig.py FOLDER [--model needles] [--records 15] [--seed 1] [--joint 1]
+    python benchmarks/stranger_rig.py FOLDER --drawing 3 --records 6 --model rollers
+
+--drawing draws a whole joint and its operating points, one kind a number (see `KINDS`), and writes fit.toml beside them.
 """
 
 from __future__ import annotations
@@ -41,20 +44,34 @@ MIDDLE = {
     "initial_skew_1_deg": (-0.6, 0.6),
     "initial_skew_2_deg": (-0.6, 0.6),
 }
+KINDS = {  # ranges of joint angle, torque, speed and skews
+    1: ((5, 12), (80, 300), (400, 1000), 0.6),
+    2: ((0.8, 4), (80, 300), (400, 1000), 0.6),  # small angles
+    3: ((11, 17), (60, 200), (300, 800), 0.6),  # large angles
+    4: ((4, 11), (-250, -60), (300, 900), 0.6),  # coast
+    5: ((4, 12), (80, 300), (40, 200), 0.6),  # slow
+    6: ((4, 10), (80, 300), (1500, 2600), 0.6),  # fast
+    7: ((4, 12), (100, 400), (400, 1000), 1.5),  # strong skews
+    8: ((5, 12), (15, 50), (400, 1000), 0.6),  # little torque
+    9: ((3, 14), (50, 350), (100, 2000), 0.2),  # weak skews, wide ranges
+    10: ((5, 9), (180, 220), (590, 610), 0.6),  # records that hardly differ
+}
 RATE = 5000.0
 SECONDS = 2.6
-RUNNER = [sys.executable, "-m", "tripod_doe"]
+COMPUTE = """import json, sys, tripod_doe as td
+answers = [td.simulate(**point) for point in json.load(sys.stdin)]
+json.dump([[one[f"thrust_{part}"].values.tolist() for part in ("amplitude", "phase_deg")] for one in answers], sys.stdout)
+"""
 
 
-def orders_of(model: str, point: tuple[float, float, float]) -> list[tuple[float, float]]:
-    """Amplitude and phase of the orders of the hidden joint."""
-    values = {**HIDDEN, **DRAWING, "joint_angle_deg": point[0], "torque_n_m": point[1], "speed_rpm": point[2]}
-    flags = [text for name, value in values.items() for text in (f"--{name}", str(value))]
-    done = subprocess.run(
-        [*RUNNER, "simulate", "--model", model, *flags, "--format", "json"], capture_output=True, check=True
-    )
-    answer = json.loads(done.stdout)
-    return list(zip(answer["thrust_amplitude"], answer["thrust_phase_deg"], strict=True))
+def orders_of(model: str, points: list[tuple[float, float, float]]) -> list[list[tuple[float, float]]]:
+    """Amplitude and phase of the orders of the hidden joint at each point."""
+    names = ("joint_angle_deg", "torque_n_m", "speed_rpm")
+    values = [{"model": model, **HIDDEN, **DRAWING, **dict(zip(names, point, strict=True))} for point in points]
+    done = subprocess.run([sys.executable, "-c", COMPUTE], input=json.dumps(values).encode(), capture_output=True)
+    if done.returncode:
+        sys.exit(done.stderr.decode()[-2000:])
+    return [list(zip(*answer, strict=True)) for answer in json.loads(done.stdout)]
 
 
 def signals(orders, rpm, pulses, dice):
@@ -122,14 +139,58 @@ def hide(joint: int) -> None:
     print(json.dumps(HIDDEN))
 
 
+def draw(kind: int, records: int) -> str:
+    """Draw a joint of other geometry with its operating points; the text of a fit file with what its drawing states."""
+    dice = random.Random(f"drawing {kind}")
+    angles, torques, speeds, skew = KINDS[kind]
+    pitch = round(dice.uniform(17, 30), 1)
+    count, bearing = dice.randint(20, 33), round(0.82 * pitch, 2)
+    roller = round(0.76 * pitch, 1)
+    DRAWING.update(
+        pitch_radius_mm=pitch, roller_radius_mm=roller, roller_width_mm=round(0.69 * roller, 1),
+        needle_count=count, needle_pitch_diameter_mm=bearing, needle_diameter_mm=round(math.pi * bearing / count - 0.012, 3),
+        needle_length_mm=round(0.6 * roller, 1), bearing_radial_clearance_mm=round(dice.uniform(0.01, 0.03), 3),
+        needle_axial_clearance_mm=round(dice.uniform(0.15, 0.4), 2),
+    )  # fmt: skip
+    hidden = {**MIDDLE, "initial_skew_1_deg": (-skew, skew), "initial_skew_2_deg": (-skew, skew)}
+    HIDDEN.update({name: round(dice.uniform(low, high), 4) for name, (low, high) in hidden.items()})
+    POINTS[:] = [
+        (round(dice.uniform(*angles), 1), round(dice.uniform(*torques)), round(dice.uniform(*speeds)))
+        for _ in range(records)
+    ]
+    print(json.dumps(HIDDEN))
+    bounds = {"groove_sliding_friction": (0.02, 0.15), "needle_sliding_friction": (0.01, 0.1)}
+    bounds |= dict.fromkeys(
+        ("initial_skew_1_deg", "initial_skew_2_deg"), (-2 if skew > 1 else -1, 2 if skew > 1 else 1)
+    )
+    lines = [
+        "[fit]",
+        f'name = "Joint {kind} of a stranger"',
+        "[base]",
+        *(f"{name} = {value}" for name, value in DRAWING.items()),
+    ]
+    lines += [f"[unknowns.{name}]\nlow = {low}\nhigh = {high}" for name, (low, high) in bounds.items()]
+    return "\n".join(
+        [
+            *lines,
+            "[records]",
+            'files = ["Lauf *"]',
+            'pattern = "Lauf * {joint_angle_deg}grad {torque_n_m}Nm.*"',
+            "sign = -1",
+            "",
+        ]
+    )
+
+
 def make(folder: Path, model: str, records: int, seed: int) -> None:
     """Write the records."""
     dice = random.Random(seed)
     folder.mkdir(parents=True, exist_ok=True)
-    for at, point in enumerate(POINTS[:records]):
+    points = POINTS[:records]
+    for at, (point, orders) in enumerate(zip(points, orders_of(model, points), strict=True)):
         write, end, pulses = [(german, "asc", 1), (tabbed, "txt", 6), (quoted, "csv", 60)][at % 3]
         angle = f"{point[0]:g}".replace(".", "p")
-        rows = signals(orders_of(model, point), point[2], pulses, dice)
+        rows = signals(orders, point[2], pulses, dice)
         write(folder / f"Lauf {at + 1:02d} {angle}grad {point[1]}Nm.{end}", point, rows, dice)
 
 
@@ -140,7 +201,11 @@ if __name__ == "__main__":
     parser.add_argument("--records", type=int, default=15)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--joint", type=int, help="another hidden joint, drawn by this number and printed")
+    parser.add_argument("--drawing", type=int, choices=KINDS, help="another joint with its fit file")
     given = parser.parse_args()
     if given.joint is not None:
         hide(given.joint)
+    if given.drawing is not None:
+        given.folder.mkdir(parents=True, exist_ok=True)
+        (given.folder / "fit.toml").write_text(draw(given.drawing, given.records))
     make(given.folder, given.model, given.records, given.seed)
