@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
-from tripod_doe.joint.known_errors.operating_ratios import RATIOS, has_no_thrust, operating_ratios
+from tripod_doe.joint.known_errors.operating_ratios import RATIOS, coordinates, has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Accuracy, Quantity
@@ -61,8 +61,8 @@ class _Measured:
 
     names: tuple[str, ...]  # names of the ratios
     values: FloatArray  # of the ratios, shape (measured, ratio)
-    places: FloatArray  # logarithms of the ratios, over the spread of each, shape (measured, ratio)
-    spread: FloatArray  # standard deviations of the logarithms, shape (ratio,)
+    places: FloatArray  # their coordinates, over the spread of each, shape (measured, ratio)
+    spread: FloatArray  # standard deviations of the coordinates, shape (ratio,)
     # by model: relative error of its third order, shape (measured,); NaN if one of the two models has no result,
     # infinite if not run
     errors: dict[str, FloatArray]
@@ -144,12 +144,12 @@ def _measured() -> _Measured:
     values = np.stack(list(ratios.values()), axis=1)
     parameters = {name: table[name] for name in given if name in JOINT_PARAMETERS}
     second_missed = {model: np.abs(table[f"{model}_2"] - table["needles_2"]) for model in COMPARED}
-    spread = np.log(values).std(axis=0)
+    spread = coordinates(ratios).std(axis=0)
     direct = table["needles"] == 1
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
     measured = _Measured(
-        tuple(ratios), values, np.log(values) / spread, spread, errors, table["needles_2"], second_missed, parameters
+        tuple(ratios), values, coordinates(ratios) / spread, spread, errors, table["needles_2"], second_missed, parameters
     )
     errors["equilibrium"][~direct] += _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
     beside = errors["kinetostatic"][~direct]
@@ -190,7 +190,7 @@ def errors_at(
     low, high = measured.ranges(model)
     inside = (values >= low) & (values <= high)
     within = inside.all(axis=1)
-    errors = measured.near(model, np.log(values[within]) / measured.spread)
+    errors = measured.near(model, coordinates(ratios)[within] / measured.spread)
     expected[within], limit[within] = _median_and_limit(errors)
     if model in WITHOUT_VIBRATION:
         by_vibration = vibration[within]
@@ -236,8 +236,7 @@ def similar_errors(
     asked = np.asarray(~np.isinf(errors).any(axis=-1))
     inside = measured.speaks_of(points, asked)
     ratios = operating_ratios({name: column[inside] for name, column in points.items()})
-    with np.errstate(divide="ignore"):
-        places = np.log(np.stack([ratios[name] for name in measured.names], axis=1)) / measured.spread
+    places = coordinates(ratios) / measured.spread
     places[~np.isfinite(places)] = _FAR
     nearest = nearest_rows(measured.places[asked], places, ALIKE)
     near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])

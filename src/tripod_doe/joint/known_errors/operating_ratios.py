@@ -12,6 +12,9 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.unit_conversion import internal_values
 
+LINEAR = ("skew_deg", "direction")
+"""Ratios that are compared as they are, not by their logarithms."""
+
 RATIOS = {
     "joint_angle_deg": "joint angle",
     "groove_friction": "sliding friction coefficient of the grooves, 0 with their sliding off",
@@ -20,12 +23,15 @@ RATIOS = {
     "needle_ratio": "needle sliding friction, 0 with it off, over joint angle in rad",
     "inertia_ratio": "force that keeps a roller on its orbit, over its mean normal force",
     "crown_ratio": "1 + crown of the needles over the penetration of the most loaded one without crown and clearance",
+    "skew_deg": "initial skew of the needles, root mean square of the three bearings",
+    "direction": "1 in drive, -1 in coast, where an error is a larger share of a smaller thrust force",
 }
 """Meaning of each ratio."""
 
-
 def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
-    """The `RATIOS` of a block of points, each of shape (point,); infinite or NaN without angle or torque.
+    """The `RATIOS` of a block of points, each of shape (point,).
+
+    Without angle or torque some are infinite or NaN.
 
     Args:
         points: Every parameter by name, in the unit of its name, each of shape (point,).
@@ -48,6 +54,8 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
             "needle_ratio": rubbing / values.joint_angle,
             "inertia_ratio": orbit / values.groove_load,
             "crown_ratio": 1 + values.needle_crown / (carried / values.needle_stiffness) ** 0.9,
+            "skew_deg": np.degrees(np.sqrt(np.mean(np.square(values.initial_skews), axis=0))),
+            "direction": np.sign(np.asarray(points["torque_n_m"], float)),
         }
 
 
@@ -55,3 +63,9 @@ def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
     """Whether a point has no thrust force in any model: without angle, torque or sliding friction of the grooves."""
     still = (ratios["joint_angle_deg"] == 0) | (ratios["groove_friction"] == 0)
     return np.asarray(still | ~np.isfinite(ratios["inertia_ratio"]))  # a force over the force from the torque
+
+
+def coordinates(ratios: Mapping[str, FloatArray]) -> FloatArray:
+    """Coordinates by which points are similar: logarithms of the ratios, -inf for 0, but of `LINEAR`; shape (point, ratio)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.stack([each if name in LINEAR else np.log(each) for name, each in ratios.items()], axis=1)
