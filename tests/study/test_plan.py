@@ -132,7 +132,7 @@ def test_price_is_the_mean_of_the_timed_points_with_their_quartiles(monkeypatch)
     ],
 )
 def test_points_are_timed_in_batches_of_a_fifth_of_a_second(samples, blocks, monkeypatch):
-    """Exact, with a worker that takes 2 ms per point, 1 s for its first call: that one is no measure."""
+    """Exact, with a worker that takes 2 ms per point, 1 s for its first call."""
     calls = []
 
     def run(task):
@@ -141,7 +141,7 @@ def test_points_are_timed_in_batches_of_a_fifth_of_a_second(samples, blocks, mon
 
     monkeypatch.setattr(timing, "run_task", run)
     seconds = list(timing.timings(parse_study(TEXT.replace("2000", str(samples)))))
-    assert seconds == pytest.approx([0.002] * len(blocks))
+    assert seconds == pytest.approx([1.0, *[0.002] * len(blocks)])
     assert calls == [1, 1, *blocks]
 
 
@@ -152,6 +152,26 @@ def test_repeated_points_are_computed_once():
     plan = td.plan(parse_study(text), timing=False)
     assert (plan.points, plan.unique) == (3, 2)
     assert "repeated" in plan.describe()
+
+
+SECOND_CALL_HANGS = """
+import time
+calls = []
+def f(x):
+    calls.append(x)
+    time.sleep(36000 if len(calls) > 1 else 0)
+    return {"y": x}
+"""
+
+
+def test_the_first_call_counts_where_no_other_ends_in_time(tmp_path, monkeypatch):
+    """Regression: `needles`, of which one run ends within the limit and a second does not, had the recorded price."""
+    monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 10.0)
+    (tmp_path / "hangs.py").write_text(SECOND_CALL_HANGS)
+    text = '[study]\nname="e"\nfunction="hangs:f"\n[factors.x]\nvalues=[1, 2]\n'
+    plan = td.plan(parse_study(text, folder=StudyFolder(tmp_path)))
+    assert plan.timed == 1
+    assert plan.cpu_hours[1] < 1
 
 
 def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):

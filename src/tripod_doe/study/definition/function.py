@@ -148,6 +148,8 @@ def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parame
             raise InputError(f"function = {reference!r}: argument {name}: every cube holds this name; choose another")
         check_cube_name(name, f"function = {reference!r}: argument")
         default = None if argument.default is argument.empty else argument.default
+        if not isinstance(default, int | float | str | None):
+            raise InputError(f"function = {reference!r}: argument {argument}: its default must be a number or a word")
         parameters[name] = _argument(reference, name, default)
     return parameters
 

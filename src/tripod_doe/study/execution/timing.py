@@ -24,6 +24,8 @@ _CANDIDATES = 50_000  # points from which those to time are drawn
 def time_points(study: Study, seconds: float) -> list[float]:
     """CPU seconds per point, for points spread over the design.
 
+    The first call of a process is slower: it counts only where no other ends in time.
+
     Args:
         seconds: Time after which timing stops, compilation not counted; the measurements until then are returned.
     """
@@ -38,14 +40,15 @@ def time_points(study: Study, seconds: float) -> list[float]:
             process.stdin.close()
             process.stdout.readline()  # its kernels are compiled
             stop.start()
-            return [float(line) for line in process.stdout]
+            measured = [float(line) for line in process.stdout]
+            return measured[1:] or measured
         finally:
             stop.cancel()
             process.kill()
 
 
 def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iterator[float]:
-    """Yield the CPU seconds per point of some batches of points, of a fifth of a second each.
+    """Yield the CPU seconds of one point, and per point of some batches of points, of a fifth of a second each.
 
     Timing ends after three times the number of points of the study. `prepared` is called when the kernels are
     compiled.
@@ -57,7 +60,9 @@ def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iter
     allowed = np.delete(allowed, [row for row, *_ in study.simulator.foreseen(full)])  # these cost nothing
     study.simulator.prepare(full)
     prepared()
-    run_task(make_task(study, points, allowed[:1]))  # the first call of a process is slower
+    if not allowed.size:
+        return
+    yield run_task(make_task(study, points, allowed[:1]))[1]
     random, batch, timed = np.random.default_rng(0), 1, 0
     for _ in range(_SAMPLES):
         if timed >= _TIMES * allowed.size:
