@@ -95,7 +95,7 @@ def test_an_argument_that_a_cube_cannot_hold_is_refused_before_anything_runs(tmp
 def test_a_default_that_is_no_value_is_refused(default, tmp_path):
     (tmp_path / "kept.py").write_text(f"def f(x, kept={default}):\n    return {{'y': x}}\n")
     text = '[study]\nname = "k"\nfunction = "kept:f"\n[factors.x]\nvalues = [1, 2]\n'
-    with pytest.raises(InputError, match="argument kept=.*: its default must be a number or a word"):
+    with pytest.raises(InputError, match=r"argument kept=.*: its default must be a number or a word"):
         parse_study(text, folder=StudyFolder(tmp_path))
 
 

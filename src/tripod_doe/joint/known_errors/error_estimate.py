@@ -141,15 +141,15 @@ def _measured() -> _Measured:
             for name, parameter in JOINT_PARAMETERS.items()
         }
     )
-    values = np.stack(list(ratios.values()), axis=1)
+    values, places = np.stack(list(ratios.values()), axis=1), coordinates(ratios)
     parameters = {name: table[name] for name in given if name in JOINT_PARAMETERS}
     second_missed = {model: np.abs(table[f"{model}_2"] - table["needles_2"]) for model in COMPARED}
-    spread = coordinates(ratios).std(axis=0)
+    spread = places.std(axis=0)
     direct = table["needles"] == 1
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
     measured = _Measured(
-        tuple(ratios), values, coordinates(ratios) / spread, spread, errors, table["needles_2"], second_missed, parameters
+        tuple(ratios), values, places / spread, spread, errors, table["needles_2"], second_missed, parameters
     )
     errors["equilibrium"][~direct] += _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
     beside = errors["kinetostatic"][~direct]

@@ -28,6 +28,7 @@ RATIOS = {
 }
 """Meaning of each ratio."""
 
+
 def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
     """The `RATIOS` of a block of points, each of shape (point,).
 
@@ -66,6 +67,6 @@ def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
 
 
 def coordinates(ratios: Mapping[str, FloatArray]) -> FloatArray:
-    """Coordinates by which points are similar: logarithms of the ratios, -inf for 0, but of `LINEAR`; shape (point, ratio)."""
+    """Coordinates by which points are similar: logarithms of all ratios but `LINEAR`; shape (point, ratio)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([each if name in LINEAR else np.log(each) for name, each in ratios.items()], axis=1)
