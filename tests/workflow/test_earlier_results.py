@@ -119,13 +119,13 @@ def test_what_a_search_removes(tmp_path):
     for name in ("fit.nc", "fit.toml", "base.toml", STEPS, "report/index.html", "steps/points/study.toml"):
         write_listed(tmp_path / name, "earlier")
     first = (tmp_path / "checksums.sha256").read_text().splitlines()[0]
-    remove_earlier_results(tmp_path)
+    remove_earlier_results(tmp_path, "fit.toml")
     left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.suffix != ".sha256"}
-    assert {name for name in left if (tmp_path / name).is_file()} == {STEPS, "steps/points/study.toml"}
+    assert {name for name in left if (tmp_path / name).is_file()} == {STEPS, "fit.toml", "steps/points/study.toml"}
     assert (tmp_path / "checksums.sha256").read_text().splitlines()[0] == first
     assert all(file.is_whole for file in check_files(tmp_path))
     shutil.rmtree(tmp_path / "report")
-    remove_earlier_results(tmp_path)
+    remove_earlier_results(tmp_path, "fit.toml")
     assert not (tmp_path / "report").exists()
 
 

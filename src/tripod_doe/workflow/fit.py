@@ -110,7 +110,7 @@ def fit(
     result = fit_dataset(rig, solution, error, following)
     result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
     result = stamp_history(result, f"tripod-doe fit: {computed} points computed")
-    remove_earlier_results(directory)
+    remove_earlier_results(directory, "fit.toml")
     write_dataset(result, directory / FIT_FILE, listed=True)
     write_listed(directory / "fit.toml", request.text)
     known = check_parameters(rig.simulator.parameters, rig.file.base)

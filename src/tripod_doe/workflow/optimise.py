@@ -418,7 +418,7 @@ def optimise(
     front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
     candidates = candidates_dataset(problem, solved)
     action = f"tripod-doe optimise: {computed} points computed"
-    remove_earlier_results(directory)
+    remove_earlier_results(directory, "optimise.toml")
     write_listed(directory / "optimise.toml", request.text)
     write_dataset(stamp_history(front, action), directory / "front.nc", listed=True)
     write_dataset(stamp_history(candidates, action), directory / "candidates.nc", listed=True)

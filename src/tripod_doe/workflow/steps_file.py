@@ -39,14 +39,17 @@ def read_steps(directory: Path) -> list[dict[str, Any]]:
     return steps if isinstance(steps, list) else []
 
 
-def remove_earlier_results(directory: Path) -> None:
+def remove_earlier_results(directory: Path, file: str) -> None:
     """Remove what an earlier search left in its directory, before its results are written: all but its points.
+
+    Args:
+        file: Name of the copy of its file, which stays until the new one replaces it: it may be the one that runs.
 
     Raises:
         StorageError: If the list of its files cannot be written.
     """
     remove_pages(directory)
-    remove_listed(directory, {STEPS})
+    remove_listed(directory, {STEPS, file})
 
 
 class Stages:
