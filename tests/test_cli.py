@@ -272,7 +272,7 @@ def test_compare_lays_a_measurement_over_a_point(capsys, whole_results, record, 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "--select joint_angle_deg=5|10"),
+        ([], "--select 'joint_angle_deg=5|10'"),
         (["--select", "joint_angle_deg=7"], "--nearest"),
         (["--select", "joint_angle_deg=5", "--speeds", "600"], "LOW:HIGH"),
         (["--select", "joint_angle_deg=5", "--speeds", "500:600"], "add a column time_s"),
