@@ -19,11 +19,13 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.cli import main
+from tripod_doe.errors import CubeError
 from tripod_doe.study.cube import file_checks
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.result_directory.check import check_files
+from tripod_doe.study.result_directory.stored_study import stored_study, texts_of_study
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -129,6 +131,26 @@ def test_a_study_file_that_changed_in_the_directory_is_named_and_stored_again(fo
     assert main(["run", str(folder / "checked.toml"), "--out", str(out), "--workers", "0"]) == 0
     assert "0 points computed" in capsys.readouterr().err
     assert (out / "study.toml").read_text() == text
+
+
+def test_no_number_is_made_of_a_study_file_that_changed(folder, tmp_path, capsys):
+    """Regression: derive certified another order as the response of that name, and view moved a joint at 900 N m."""
+    out = shutil.copytree(folder / "out", tmp_path / "out")
+    text = (out / "study.toml").read_text()
+    (out / "study.toml").write_text(text.replace("high = 12", "high = 13"))
+    (tmp_path / "added.toml").write_text('[responses.third]\nformula = "thrust_amplitude[3]"\n')
+    before = (out / "cube.nc").read_bytes()
+    for words in (
+        ["derive", str(out), str(tmp_path / "added.toml")],
+        ["view", str(out), "--output", str(tmp_path / "view.html")],
+        ["report", str(out), "--motion"],
+    ):
+        assert main(words) == 2, words
+        assert "study.toml: damaged or edited" in capsys.readouterr().err
+    for reader in (stored_study, texts_of_study):
+        with pytest.raises(CubeError, match=r"study\.toml: damaged or edited"):
+            reader(out)
+    assert (out / "cube.nc").read_bytes() == before
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import tomlkit
 import xarray as xr
 
 from tripod_doe.analyses.multifidelity.split import Split, find_split
-from tripod_doe.errors import InputError
+from tripod_doe.errors import CubeError, InputError
 from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.definition.study_file import parse_study
@@ -33,7 +33,10 @@ def stored_split(study: Study, directory: Path) -> Study | None:
 def _stored(study: Study, directory: Path) -> Study | None:
     if not (directory / STORED).exists():
         return None
-    stored = stored_study(directory)
+    try:
+        stored = stored_study(directory)
+    except CubeError:  # damaged: the points of its pilot show the split again
+        return None
     return stored if stored.file.design.split else None
 
 

@@ -186,7 +186,6 @@ def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredRes
     from tripod_doe.study.cube.writing import StoredResults
     from tripod_doe.study.result_directory.stored_study import stored_study
 
-    refuse_changed_study(path, journal)
     asked = points_of(stored_study(path), path)
     return asked, StoredResults(asked, journal.places())
 

@@ -23,6 +23,7 @@ from tripod_doe.study.definition.study_folder import StudyFolder, table_copy
 from tripod_doe.study.definition.study_tables import StudyFile, parse_file
 from tripod_doe.study.definition.toml_text import parse_toml, read_text
 from tripod_doe.study.journal import Journal, journal_path
+from tripod_doe.study.result_directory.open_cube import refuse_changed_study
 
 STORED = "study.toml"
 """File of a result directory with the study whose results are there."""
@@ -78,7 +79,7 @@ def with_responses(directory: Path, file: Path | None, drop: Collection[str] = (
     if not (directory / STORED).is_file():
         of_steps = "".join(f", as {path.parent}" for path in sorted(directory.glob(f"steps/*/{STORED}"))[:1])
         raise InputError(f"{directory}: no {STORED} here; name the result directory of a study{of_steps}")
-    stored, origin = read_text(directory / STORED, "study"), str(file or directory / STORED)
+    stored, origin = _text(directory), str(file or directory / STORED)
     added = {} if file is None else read_responses(file)
     text = text_with_responses(stored, added, drop)
     folder = ResultFolder(directory, False, None, _record(directory, parse_file(text, origin)))
@@ -127,10 +128,8 @@ def stored_study(directory: Path, most_points: int | None = None) -> Study:
     Raises:
         InputError: If it can no longer be read, or is damaged.
     """
-    path = directory / STORED
+    path, text = directory / STORED, _text(directory)
     try:
-        refuse_irregular(path)
-        text = read_text(path, "study")
         folder = ResultFolder(directory, False, most_points, _record(directory, parse_file(text, str(path))))
         return parse_study(text, str(path), folder)
     except InputError as error:
@@ -146,7 +145,7 @@ def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
         Its text, which names its tables without folders; and its tables by these names.
     """
     path, tables = directory / STORED, {}
-    text = read_text(path, "study")
+    text = _text(directory)
     file, document = parse_file(text, str(path)), tomlkit.parse(text)
     folder, table_of = ResultFolder(directory, trusted=False), document.get("design", {})
     for part, design in ((table_of, file.design), *((table_of[name], file.designs[name]) for name in file.designs)):
@@ -159,6 +158,16 @@ def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
             part["table"] = plain
         tables[plain] = read_text(copy, "table", _TABLE_BYTES)
     return tomlkit.dumps(document), tables
+
+
+def _text(directory: Path) -> str:
+    """The text of the study of a directory; CubeError if it is damaged: numbers must not be made of it."""
+    path = directory / STORED
+    refuse_irregular(path)
+    if journal_path(directory).is_file():
+        with Journal(directory, read_only=True) as journal:
+            refuse_changed_study(directory, journal)
+    return read_text(path, "study")
 
 
 def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
