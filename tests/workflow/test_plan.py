@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 
 import tripod_doe as td
 from tripod_doe.cli import main
+from tripod_doe.errors import TooLargeError
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.workflow.plan import plan_workflow
 
 CHAIN = """
@@ -55,6 +60,74 @@ def test_a_workflow_costs_what_its_studies_cost(chain):
     prices = [step.cpu_hours for step in whole.steps.values()]
     assert whole.cpu_hours == pytest.approx([sum(ends) for ends in zip(*prices, strict=True)])
     assert quick.cpu_hours[1] < whole.cpu_hours[1]
+
+
+FED = (
+    CHAIN
+    + """
+[steps.effects]
+kind = "effects"
+inputs = ["coast"]
+[steps.of_study]
+kind = "study"
+study = "two.toml"
+inputs = ["coast"]
+table = "coast"
+[steps.of_analysis]
+kind = "study"
+study = "two.toml"
+inputs = ["effects"]
+table = "effects"
+"""
+)
+
+
+def test_a_step_with_the_points_of_another_is_counted_by_these(chain):
+    """Regression: 3,000 points of a better model were planned as the 2 of the study file."""
+    (chain.parent / "two.toml").write_text(COAST.split("[factors.needle_count]")[0].replace("3, 11, 19", "3, 11"))
+    chain.write_text(FED)
+    steps = plan_workflow(chain, timing=False).steps
+    assert {name: step.points for name, step in steps.items() if name != "drive"} == dict.fromkeys(
+        ("coast", "of_study", "of_analysis"), 12
+    )
+    (chain.parent / "alone.toml").write_text(CHAIN.replace("coast.toml", "two.toml"))
+    alone = plan_workflow(chain.parent / "alone.toml", timing=False).steps["coast"]
+    assert steps["of_study"].cpu_hours == pytest.approx([6 * hours for hours in alone.cpu_hours])
+    assert "at most 12 points, those of the step that it names" in steps["of_study"].warnings[-1]
+
+
+TOLERANCE = """
+[study]
+name = "spread"
+[base]
+model = "equilibrium"
+[factors.joint_angle_deg]
+distribution = "normal"
+mean = 8
+std = 0.3
+[design]
+kind = "latin-hypercube"
+samples = 16
+[analysis.t]
+kind = "tolerance"
+confirm = 5000
+limits = { thrust_amplitude_3 = 13 }
+"""
+
+
+def test_points_that_confirm_a_tolerance_are_counted(tmp_path, capsys):
+    """Regression: neither the plan of a workflow nor the limits of the service knew of them."""
+    (tmp_path / "study.toml").write_text(TOLERANCE)
+    (tmp_path / "chain.toml").write_text(CHAIN.partition("[steps.drive]")[0].replace("coast.toml", "study.toml"))
+    assert main(["plan", str(tmp_path / "chain.toml"), "--no-timing"]) == 0
+    assert "coast: at most 5,000 points beyond these confirm proposals" in capsys.readouterr().out
+    shutil.copy(tmp_path / "chain.toml", tmp_path / "workflow.toml")
+    for kind, points in (("study", "most_points"), ("workflow", "points")):
+        planned = plan_upload(tmp_path, kind, Limits(points=5016), timing=False)
+        assert planned[points] == {"most_points": 5016, "points": 16}[points]
+        assert "at most 5,000 points beyond these" in planned["warnings"][-1]
+        with pytest.raises(TooLargeError, match="5,016 points; at most 5,015 are allowed here"):
+            plan_upload(tmp_path, kind, Limits(points=5015), timing=False)
 
 
 def test_the_command_tells_the_sum_and_what_cannot_run(chain, capsys):

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, Command, Parser, add_untrusted
@@ -47,9 +48,8 @@ def _plan_study(options: argparse.Namespace) -> int:
 
         check_analyses(study)
         more = confirming_points(study)
-    print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
-    if more:
-        print(f"confirmation at most {more:,} points beyond these, where a tolerance analysis proposes a change")
+    price = replace(plan(study, timing=not options.no_timing), confirming=more)
+    print(price.describe(max(options.workers, 1)))
     if study.auto_model:
         from tripod_doe.analyses.model_choice.study_choice import describe_choice
 

@@ -56,6 +56,12 @@ class Plan:
     # size of cube and costs before compression; None where the size of the cube is not known
     written_bytes: int | None = None
     most_points: int = 0  # upper limit of points with a pilot, including its own; 0 if the number is known
+    confirming: int = 0  # upper limit of points beyond these, which confirm what an analysis proposes
+
+    @property
+    def most(self) -> int:
+        """The most points that can run."""
+        return max(self.points, self.most_points) + self.confirming
 
     @property
     def able(self) -> int:
@@ -90,6 +96,9 @@ class Plan:
         if self.cube_bytes is not None:
             whole = f", {size(self.written_bytes)} with factors and costs" if self.written_bytes else ""
             lines.append(f"cube         {size(self.cube_bytes)} of results{whole}, before compression")
+        if self.confirming:
+            what = "where a tolerance analysis proposes a change"
+            lines.append(f"confirmation at most {self.confirming:,} points beyond these, {what}")
         lines += [f"design       {text}" for text in self.design]
         lines += [f"{text.split()[0].lower():12} {text.split(maxsplit=1)[1]}" for text in self.models]
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])

@@ -1,15 +1,18 @@
 """Plan of a workflow before anything runs: the plans of its studies, and their sum."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, Plan, plan
-from tripod_doe.workflow.workflow import load_workflow
+from tripod_doe.workflow.tolerance_confirmation import confirming_points
+from tripod_doe.workflow.workflow import Workflow, load_workflow
+from tripod_doe.workflow.workflow_file import StudyStep
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class WorkflowPlan:
         for name, step in self.steps.items():
             foreseen = (f"{f.count:,} of {step.unique:,} points {f.outcome.label}: {f.reason}" for f in step.foreseen)
             more = [f"a pilot; then at most {step.most_points:,} points in all"] if step.most_points else []
+            more += [f"at most {step.confirming:,} points beyond these confirm proposals"] if step.confirming else []
             lines += [f"{name}: {text}" for text in (*more, *foreseen, *step.warnings)]
         return "\n".join(lines)
 
@@ -60,14 +64,66 @@ def plan_workflow(path: str | Path, quick: bool = False, timing: bool = True, un
         InputError: If a file of it cannot be used.
     """
     workflow = load_workflow(path, quick, StudyFolder.of(path, untrusted))
-    studies = {name: step.study for name, step in workflow.steps.items() if step.study is not None}
-    return WorkflowPlan({name: _plan_study(study, timing) for name, study in studies.items()})
+    return WorkflowPlan(plans_of(workflow, partial(_plan_study, timing=timing)))
+
+
+def plans_of(workflow: Workflow, plan_one: Callable[[Study], Plan]) -> dict[str, Plan]:
+    """The plan of each study step of a workflow, by its name, with the points that the step gets from another one.
+
+    Args:
+        plan_one: Plans a study by itself.
+    """
+    plans: dict[str, Plan] = {}
+    for name, step in workflow.steps.items():
+        if step.study is not None and isinstance(step.table, StudyStep):
+            own, source = plan_one(step.study), step.table.table
+            plans[name] = _fed(own, _most_rows(workflow, source, plans)) if source else own
+    return plans
+
+
+def _most_rows(workflow: Workflow, source: str, plans: Mapping[str, Plan]) -> int:
+    """The most points in the result of a step: of an analysis those of all studies that it reads."""
+    if source in plans:
+        return max(plans[source].points, plans[source].most_points)
+    return sum(_most_rows(workflow, needed, plans) for needed in workflow.steps[source].inputs)
+
+
+def _fed(own: Plan, rows: int) -> Plan:
+    """A plan with the points of another step in place of its own, at the mean price of its own."""
+    share = rows / max(own.unique, 1)
+
+    def scaled(value: int | None) -> int | None:
+        return value and math.ceil(value * share)
+
+    return replace(
+        own,
+        points=rows,
+        unique=rows,
+        excluded=0,
+        blocks=scaled(own.blocks),
+        cpu_hours=own.cpu_hours and scale(own.cpu_hours, share),
+        cube_bytes=scaled(own.cube_bytes),
+        written_bytes=scaled(own.written_bytes),
+        memory_bytes=math.ceil(own.memory_bytes * share),
+        foreseen=(),
+        most_points=0,
+        warnings=(
+            *own.warnings,
+            f"at most {rows:,} points, those of the step that it names, at the mean price of its own",
+        ),
+    )
+
+
+def scale(hours: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+    """A price of a number of points for a share of it."""
+    return hours[0] * share, hours[1] * share, hours[2] * share
 
 
 def _plan_study(study: Study, timing: bool) -> Plan:
     recorded = plan(study, timing=False, recorded=True)
     known = recorded.cpu_hours is not None or recorded.chosen or not recorded.able
-    return recorded if known or not timing else plan(study)
+    price = recorded if known or not timing else plan(study)
+    return replace(price, confirming=confirming_points(study))
 
 
 def _line(step: Plan) -> str:

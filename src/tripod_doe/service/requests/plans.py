@@ -1,5 +1,7 @@
 """Prices of uploads, before any of their points run."""
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,11 @@ from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.designs import most_points, point_count
 from tripod_doe.study.plan import Plan, plan
 from tripod_doe.workflow.analyses import check_analyses
-from tripod_doe.workflow.plan import WorkflowPlan
+from tripod_doe.workflow.plan import WorkflowPlan, plans_of, scale
 from tripod_doe.workflow.point_batches import POINTS
+from tripod_doe.workflow.tolerance_confirmation import confirming_points
 from tripod_doe.workflow.workflow import load_workflow
 
 _ENDS = ("low", "mean", "high")
@@ -51,11 +53,10 @@ def plan_upload(folder: Path, kind: str, limits: Limits, timing: bool) -> dict[s
         return (_plan_fit if kind == "fit" else _plan_optimisation)(main, limits, timing)
     workflow = load_workflow(main, folder=place)
     steps: dict[str, dict[str, Any]] = {}
-    plans = {}
+    plans = plans_of(workflow, partial(_plan_within, limits=limits, timing=False))
     for name, step in workflow.steps.items():
         steps[name] = {"kind": step.table.kind, "inputs": list(step.inputs)}
         if step.study is not None:
-            plans[name] = _plan_within(step.study, limits, timing=False)
             steps[name] |= _described(step.study, plans[name])
     head, hours = workflow.file.workflow, WorkflowPlan(plans).cpu_hours
     studies = [step for step in steps.values() if "points" in step]
@@ -65,8 +66,7 @@ def plan_upload(folder: Path, kind: str, limits: Limits, timing: bool) -> dict[s
     blocks = [study["blocks"] for study in studies]
     whole["blocks"] = None if None in blocks else sum(blocks)
     whole["warnings"] = [f"{name}: {text}" for name, step in steps.items() for text in step.get("warnings", [])]
-    most = sum(max(study["points"], study["most_points"]) for study in studies)
-    _check_limits(limits, "workflow.toml", most, whole["bytes"], hours)
+    _check_limits(limits, "workflow.toml", sum(price.most for price in plans.values()), whole["bytes"], hours)
     return whole
 
 
@@ -135,17 +135,16 @@ def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
 
 def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     """Plan a study that is within the limits."""
-    counted = max(point_count(study), most_points(study))
-    price = plan(study, timing, recorded=True)
-    share = max(counted / max(price.points, 1), 1.0)  # of the points that follow from a pilot, if there is one
-    _check_limits(
-        limits, study.origin, max(counted, price.points), round((price.cube_bytes or 0) * share), price.cpu_hours
-    )
+    price = replace(plan(study, timing, recorded=True), confirming=confirming_points(study))
+    share = price.most / max(price.points, 1)  # with those that follow from a pilot or from a proposal
+    hours = price.cpu_hours and scale(price.cpu_hours, 1 + price.confirming / max(price.points, 1))
+    _check_limits(limits, study.origin, price.most, round((price.cube_bytes or 0) * share), hours)
     return price
 
 
 def _described(study: Study, price: Plan) -> dict[str, Any]:
     """A plan as JSON."""
+    more = [f"at most {price.confirming:,} points beyond these, which confirm proposals"] if price.confirming else []
     return {
         "name": study.file.study.name,
         "question": study.file.study.question,
@@ -153,7 +152,7 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
         "points": price.points,
         "unique": price.unique,
         "excluded": price.excluded,
-        "most_points": price.most_points,
+        "most_points": price.most if price.most_points or price.confirming else 0,
         "blocks": price.blocks,
         "bytes": price.cube_bytes,
         **price_of(price),
@@ -162,7 +161,7 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
         "foreseen": [{"outcome": f.outcome.label, "reason": f.reason, "count": f.count} for f in price.foreseen],
         "models": list(price.models),
         "factors": list(study.factors),
-        "warnings": list(price.warnings),
+        "warnings": [*price.warnings, *more],
         "expected_outcomes": list(study.file.run.expected_outcomes),
     }
 

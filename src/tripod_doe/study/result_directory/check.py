@@ -21,7 +21,7 @@ from tripod_doe.study.cube.file_digest import is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.journal import Journal, damage, journal_path
-from tripod_doe.study.result_directory.open_cube import refuse_changed_study
+from tripod_doe.study.result_directory.stored_study import refuse_changed_study
 
 _EARLIER = "of an earlier version: whether the files of this folder are of this directory is not known"
 _SLAB_BYTES = 32_000_000

@@ -11,11 +11,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from tripod_doe.checksum_list import refuse_other_results
 from tripod_doe.errors import CubeError, option
-from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.study.cube.file_checks import study_hash
-from tripod_doe.study.journal import SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
+from tripod_doe.study.journal import SHOWN, STUDY_HASH, Journal, journal_path
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -162,23 +160,6 @@ def write_cube_so_far(path: Path, folder: Path) -> None:
     with Journal(path, read_only=True) as journal:
         journal.check()
         _write(*_points_so_far(path, journal), folder)
-
-
-def refuse_changed_study(directory: Path, journal: Journal) -> None:
-    """Refuse the study file of a result directory if it is not the stored one.
-
-    Raises:
-        CubeError: If it was damaged or edited, or the directory holds files of another one.
-    """
-    refuse_other_results(directory)
-    path = directory / "study.toml"
-    if not path.exists():
-        return
-    if journal.recall(STUDY) not in (None, text_digest(read_regular(path, STUDY_BYTES, CubeError, links=True))):
-        raise CubeError(
-            f"{path}: damaged or edited: it is not the study of these results; run the study again with the same "
-            f"{option('out')}, which stores it there"
-        )
 
 
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:

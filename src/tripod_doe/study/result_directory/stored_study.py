@@ -13,17 +13,16 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from tripod_doe.checksum_list import write_listed
+from tripod_doe.checksum_list import refuse_other_results, write_listed
 from tripod_doe.errors import CubeError, InputError, near_match, option
-from tripod_doe.regular_files import TEXT_BYTES, refuse_irregular
+from tripod_doe.regular_files import STUDY_BYTES, TEXT_BYTES, read_regular, refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder, table_copy
 from tripod_doe.study.definition.study_tables import StudyFile, parse_file
 from tripod_doe.study.definition.toml_text import parse_toml, read_text
-from tripod_doe.study.journal import Journal, journal_path
-from tripod_doe.study.result_directory.open_cube import refuse_changed_study
+from tripod_doe.study.journal import STUDY, Journal, journal_path, text_digest
 
 STORED = "study.toml"
 """File of a result directory with the study whose results are there."""
@@ -158,6 +157,23 @@ def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
             part["table"] = plain
         tables[plain] = read_text(copy, "table", _TABLE_BYTES)
     return tomlkit.dumps(document), tables
+
+
+def refuse_changed_study(directory: Path, journal: Journal) -> None:
+    """Refuse the study file of a result directory if it is not the stored one.
+
+    Raises:
+        CubeError: If it was damaged or edited, or the directory holds files of another one.
+    """
+    refuse_other_results(directory)
+    path = directory / STORED
+    if not path.exists():
+        return
+    if journal.recall(STUDY) not in (None, text_digest(read_regular(path, STUDY_BYTES, CubeError, links=True))):
+        raise CubeError(
+            f"{path}: damaged or edited: it is not the study of these results; run the study again with the same "
+            f"{option('out')}, which stores it there"
+        )
 
 
 def _text(directory: Path) -> str:
