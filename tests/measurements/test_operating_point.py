@@ -65,6 +65,8 @@ def test_numbers_and_units_of_notes(note, value):
         ("Torque: 1e400 Nm", "may be infinite"),
         ("Joint angle: 480'", "' is no known unit"),
         ("Joint angle: 8°30'", "°30' is no known unit"),
+        ("Joint angle: 8° 30'", "minutes of arc"),
+        ("Joint angle: 8 deg 30 min", "minutes of arc"),
         ("Speed: 25 knots", "knots is no known unit"),
     ],
 )
@@ -95,6 +97,13 @@ def test_names_of_files():
         from_name("rig_8deg.csv", pattern)
     with pytest.raises(InputError, match="'pressure' is no parameter"):
         from_name("a", "{pressure}")
+    for number in ("1,200", "1.200"):
+        with pytest.raises(InputError, match=f"speed_rpm: {number} may be 1.2 or 1200"):
+            from_name(f"rig_{number}rpm.csv", "rig_{speed_rpm}rpm.csv")
+    assert from_name("rig_8.125deg_1p200rpm.csv", "rig_{joint_angle}deg_{speed}rpm.csv") == {
+        "joint_angle_deg": 8.125,
+        "speed_rpm": 1.2,
+    }
 
 
 def test_a_pattern_takes_no_long_time():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import time
 import warnings
@@ -105,6 +106,34 @@ def test_dropouts_are_nan_and_words_are_named(read):
     assert np.isnan(read("rotation_deg;thrust_n\n0,5;\n1,5;2\n").columns["thrust_n"]).tolist() == [True, False]
     with pytest.raises(InputError, match=r"thrust_n = 'off' in row 2"):
         read("rotation_deg;thrust_n\n0,5;1,5\n1,5;off\n2,5;2,5\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        ("rotation_deg;thrust_n\n0;1.005\n1;1.003\n2;999,9\n3;998,5\n", "thrust_n = '1.005' in row 1"),
+        ("rotation_deg\tthrust_n\n0\t999,9\n1\t1.005\n", "thrust_n = '1.005' in row 2"),
+        ("rotation_deg thrust_n\n0 1.005\n1 999,9\n2 998,5\n", "thrust_n = '1.005' in row 1"),
+        ("time_s;rotation_deg;thrust_n\n0,0;0,0;2.010\n0,1;2,0;2.008\n", "thrust_n = '2.010' in row 1"),
+        ("rotation_deg;thrust_n\n0;1,005\n1;999.9\n2;998.5\n", "thrust_n = '1,005' in row 1"),
+        ("rotation_deg;thrust_n\n0;1,005\n1;999\n", "thrust_n = '1,005' in row 1 may be 1.005 or 1005"),
+        ("rotation_deg;thrust_n\n0;999\n1;1.005\n", "thrust_n = '1.005' in row 2 may be 1.005 or 1005"),
+        ("rotation_deg;thrust_n\n" + "0;950,5\n" * 400 + "1;1.005\n", "thrust_n = '1.005' in row 401"),
+        ("rotation_deg;thrust_n\n0;950,5\n1;1_000\n", "thrust_n = '1_000' in row 2"),
+        ("rotation_deg,thrust_n\n0,True\n1,True\n", "thrust_n = 'True' in row 1"),
+    ],
+)
+def test_a_number_that_may_be_thousands_is_refused(read, text, field):
+    """Each was read, most as 1.005 N for 1005 N."""
+    with pytest.raises(InputError, match=re.escape(field)):
+        read(text)
+
+
+def test_three_digits_behind_every_comma_are_decimals_and_said_to_be(read):
+    record = read("rotation_deg;thrust_n\n0;1,005\n1;1,010\n")
+    assert record.columns["thrust_n"].tolist() == [1.005, 1.01]
+    assert record.remarks == ("Numbers of thrust_n such as 1,005 are read as 1.005: ',' is taken as the decimal sign.",)
+    assert read("rotation_deg;thrust_n\n0,5;1,005\n1,5;2\n").remarks == ()  # 0,5 shows the sign
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def read_measurement(
             measured,
             thrust_n=sign * measured.thrust_n,
             columns=", ".join(filter(None, [record.taken, *lines])),
-            remarks=(*measured.remarks, *remarks),
+            remarks=(*measured.remarks, *record.remarks, *remarks),
             name=path.name,
             digest=digest,
             operating=operating,

@@ -13,16 +13,13 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.headings import OPERATING, ROLES, factor_of, is_no_unit, is_unit, plain_words
 from tripod_doe.quantities import number
+from tripod_doe.typed_numbers import readings
 
 _MOST_STARS = 3  # stars in a pattern: each multiplies the matching time by the length of a name
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _MOST_NOTES, _LONGEST = 1000, 500  # lines, and characters of a line, in which values are looked for
-_NUMBER = re.compile(r"[+-]?\d[\d.,'’]*(?:e[+-]?\d+)?", re.I)
-_THOUSANDS = {
-    ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?"),
-    ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?"),
-}
-"""Numbers in groups of three digits, by the sign between them."""
+_NUMBER = re.compile(r"[+-]?[0-9][0-9.,'’]*(?:e[+-]?[0-9]+)?", re.I)
+_MINUTES_OF_ARC = re.compile(r"\s?(?:°|deg\w*\.?|grad)\s?[0-9.,]+\s?(?:['’′]|min|arcmin)", re.I)
 _OTHER_QUANTITY = re.compile(r"(?:max|min|peak|limit|rated|range|full)\w*[\s.,:-]*$", re.I)
 _APART = 0.05  # largest relative difference of two statements of one value
 
@@ -81,13 +78,23 @@ def _statement(role: str, line: str) -> Statement | None:
             continue  # a short name may be anything
         if factor is None:
             return Statement(line, math.nan, f"{unit} is no known unit")
-        values = [value * factor for value in _readings(text)]
-        allowed = JOINT_PARAMETERS[role]
-        values = [value for value in values if allowed.low <= value <= allowed.high] or values[:1]
+        if role == "joint_angle_deg" and _MINUTES_OF_ARC.match(line, match.end() + len(text)):
+            return Statement(line, math.nan, "it has minutes of arc, and decimal degrees are read")
+        values = _allowed(role, text, factor)
         if len(values) == 1 and math.isfinite(values[0]):
             return Statement(line, values[0])
-        return Statement(line, math.nan, f"{text} may be {' or '.join(map(number, values)) or 'any number'}")
+        return Statement(line, math.nan, _doubt(text, values))
     return None
+
+
+def _allowed(role: str, text: str, factor: float = 1.0) -> list[float]:
+    """The numbers that a text may mean for a parameter, without those outside of its range; else the first of them."""
+    allowed, values = JOINT_PARAMETERS[role], [value * factor for value in readings(text)]
+    return [value for value in values if allowed.low <= value <= allowed.high] or values[:1]
+
+
+def _doubt(text: str, values: Sequence[float]) -> str:
+    return f"{text} may be {' or '.join(map(number, values)) or 'any number'}"
 
 
 def _unit_behind(role: str, text: str) -> str:
@@ -99,17 +106,6 @@ def _unit_behind(role: str, text: str) -> str:
             return unit
     apart = text.lstrip()[:1] in {";", ",", "\t"}
     return "" if not words or (apart and not is_unit(words[0])) else words[0]
-
-
-def _readings(text: str) -> list[float]:
-    """The numbers that a text may mean: 1,200 is 1.2 or 1200."""
-    text = re.sub(r"(?<=\d)['’](?=\d{3})", "", text)
-    plain = re.fullmatch(r"[+-]?\d+(?:[.,]\d+)?(?:e[+-]?\d+)?", text, re.I)
-    values = [float(text.replace(",", "."))] if plain else []
-    for apart, form in _THOUSANDS.items():
-        if form.fullmatch(text):
-            values.append(float(text.replace(apart, "").replace(",", ".")))
-    return values
 
 
 def from_columns(columns: Mapping[str, FloatArray]) -> dict[str, float]:
@@ -130,7 +126,8 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
             any text, and a decimal point may be written as p or comma.
 
     Raises:
-        InputError: If the pattern has no fields, a field is no parameter of the joint, or the name does not match.
+        InputError: If the pattern has no fields, a field is no parameter of the joint, the name does not match, or a
+            number in it may mean two values.
     """
     names = [_parameter(field, pattern) for field in _FIELD.findall(pattern)]
     if not names:
@@ -141,11 +138,17 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
         )
     first, *others = (re.escape(part).replace(r"\*", ".*") for part in _FIELD.split(pattern)[::2])
     # a number is taken whole: possessive quantifiers would say so, but are wrong in Python 3.11.2
-    numbers = (rf"(?=([+-]?\d+(?:[.,p]\d+)?))\{at}" for at in range(1, len(names) + 1))
+    numbers = (rf"(?=([+-]?[0-9]+(?:[.,p][0-9]+)?))\{at}" for at in range(1, len(names) + 1))
     match = re.fullmatch(first + "".join(map("".join, zip(numbers, others, strict=True))), name, re.I)
     if match is None:
         raise InputError(f"{option('pattern', pattern)}: {name} is of another form")
-    return {own: float(re.sub("[,pP]", ".", text)) for own, text in zip(names, match.groups(), strict=True)}
+    stated = {}
+    for own, text in zip(names, match.groups(), strict=True):
+        values = [float(text.lower().replace("p", "."))] if "p" in text.lower() else _allowed(own, text)
+        if len(values) != 1:
+            raise InputError(f"{option('pattern', pattern)}: {name}: {own}: {_doubt(text, values)}")
+        stated[own] = values[0]
+    return stated
 
 
 def _parameter(field: str, pattern: str) -> str:

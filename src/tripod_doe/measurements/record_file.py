@@ -23,6 +23,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.measurements.headings import OPERATING, given_position, is_unit, roles_of, unit_factor, unit_given
 from tripod_doe.measurements.tdms_file import is_tdms, read_tdms
 from tripod_doe.regular_files import read_regular
+from tripod_doe.typed_numbers import readings, typed_number
 
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))
 """Separator (None: spaces) and decimal sign, in the order in which they are preferred."""
@@ -32,6 +33,15 @@ _LONGEST = 200  # characters of a heading: the time to look for names and units 
 _CLOCK = re.compile(r"(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=\D*$)")
 _GAPS = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "null", "none", "inf", "-inf", "ovl", "overflow", "ovr"}
 _MDF = b"MDF     "
+_SHOWS_DECIMAL = {
+    sign: re.compile(
+        rf"(?<![0-9{sign}])(?:0[0-9]*|[0-9]{{4,}})?[{sign}][0-9]"  # no group of thousands begins so
+        rf"|[{sign}](?:[0-9]{{1,2}}(?![0-9])|[0-9]{{4}}|[0-9]*e)",  # nor has other than three digits
+        re.I,
+    )
+    for sign in ".,"
+}
+"""A number in which a sign is the decimal one for certain, by sign."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,7 @@ class Record:
     headings: tuple[str, ...]  # all headings of the file, with the units of a line of units
     taken: str  # in words, the column assigned to each heading; empty if the file uses our names
     notes: tuple[str, ...] = ()  # lines before the table, and comments: the recorder's notes on the record
+    remarks: tuple[str, ...] = ()  # sentences on assumptions
 
 
 @dataclass(frozen=True)
@@ -53,6 +64,8 @@ class Table:
     columns: Sequence[pd.Series[float]]
     notes: Sequence[str]
     decimal: str = "."
+    # whether all decimal signs stand before three digits, as signs between thousands do; columns are texts then
+    may_be_grouped: bool = False
 
 
 def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
@@ -66,16 +79,18 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
 
     Raises:
         InputError: If the file cannot be read, holds no table, a heading is ambiguous or its unit unknown, or a field
-            is no number.
+            is no number, or may be 1.005 or 1005.
     """
     given, table = given or {}, read_table_of(path, given or {})
     if long := next((heading for heading in table.headings if len(heading) > _LONGEST), ""):
         raise InputError(f"{long[:40]}...: a heading of more than {_LONGEST} characters: shorten it")
-    columns, taken = {}, []
+    columns, taken, remarks = {}, list[str](), list[str]()
     for role, position in roles_of(table.headings, given).items():
         heading = unit_given(table.headings[position], given.get(role))
         try:
             factor = unit_factor(role, heading)
+            if table.may_be_grouped:
+                remarks += _doubts(table.columns[position], heading, table.decimal)
             values = _numbers(table.columns[position], heading, table.decimal, role)
         except InputError:
             if role in OPERATING and role not in given:  # may be stated elsewhere
@@ -84,7 +99,7 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
         columns[role] = factor * values
         if heading != role:
             taken.append(f"{role} from {heading!r}" + (f" times {factor:.6g}" if factor != 1 else ""))
-    return Record(columns, tuple(table.headings), ", ".join(taken), tuple(table.notes))
+    return Record(columns, tuple(table.headings), ", ".join(taken), tuple(table.notes), tuple(remarks))
 
 
 def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
@@ -95,9 +110,10 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     for line in lines[:_LOOKED_AT]:  # before any is taken apart; a comma may be a decimal sign
         _refuse_wide(max(len(line.split()), *map(line.count, ";\t"), line.count(",") // 2))
     separator, decimal = _form(lines[:_LOOKED_AT])
-    first = next((i for i, line in enumerate(lines) if _is_numeric(line, separator, decimal)), len(lines))
+    form = separator, decimal, True  # a row with the other sign is a row, and refused later on
+    first = next((i for i, line in enumerate(lines) if _is_numeric(line, *form)), len(lines))
     if first == len(lines):  # there is a column of words among the numbers
-        first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, separator, decimal) > 1), len(lines))
+        first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, *form) > 1), len(lines))
     if _LOOKED_AT < first < len(lines):
         raise InputError(f"no row of numbers in the first {_LOOKED_AT} lines: cut what stands before the table")
     before = lines[:first]
@@ -109,8 +125,11 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     before = before[:first] or before
     at, headings = _headings(before, given, lines[first], (separator, decimal))
     _refuse_wide(len(headings))
-    table = _columns(lines[first:], separator, decimal, len(headings))
-    return Table(headings, table, [*notes, *before[:at]], decimal)
+    text = "\n".join(lines[first:])
+    may_be_grouped = decimal in text and not _SHOWS_DECIMAL[decimal].search(text)
+    wide = max(len(headings), *(len(_fields(line, separator)) for line in lines[first : first + _LOOKED_AT]))
+    table = _columns(text, separator, decimal, (len(headings), wide), str if may_be_grouped else None)
+    return Table(headings, table, [*notes, *before[:at]], decimal, may_be_grouped)
 
 
 def _refuse_wide(columns: int) -> None:
@@ -154,29 +173,33 @@ def _fields(line: str, separator: str | None) -> list[str]:
     return [field.strip().strip('"').strip() for field in line.split(separator)]
 
 
-def _is_number(field: str, decimal: str) -> bool:
+def _is_number(field: str, decimal: str, either: bool = False) -> bool:
+    """Whether a field is a number, a time of day or a gap; if asked for, also one with the other sign."""
+    if either and readings(field):
+        return True
     if decimal == "," and "." in field:
         return False
     try:
-        float(field.replace(decimal, "."))
+        typed_number(field.replace(decimal, "."))
     except ValueError:
         return field.casefold() in _GAPS or _CLOCK.search(field) is not None
     return True
 
 
-def _is_numeric(line: str, separator: str | None, decimal: str) -> bool:
+def _is_numeric(line: str, separator: str | None, decimal: str, either: bool = False) -> bool:
     """Whether a line has at least two fields, all numbers, times of day or gaps, and at least one number."""
     fields = _fields(line, separator)
     return (
         len(fields) > 1
-        and all(_is_number(field, decimal) for field in fields)
-        and _numbers_in(line, separator, decimal) > 0
+        and all(_is_number(field, decimal, either) for field in fields)
+        and _numbers_in(line, separator, decimal, either) > 0
     )
 
 
-def _numbers_in(line: str, separator: str | None, decimal: str) -> int:
+def _numbers_in(line: str, separator: str | None, decimal: str, either: bool = False) -> int:
     """How many fields of a line are numbers."""
-    return sum(_is_number(field, decimal) and field.casefold() not in _GAPS for field in _fields(line, separator))
+    fields = _fields(line, separator)
+    return sum(_is_number(field, decimal, either) and field.casefold() not in _GAPS for field in fields)
 
 
 def _form(lines: Sequence[str]) -> tuple[str | None, str]:
@@ -234,18 +257,27 @@ def _known(headings: Sequence[str], given: Mapping[str, str]) -> int:
         return 2
 
 
-def _columns(rows: Sequence[str], separator: str | None, decimal: str, width: int) -> list[pd.Series[float]]:
-    """Columns of the rows by their position; a separator at the end of the lines adds an empty column."""
-    wide = max((len(_fields(row, separator)) for row in rows[:_LOOKED_AT]), default=width)
+def _columns(
+    text: str, separator: str | None, decimal: str, widths: tuple[int, int], kind: type[str] | None
+) -> list[pd.Series[float]]:
+    """Columns of rows by their position; a separator at the end of the lines adds an empty column.
+
+    Args:
+        text, separator, decimal: The rows and their form.
+        widths: How many columns have a heading, and how many fields a row has.
+        kind: The type of the columns; None for numbers where all fields are numbers.
+    """
+    width, wide = widths
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # fields that would be dropped
             table = pd.read_csv(
-                io.StringIO("\n".join(rows)),
+                io.StringIO(text),
                 sep=separator or r"\s+",
                 decimal=decimal,
                 header=None,
-                names=range(max(wide, width)),
+                names=range(wide),
+                dtype=kind,
                 index_col=False,
                 low_memory=False,
                 skipinitialspace=True,
@@ -257,9 +289,28 @@ def _columns(rows: Sequence[str], separator: str | None, decimal: str, width: in
     return [table[position] for position in range(width)]
 
 
+def _doubts(column: pd.Series[float], heading: str, decimal: str) -> list[str]:
+    """A remark that a sign before three digits is taken as the decimal one, if a column has it.
+
+    Raises:
+        InputError: If other numbers of the column are whole ones below 1000, as beside signs between thousands.
+    """
+    text = column.astype("string").str.strip()
+    signed = text[text.str.contains(decimal, regex=False).fillna(False)]
+    if signed.empty:
+        return []
+    first, value = signed.iloc[0], signed.iloc[0].replace(decimal, ".")
+    if text.str.fullmatch(r"[+-]?[0-9]{1,3}").fillna(False).any():
+        raise InputError(
+            f"{heading} = {first!r} in row {signed.index[0] + 1} may be {value} or {first.replace(decimal, '')}, since "
+            "other rows have whole numbers: export without signs between thousands, or all numbers with decimals"
+        )
+    return [f"Numbers of {heading} such as {first} are read as {value}: {decimal!r} is taken as the decimal sign."]
+
+
 def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) -> FloatArray:
     """A column as numbers; NaN for a field that is empty or no finite number."""
-    if pd.api.types.is_numeric_dtype(column):
+    if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         values = np.array(column, float)
         values[~np.isfinite(values)] = np.nan
         return values
@@ -267,13 +318,16 @@ def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) ->
     numbers = np.array(
         pd.to_numeric(text.str.replace(decimal, ".", regex=False), errors="coerce").to_numpy(float, na_value=np.nan)
     )
+    if decimal == ",":
+        numbers[text.str.contains(".", regex=False).fillna(False).to_numpy(bool)] = np.nan
     if role == "time_s" and np.isnan(numbers).all():
         numbers = _seconds(text.fillna("").tolist())
     gap = text.str.casefold().isin(_GAPS).fillna(True).to_numpy(bool)
     words = np.flatnonzero(np.isnan(numbers) & ~gap)
     if words.size:
         raise InputError(
-            f"{heading} = {column.iloc[words[0]]!r} in row {words[0] + 1}: expected a number, or nothing at a dropout"
+            f"{heading} = {text.iloc[words[0]]!r} in row {words[0] + 1}: expected a number with {decimal!r} as the "
+            "decimal sign and none between thousands, or nothing at a dropout"
         )
     numbers[~np.isfinite(numbers)] = np.nan
     return numbers
