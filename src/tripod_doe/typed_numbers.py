@@ -22,7 +22,7 @@ def typed_number(text: str) -> float:
 
 
 def readings(text: str) -> list[float]:
-    """The numbers that a text may mean, with a decimal point or comma, or signs between thousands: 1,200 is 1.2 or 1200."""
+    """The numbers that a text may mean, with a decimal sign or signs between thousands: 1,200 is 1.2 or 1200."""
     text = re.sub(r"(?<=[0-9])['’](?=[0-9]{3})", "", text)
     values = [float(text.replace(",", "."))] if _PLAIN.fullmatch(text) else []
     for apart, form in _THOUSANDS.items():
