@@ -35,6 +35,8 @@ high = 1
 [records]
 table = "records.csv"
 reference_angle_deg = 0
+[next.at.joint_angle_deg]
+values = [4, 12]
 """
 
 
@@ -80,32 +82,35 @@ def rig(tmp_path):
             csv.writer(stream).writerows([["file", *make_rig.OPERATING], *rows])
         (tmp_path / "fit.toml").write_text(FIT)
         own = RigFit(load_fit(tmp_path / "fit.toml"))
-        return own, *own.fit(lambda columns: answers(own.all_columns(columns)), lambda stage: None)
+        points = lambda columns: answers(own.all_columns(columns))  # noqa: E731
+        solution, error = own.fit(points, lambda stage: None)
+        return own, solution, fit_dataset(own, solution, error, own.next(points, solution))
 
     return fitted
 
 
 @pytest.mark.parametrize("stay", [False, True])
 def test_records_say_whether_needles_turn(rig, stay):
-    own, solution, error = rig(stay)
+    own, solution, fit = rig(stay)
     assert solution.skews.stay == stay
     assert solution.skews.other is None
-    fit = fit_dataset(own, solution, error, None)
     for name, hidden in HIDDEN.items():
         assert fit["low"].sel(unknown=name) < hidden < fit["high"].sel(unknown=name)
     words = " ".join(find_in_fit(fit))
     first, second = ("keep their skew", "turn") if stay else ("turn", "keep their skew")
     assert f"The records fit needles that {first}" in words
     assert f"better than needles that {second}" in words
+    assert "may exclude" not in words
     assert ('model = "rollers"' in base_text(fit, own.file.base)) == stay
 
 
 def test_intervals_reach_over_both_where_records_do_not_say(rig):
     """Second orders that scatter by 40 % hide the quarter to half by which both differ."""
-    own, solution, error = rig(False, 0.4)
+    _, solution, fit = rig(False, 0.4)
     assert solution.skews.other is not None
-    fit = fit_dataset(own, solution, error, None)
     for name, profile, place in zip(HIDDEN, solution.profiles, solution.skews.other, strict=True):
         assert profile.low <= place <= profile.high
         assert fit["low"].sel(unknown=name) < HIDDEN[name] < fit["high"].sel(unknown=name)
-    assert any("by less than 20 to 1" in line for line in find_in_fit(fit))
+    lines = find_in_fit(fit)
+    assert any("by less than 20 to 1" in line for line in lines)
+    assert any(line.startswith("Measure next") and "which that record may exclude, too" in line for line in lines)

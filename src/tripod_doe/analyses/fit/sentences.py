@@ -164,16 +164,22 @@ def _next_sentences(fit: xr.Dataset) -> list[str]:
     own = fit.attrs["next_unknown"]
     at = candidate_text(fit, int(order[0]))
     shorter = f"{number(100 * (1 - float(best['next'])), 2)} % shorter"
+    apart = " It is longer by other minima, which that record may exclude, too." if _reaches_over_others(fit) else ""
     if records == 0:
         return [
             f"No record is needed to know {own} within {within}: it is. To know it better, measure at {at}: its "
-            f"interval becomes {shorter}."
+            f"interval becomes {shorter}.{apart}"
         ]
     if math.isfinite(records):
         more = f" With {count_of(int(records), 'such record')} it would be known within {within}."
     else:
         more = f" Records there alone do not reach {within}."
-    return [f"Measure next at {at}: the interval of {own} becomes {shorter}.{more}"]
+    return [f"Measure next at {at}: the interval of {own} becomes {shorter}.{apart}{more}"]
+
+
+def _reaches_over_others(fit: xr.Dataset) -> bool:
+    """Whether intervals reach over other minima, or over the values of needles that turn or stay where these do not."""
+    return bool(fit.attrs["other_minima"]) or fit.attrs.get("other_skews", "{}") != "{}"
 
 
 def candidate_text(fit: xr.Dataset, at: int) -> str:
