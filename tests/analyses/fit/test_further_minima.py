@@ -7,6 +7,8 @@ import pytest
 from fit_problems import model_of, one_record, real_rows
 
 from tripod_doe.analyses.fit.fit import solve
+from tripod_doe.analyses.fit.identifiability import combinations
+from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
 
 MINIMA = 0.25, 0.75
 FIRM = 1e-3  # deviation of a row that both minima explain
@@ -77,3 +79,27 @@ def test_the_search_begins_at_places_that_look_alike_too(two_minima):  # exact
     low, high = solution.profiles[0].low, solution.profiles[0].high
     assert low < MINIMA[0]
     assert MINIMA[1] < high
+
+
+def test_a_combination_reaches_over_further_minima():
+    """Exact: a sum of which records say that it is 0.7 at one minimum and 0.85 at the other, each +- 0.196."""
+    layout, jacobian = one_record([(0, 1), (0, 1)]), np.array([[10.0, 10.0]])
+    places = [np.array([0.3, 0.4]), np.array([0.35, 0.5])]
+    alone = combinations(layout, jacobian, places[:1], [0, 1], 3.84)[0]
+    both = combinations(layout, jacobian, places, [0, 1], 3.84)[0]
+    half = np.sqrt(3.84) / 10
+    assert (alone.value, alone.half) == pytest.approx((0.7, half))
+    assert (both.value, both.half) == pytest.approx((0.775, half + 0.075))
+
+
+@pytest.mark.parametrize(("deviation", "left_out"), [(0.02, 0), (0.005, 1)])
+def test_a_record_is_judged_again_with_the_weights_of_the_minimum(deviation, left_out):
+    """Exact: six records of one number, one of them 0.04 off: 8 deviations of the first weights, 2 of the later ones."""
+    layout = make_layout([Unknown("b", 0, 1)], list("abcdef"), [[""] * 6])
+    first = real_rows(np.array([0.5, 0.5, 0.5, 0.5, 0.5, 0.54]), 0.005)
+    first = replace(first, record=np.arange(6), free_phase=np.zeros(6, bool), free_sign=np.zeros(6, bool))
+    later = replace(first, along=np.full(6, deviation))
+    solution = solve(
+        layout, first, lambda places: layout.values(places)[..., 0].astype(complex), weigh=lambda best: later
+    )
+    assert solution.bad.sum() == left_out

@@ -119,6 +119,9 @@ def solve(
     size = ErrorSize()
     for weighing in range(_WEIGHINGS):
         rows = rows if weigh is None else weigh(descents[0])
+        if judged and weighing:  # again, as the first weights were not yet of this minimum
+            every = Misfit(rows.with_errors_times(size.of(rows.order)), used, layout.priors())
+            bad = _bad_records(Problem(layout, every, predict), descents[0], per_record)
         if sized:
             size = estimate_error_size(rows, ~bad, layout.priors(), descents[0])
         own = rows.with_errors_times(size.of(rows.order))
@@ -224,9 +227,7 @@ def _with_profiles(
             descents = distinct([problem.descend(better.descent), *descents])
     others = tuple(each for each in descents[1:] if each.cost - best.cost < allowed)
     profiles = [_with_other_minima(problem, best, own, others, allowed) for own in profiles]
-    verdicts = tuple(verdict(own, jacobian, allowed) for own in profiles)
-    unclear = [scalar for scalar, word in enumerate(verdicts) if word != FOUND]
-    return Solution(
+    solution = Solution(
         problem,
         best,
         jacobian,
@@ -235,15 +236,29 @@ def _with_profiles(
         freedom,
         size,
         allowed,
-        tuple(profiles),
-        verdicts,
-        tuple(combinations(problem.layout, jacobian, best.place, unclear, allowed)),
+        (),
+        (),
+        (),
         bad,
         others,
         0,
         True,
         failed,
     )
+    return with_verdicts(solution, tuple(profiles), [other.place for other in others])
+
+
+def with_verdicts(solution: Solution, profiles: tuple[Profile, ...], others: list[FloatArray]) -> Solution:
+    """A solution with its profiles, and what follows from them.
+
+    Args:
+        others: Places of further minima over which these profiles reach.
+    """
+    jacobian, allowed, layout = solution.jacobian, solution.allowed, solution.problem.layout
+    verdicts = tuple(verdict(own, jacobian, allowed) for own in profiles)
+    unclear = [scalar for scalar, word in enumerate(verdicts) if word != FOUND]
+    known = combinations(layout, jacobian, [solution.best.place, *others], unclear, allowed)
+    return replace(solution, profiles=profiles, verdicts=verdicts, combinations=tuple(known))
 
 
 def _with_other_minima(

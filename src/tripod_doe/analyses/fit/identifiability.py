@@ -79,12 +79,13 @@ def skews_alike(skews: list[float], known: list[bool]) -> list[list[float]]:
 
 
 def combinations(
-    layout: Layout, jacobian: FloatArray, place: FloatArray, unclear: list[int], allowed: float
+    layout: Layout, jacobian: FloatArray, places: list[FloatArray], unclear: list[int], allowed: float
 ) -> list[Combination]:
     """Known directions among the scalars that are not known one by one, the best known first.
 
     Args:
         jacobian: Whitened, shape (residual, scalar).
+        places: The minimum, and others that fit within the interval; a combination reaches over all of them.
         unclear: The scalars whose verdict is a combination.
         allowed: Growth of chi squared at the ends of an interval.
     """
@@ -98,23 +99,31 @@ def combinations(
     _, singular, directions = np.linalg.svd(part, full_matrices=False)
     known = []
     for strength, direction in zip(singular, directions, strict=True):
-        if strength <= 0 or (half := float(np.sqrt(allowed) / strength)) > _KNOWN:
+        if strength <= 0:
             continue
-        known.append(_combination(layout, place, unclear, direction, half))
+        along = [float(direction @ place[unclear]) for place in places]
+        half = float(np.sqrt(allowed) / strength) + (max(along) - min(along)) / 2
+        if half <= _KNOWN:
+            shift = (max(along) + min(along)) / 2 - along[0]
+            known.append(_combination(layout, places[0][unclear] + shift * direction, unclear, direction, half))
     return known
 
 
 def _combination(
     layout: Layout, place: FloatArray, scalars: list[int], direction: FloatArray, half: float
 ) -> Combination:
-    """A direction of places as a sum of values, or of their logarithms; the main part has the factor 1."""
+    """A direction of places as a sum of values, or of their logarithms; the main part has the factor 1.
+
+    Args:
+        place: Place of the scalars, in the middle of the interval of the combination.
+    """
     lengths, values = [], []
-    for scalar in scalars:
+    for at, scalar in enumerate(scalars):
         unknown = layout.unknowns[layout.owner[scalar]]
         ends = np.array([unknown.low, unknown.high])
         ends = np.log10(ends) if unknown.log else ends
         lengths.append(float(ends[1] - ends[0]))
-        values.append(float(ends[0] + (ends[1] - ends[0]) * place[scalar]))
+        values.append(float(ends[0] + (ends[1] - ends[0]) * place[at]))
     factors, main = direction / np.array(lengths), int(np.argmax(np.abs(direction)))
     largest = float(factors[main])
     factors = factors / largest

@@ -205,10 +205,8 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             "intervals are widened by this factor."
         )
     if attrs["other_minima"]:
-        yield (
-            f"{count_of(int(attrs['other_minima']), 'other minimum').replace('minimums', 'minima')} of the search fit "
-            "within the 95 % confidence; the intervals reach over them."
-        )
+        count = int(attrs["other_minima"])
+        yield f"Further minima of the search within the 95 % confidence: {count}; the intervals reach over all."
     yield from _skews_that_stay(fit)
     if attrs["aligned_by_order"]:
         yield f"Without a reference angle, records are aligned by an order of their own.{_skews_alike(fit)}"

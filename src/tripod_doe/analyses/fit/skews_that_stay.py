@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.fit.error_size import estimate_error_size, improbability
 from tripod_doe.analyses.fit.exploration import first_places, interpolated
-from tripod_doe.analyses.fit.fit import Skews, Solution
-from tripod_doe.analyses.fit.identifiability import verdict
+from tripod_doe.analyses.fit.fit import Skews, Solution, with_verdicts
 from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
 from tripod_doe.analyses.fit.model_error import Needles, turning_of
@@ -96,9 +95,8 @@ def joined(turning: Solution, staying: Solution) -> Solution:
     if abs(lead) > UNLIKELY:
         return replace(own, skews=Skews(lead < 0, abs(lead), None))
     profiles = tuple(_over_both(*both) for both in zip(own.profiles, other.profiles, strict=True))
-    verdicts = tuple(verdict(profile, own.jacobian, own.allowed) for profile in profiles)
-    skews = Skews(lead < 0, abs(lead), other.best.place)
-    return replace(own, profiles=profiles, verdicts=verdicts, skews=skews)
+    minima = [each.place for each in (*own.others, other.best, *other.others)]
+    return replace(with_verdicts(own, profiles, minima), skews=Skews(lead < 0, abs(lead), other.best.place))
 
 
 def _over_both(own: Profile, other: Profile) -> Profile:
