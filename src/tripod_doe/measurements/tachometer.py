@@ -7,6 +7,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import number
 
 _LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
 _OUTLIERS = (0.0, 0.001, 0.01, 0.05)  # parts of the samples, at each end, that may be spikes beyond the range
@@ -20,6 +21,7 @@ _LOOSE = 1.5  # times the next interval; a longer first or last interval may hid
 _UNEVEN = 0.3  # largest difference from a whole multiple of the neighbouring intervals
 _SHORT = 0.05  # relative; the first or last interval may be this much shorter at constant speed
 _RAGGED = 0.15  # largest median difference of intervals from whole multiples
+_FEWEST_SAMPLES = 5  # from pulse to pulse, of which fewer are named as the reason why pulses look irregular
 _MOST_CUT = 0.5  # part of a record's time that may be cut off at irregular pulses
 
 
@@ -62,8 +64,18 @@ def find_pulses(time_s: FloatArray, tacho: FloatArray) -> Pulses:
         if best is None or pulses.times.size > _MANY * best.times.size:
             best = pulses
     if best is None:
-        raise problem
+        raise _too_fast(time_s, edge_times(time_s, tacho)) or problem
     return best
+
+
+def _too_fast(time_s: FloatArray, edges: FloatArray) -> InputError | None:
+    """The reason why pulses cannot be told from each other, if that is the sampling."""
+    if edges.size < 2 or (samples := float(np.median(np.diff(edges)) / np.median(np.diff(time_s)))) >= _FEWEST_SAMPLES:
+        return None
+    return InputError(
+        f"a pulse of tacho comes about every {number(samples, 2)} samples, too few to see where it begins: sample the "
+        f"tachometer at least {_FEWEST_SAMPLES} times as fast as its pulses come, or use one with fewer pulses"
+    )
 
 
 def _no_edges(count: int) -> InputError:
