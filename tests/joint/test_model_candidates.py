@@ -30,3 +30,13 @@ def test_a_candidate_finds_its_tolerance_as_its_model_does_by_itself(candidate):
     chosen = simulator.effective(dict(candidate.values))
     assert chosen["relative_tolerance"] is alone["relative_tolerance"] is None
     assert chosen["method"] == alone["method"]
+
+
+@pytest.mark.parametrize(
+    ("model", "share"), [("equilibrium", 1), ("kinetostatic", 1), ("rollers", 25), ("needles", 25)]
+)
+def test_a_run_in_time_is_priced_by_its_cycles(model, share):
+    """Regression: a hundred revolutions, which cost 25 times as much, had the price of four."""
+    usual, long = (simulator.recorded_price({"model": model, "cycles": cycles}) for cycles in (4, 100))
+    assert long == pytest.approx(share * usual)
+    assert usual == simulator.recorded_price({"model": model})

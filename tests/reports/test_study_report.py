@@ -181,6 +181,14 @@ def test_the_csv_behind_a_figure_equals_the_cube(joint_page, joint_cube, read_ta
     assert (data["thrust_amplitude_order_3[joint_angle_deg=8]"] == third.values).all()
 
 
+@pytest.mark.parametrize("text", ["study = 3", "study = [1]\ndesign = 6\nbase = [2]\nfactors = 1", "study"])
+@pytest.mark.usefixtures("charts_not_drawn")
+def test_a_cube_whose_study_is_none_gives_a_page(make_cube, text):
+    """Regression: of a cube that another program wrote, the report was a traceback."""
+    cube = make_cube('[study]\nname = "A"\nfunction = "report_functions:line"\n[factors.x]\nvalues = [1, 2]\n')
+    assert "study.toml" not in make_page(cube.assign_attrs(study=text), {})
+
+
 def test_a_hostile_study_is_text_and_nothing_else(make_cube):
     evil = "</title><script>alert(1)</script><img src=x onerror=alert(2)>"
     cube = make_cube(

@@ -83,6 +83,13 @@ class JointSimulator(Simulator):
             return full
         return full | dict.fromkeys(NUMERICS)
 
+    def recorded_price(self, values: Mapping[str, Value]) -> float | None:
+        """As recorded for the usual number of cycles; a run in time costs as much for each of them."""
+        price, cycles = super().recorded_price(values), self.parameters["cycles"].default
+        own = self.effective(values)
+        in_time = own["method"] != "newton"  # a balance has no time
+        return price and price * (float(own["cycles"] or 0) / float(cycles or 1) if in_time else 1.0)
+
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the model that these values name."""
         return MODELS[str(values["model"])].methods

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -134,11 +135,17 @@ def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
 
 def design_kind(cube: xr.Dataset) -> str:
     """Kind of the design as named in the study file; empty if the cube holds no study."""
+    study = study_tables(cube)
+    return str(study.get("design", {}).get("kind", "grid")) if study else ""
+
+
+def study_tables(cube: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """The tables of the study file in a cube; empty if it holds none, or something else in the place of the file."""
     try:
         study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
     except InputError:
-        return ""
-    return str(study.get("design", {}).get("kind", "grid"))
+        return {}
+    return {name: table for name, table in study.items() if isinstance(table, dict)}
 
 
 def finished(cube: xr.Dataset) -> xr.DataArray:
@@ -196,7 +203,7 @@ def points_in_words(points: xr.Dataset) -> str:
 
 def truth_of(cube: xr.Dataset) -> tuple[str, object]:
     """The factor that names the models of a multifidelity study, and the model that counts as the truth."""
-    study = parse_toml(str(cube.attrs["study"]), "the study of this cube")
+    study = study_tables(cube)
     fidelity = str(study["design"].get("fidelity", "model"))
     values = study.get("factors", {}).get(fidelity, {}).get("values")
     return fidelity, values[-1] if values else cube[fidelity].values[0]  # its samples come first

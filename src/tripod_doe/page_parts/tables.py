@@ -22,6 +22,7 @@ from tripod_doe.page_parts.main_results import (
     factor_names,
     factor_unit,
     finished,
+    study_tables,
     unit_text,
     waiting,
 )
@@ -29,7 +30,6 @@ from tripod_doe.quantities import duration, level, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.study.journal import PILOT
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}
@@ -228,7 +228,7 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
     """The fixed parameters in groups, with unit, meaning and source if known."""
     values: Mapping[str, Any] = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     known, where = _known_parameters(cube)
-    given = _study_table(cube).get("base", {})
+    given = study_tables(cube).get("base", {})
     rows = []
     for name, value in values.items():
         if name in known:
@@ -244,18 +244,10 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
 
 def _known_parameters(cube: xr.Dataset) -> tuple[Mapping[str, Parameter], str]:
     """Metadata of the scene's parameters; a user's function is not imported for a report."""
-    asked_for = _study_table(cube).get("study", {})
+    asked_for = study_tables(cube).get("study", {})
     if function := asked_for.get("function"):
         return {}, f"argument of {function}"
     try:
         return load_simulator(str(asked_for.get("scene", "joint"))).parameters, ""
     except InputError:
         return {}, "unknown to this version of tripod_doe"
-
-
-def _study_table(cube: xr.Dataset) -> dict[str, Any]:
-    """The study file in a cube; empty if there is none."""
-    try:
-        return parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
-    except InputError:
-        return {}

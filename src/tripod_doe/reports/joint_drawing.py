@@ -14,18 +14,13 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Value
 from tripod_doe.model_interface.parameter import is_set
 from tripod_doe.motion_page.drawing import joint_drawing
-from tripod_doe.page_parts.main_results import factor_names
+from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.toml_text import parse_toml
 
 
 def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
     """The drawing of the first point, its caption, and the command that animates the point; None without a drawing."""
-    try:
-        study = parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
-    except InputError:
-        return None
-    head = study.get("study", {})
+    head = study_tables(cube).get("study", {})
     if not head or head.get("function") or head.get("scene", "joint") != "joint":
         return None
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))

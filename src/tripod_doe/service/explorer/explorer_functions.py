@@ -13,7 +13,7 @@ import xarray as xr
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.motion_page.page import motion_page, viewed_point
-from tripod_doe.page_parts.main_results import factor_names, unit_text
+from tripod_doe.page_parts.main_results import factor_names, study_tables, unit_text
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.reports.joint_drawing import drawing_of
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
@@ -23,7 +23,6 @@ from tripod_doe.service.explorer.exports import (
     query_command,
     query_python,
     simulate_command,
-    study_of,
     study_of_view,
 )
 from tripod_doe.service.explorer.figures.elements import NUMBER, blank_reasons, is_failed, label_of, shown
@@ -185,7 +184,7 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
         if point[name].dtype.kind in "fiu" and not point[name].dims and "flag_values" not in point[name].attrs
     ]
     reason = str(blank_reasons(point.expand_dims("point"))[0])
-    scene, settings = str(study_of(cube).get("study", {}).get("scene", "joint")), point_values(cube, point)
+    scene, settings = str(study_tables(cube).get("study", {}).get("scene", "joint")), point_values(cube, point)
     return {
         "scene": scene,
         "price": _price(point),
@@ -213,7 +212,7 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
 def motion(path: str, number_of_point: int) -> Any:
     """The page that animates one point, which is simulated again to get its contacts."""
     with opened(path) as cube:
-        if _function(cube) or study_of(cube).get("study", {}).get("scene", "joint") != "joint":
+        if _function(cube) or study_tables(cube).get("study", {}).get("scene", "joint") != "joint":
             raise InputError("only the scene joint can be seen in motion")
         values = point_values(cube, point_of(cube, number_of_point))
     return motion_page(viewed_point(**values))
@@ -221,7 +220,7 @@ def motion(path: str, number_of_point: int) -> Any:
 
 def _function(cube: xr.Dataset) -> bool:
     """Whether a user's function computes the points."""
-    return bool(study_of(cube).get("study", {}).get("function"))
+    return bool(study_tables(cube).get("study", {}).get("function"))
 
 
 def parameters(scene: str) -> Any:

@@ -7,12 +7,10 @@ import numpy as np
 import tomlkit
 import xarray as xr
 
-from tripod_doe.errors import InputError
-from tripod_doe.page_parts.main_results import factor_names
+from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View
-from tripod_doe.study.definition.toml_text import parse_toml
 
 _MOST_ROWS = 500
 
@@ -34,7 +32,7 @@ def query_python(place: str, view: View) -> str:
 
 def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
     """The command that computes one point again; empty for a point of a user's function."""
-    study = study_of(cube)
+    study = study_tables(cube)
     head = study.get("study", {})
     if head.get("function"):
         return ""
@@ -46,7 +44,7 @@ def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
 
 def point_values(cube: xr.Dataset, point: xr.Dataset) -> dict[str, Any]:
     """The parameters that a study gives one of its points: base values and factors, the model that was chosen."""
-    values = {name: value for name, value in study_of(cube).get("base", {}).items() if value != "auto"}
+    values = {name: value for name, value in study_tables(cube).get("base", {}).items() if value != "auto"}
     values |= {name: point[name].item() for name in factor_names(cube)}
     if "model_used" in point and "model" not in values:
         words = str(point["model_used"].attrs.get("flag_meanings", "")).split()
@@ -59,21 +57,13 @@ def _plain(value: object) -> str:
     return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
-def study_of(cube: xr.Dataset) -> dict[str, Any]:
-    """The parsed TOML study in a cube; empty if the cube has none."""
-    try:
-        return parse_toml(str(cube.attrs.get("study", "")), "the study of this cube")
-    except InputError:
-        return {}
-
-
 def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     """A study file whose points are the points of a view, for the variable of the view.
 
     Returns:
         TOML; the whole study if the view has too many points for a list, or does not show points of a study.
     """
-    whole, study = str(cube.attrs.get("study", "")), study_of(cube)
+    whole, study = str(cube.attrs.get("study", "")), study_tables(cube)
     names = factor_names(cube) if design_of(cube) else []
     if not study or not names:
         return whole

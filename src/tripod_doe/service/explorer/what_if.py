@@ -9,7 +9,8 @@ import xarray as xr
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.service.explorer.exports import point_values, study_of
+from tripod_doe.page_parts.main_results import study_tables
+from tripod_doe.service.explorer.exports import point_values
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import point_of
@@ -71,7 +72,7 @@ def contribution_study(path: str, number_of_point: int) -> Any:
 
 
 def _contribution_study(cube: xr.Dataset, point: xr.Dataset, number_of_point: int) -> str:
-    head = study_of(cube).get("study", {})
+    head = study_tables(cube).get("study", {})
     if head.get("scene", "joint") != "joint" or head.get("function"):
         raise InputError("the mechanisms are those of the joint: this is another scene")
     switches = [name for name in cube.coords if cube[name].attrs.get("role") == SWITCH_ROLE]
