@@ -64,9 +64,10 @@ def over_stated(joint: dict[str, float], needles: list[list[float]], model: str)
     """Errors of amplitudes and phases over their stated deviations, shape (2, order); of the third over its limit."""
     own = joint | {"model": model}
     amplitude, phase = np.array(orders_of(own))
-    sizes, turned = deviations_of_orders(model, amplitude)
+    columns = simulator.columns(own, {}, 1)
+    sizes, turned = (each[0] for each in deviations_of_orders(simulator, columns, amplitude[None]))
     true, true_phase = np.array(needles)
-    sizes[3] = known_errors(model, simulator.columns(own, {}, 1))[1][0] * true[3]
+    sizes[3] = known_errors(model, columns)[1][0] * true[3]
     apart = np.abs((phase - true_phase + 180) % 360 - 180)
     return np.stack([np.abs(amplitude - true) / sizes, apart / turned])
 

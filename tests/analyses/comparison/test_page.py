@@ -125,7 +125,7 @@ def test_the_error_of_the_model_is_stated_with_its_origin(grid_cube):
     third = known.sel(order=3)
     percent = 100 * float(third["model_amplitude_uncertainty"] / third["model_amplitude"])
     assert f"it counts as +- {percent:.2g} % of the third order" in told
-    assert "other orders and phases from 145 runs of needles at random joints" in told
+    assert "other orders and phases from runs of needles at 145 random joints in drive and 26 in coast" in told
     assert float(third["amplitude_difference_uncertainty"]) >= float(third["model_amplitude_uncertainty"]) > 0
     strange = compare(record, point.drop_attrs(), 0.0)
     assert "is not known here and does not count" in " ".join(find_in_comparison(strange))

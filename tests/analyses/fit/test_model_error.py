@@ -64,7 +64,7 @@ def test_other_orders_err_as_on_record():
     error = model_error(SIMULATOR, columns, orders, predicted.astype(complex), "recorded")
     assert error.whole[0, 0] == pytest.approx(0.004 * 20)
     assert error.whole[0, 2] == pytest.approx(np.hypot(5.0, 0.007 * 20))
-    assert "of orders 1 and 4 from 145 runs of needles" in error.source
+    assert "of orders 1 and 4 from runs of needles at 145" in error.source
     alone = model_error(SIMULATOR, columns, [4], predicted[:, 2:].astype(complex), "recorded")
     assert alone.whole[0, 0] == pytest.approx(np.sqrt(3) * 0.13 * 5.0)
     assert "of order 4 none is" in alone.source

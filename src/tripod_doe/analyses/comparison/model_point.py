@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -155,15 +154,15 @@ def model_uncertainty(
     turned = np.zeros(ORDERS.size)
     if known:
         simulator = load_simulator("joint")
-        values = simulator.effective(known)
-        columns = {name: np.array([math.nan if value is None else value]) for name, value in values.items()}
-        others = deviations_of_orders(str(values["model"]), amplitude)
-        asked = [3] if others else ORDERS[1:].tolist()  # the mean force is not compared
+        columns = simulator.columns(known, {}, 1)
+        others, phases = (each[0] for each in deviations_of_orders(simulator, columns, amplitude[None]))
+        recorded = np.isfinite(others).any()
+        asked = [3] if recorded else ORDERS[1:].tolist()  # the mean force is not compared
         error = model_error(simulator, columns, asked, amplitude[None, asked].astype(complex), "recorded")
         whole, origin = np.full(ORDERS.size, np.nan), error.source
         whole[asked] = error.whole[0]
-        if others:
-            whole, turned = np.where(np.isnan(others[0]), whole, others[0]), others[1]
+        if recorded:
+            whole, turned = np.where(np.isnan(others), whole, others), phases
             origin += f"; other orders and phases from {SOURCE}"
         else:
             turned = np.degrees(np.arctan2(whole, amplitude))

@@ -109,7 +109,7 @@ def model_error(
         else:
             usual = np.full(len(amplitude), _OTHER)
         relative[:, column] = np.where(finest, _FINEST.get(order, _FINEST_OTHER), usual)
-    others = _other_orders(columns["model"], orders, amplitude)
+    others = _other_orders(simulator, columns, orders, amplitude)
     on_record = np.isfinite(others)
     whole = np.where(on_record, others / np.sqrt(3), relative * amplitude)
     recorded = np.zeros(len(amplitude), bool)  # whether the error of the second order is
@@ -140,19 +140,18 @@ def model_error(
     return ModelError(own, shared, words)
 
 
-def _other_orders(models: NDArray[Any], orders: Sequence[int], amplitude: FloatArray) -> FloatArray:
+def _other_orders(
+    simulator: Simulator, columns: Mapping[str, NDArray[Any]], orders: Sequence[int], amplitude: FloatArray
+) -> FloatArray:
     """Standard deviations on record of all orders but the third, N, shape (record, order); NaN where there are none.
 
     They are parts of the third order, too, so that none is known without it.
     """
-    deviations = np.full(amplitude.shape, np.nan)
-    if 3 in orders:
-        every = np.zeros(ORDERS.size)
-        for row, model in enumerate(models):
-            every[list(orders)] = amplitude[row]
-            if (known := deviations_of_orders(str(model), every)) is not None:
-                deviations[row] = known[0][list(orders)]
-    return deviations
+    if 3 not in orders:
+        return np.full(amplitude.shape, np.nan)
+    every = np.zeros((len(amplitude), ORDERS.size))
+    every[:, list(orders)] = amplitude
+    return deviations_of_orders(simulator, columns, every)[0][:, list(orders)]
 
 
 def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None, recorded: bool) -> str:
