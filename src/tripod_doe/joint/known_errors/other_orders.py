@@ -1,9 +1,9 @@
 """Errors of the orders of the thrust but the third, and of all phases, of the balances against `needles`.
 
 From runs of `needles` at 145 random joints in drive and 26 in coast (2 to 15 deg, 20 to 300 N m;
-benchmarks/RESULTS.md). An amplitude errs by a part of itself and a part of the third order: small orders are differences
-of large forces. Phases err by more than amplitudes: a roller that swings in its groove turns them, which `equilibrium`
-leaves out. The widths are those with which 19 of 20 intervals of 95 % hold.
+benchmarks/RESULTS.md). An amplitude errs by a part of itself and a part of the third order: small orders are
+differences of large forces. Phases err by more than amplitudes: a roller that swings in its groove turns them, which
+`equilibrium` leaves out. The widths are those with which 19 of 20 intervals of 95 % hold.
 """
 
 from __future__ import annotations
