@@ -56,7 +56,6 @@ KINDS = {  # ranges of joint angle, torque, speed and skews
     9: ((3, 14), (50, 350), (100, 2000), 0.2),  # weak skews, wide ranges
     10: ((5, 9), (180, 220), (590, 610), 0.6),  # records that hardly differ
 }
-RATE = 5000.0
 SECONDS = 2.6
 COMPUTE = """import json, sys, tripod_doe as td
 answers = [td.simulate(**point) for point in json.load(sys.stdin)]
@@ -74,16 +73,16 @@ def orders_of(model: str, points: list[tuple[float, float, float]]) -> list[list
     return [list(zip(*answer, strict=True)) for answer in json.loads(done.stdout)]
 
 
-def signals(orders, rpm, pulses, dice):
+def signals(orders, rpm, pulses, dice, rate):
     """Rows of time, force, tachometer, torque ripple, speed."""
     turns, gain, high, rows = dice.random(), 1.0, False, []
     bounce = -1
     skipped = False
-    for sample in range(int(RATE * SECONDS)):
-        time = sample / RATE
+    for sample in range(int(rate * SECONDS)):
+        time = sample / rate
         speed = rpm * (1 + 0.004 * math.sin(2 * math.pi * 0.7 * time))
         before = turns
-        turns += speed / 60 / RATE
+        turns += speed / 60 / rate
         if int(turns) > int(before):
             gain = 1 + 0.004 * dice.gauss(0, 1)
         phi = 2 * math.pi * turns
@@ -92,7 +91,7 @@ def signals(orders, rpm, pulses, dice):
         up = turns * pulses % 1 < 0.4
         if up and not high:
             skipped = dice.random() < 0.02
-            bounce = sample + dice.choice((0, 0, 2, 3)) if RATE * 60 / rpm / pulses > 40 else -1
+            bounce = sample + dice.choice((0, 0, 2, 3)) if rate * 60 / rpm / pulses > 40 else -1
         high = up
         level = 5.0 if up and not skipped and sample != bounce else 0.1
         rows.append((time, -force, level + 0.05 * dice.gauss(0, 1), speed))
@@ -182,7 +181,7 @@ def draw(kind: int, records: int) -> str:
     )
 
 
-def make(folder: Path, model: str, records: int, seed: int) -> None:
+def make(folder: Path, model: str, records: int, seed: int, rate: float = 5000.0) -> None:
     """Write the records."""
     dice = random.Random(seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -190,7 +189,7 @@ def make(folder: Path, model: str, records: int, seed: int) -> None:
     for at, (point, orders) in enumerate(zip(points, orders_of(model, points), strict=True)):
         write, end, pulses = [(german, "asc", 1), (tabbed, "txt", 6), (quoted, "csv", 60)][at % 3]
         angle = f"{point[0]:g}".replace(".", "p")
-        rows = signals(orders, point[2], pulses, dice)
+        rows = signals(orders, point[2], pulses, dice, rate)
         write(folder / f"Lauf {at + 1:02d} {angle}grad {point[1]}Nm.{end}", point, rows, dice)
 
 
@@ -200,6 +199,7 @@ if __name__ == "__main__":
     parser.add_argument("--model", default="needles")
     parser.add_argument("--records", type=int, default=15)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rate", type=float, default=5000.0, help="samples a second")
     parser.add_argument("--joint", type=int, help="another hidden joint, drawn by this number and printed")
     parser.add_argument("--drawing", type=int, choices=KINDS, help="another joint with its fit file")
     given = parser.parse_args()
@@ -208,4 +208,4 @@ if __name__ == "__main__":
     if given.drawing is not None:
         given.folder.mkdir(parents=True, exist_ok=True)
         (given.folder / "fit.toml").write_text(draw(given.drawing, given.records))
-    make(given.folder, given.model, given.records, given.seed)
+    make(given.folder, given.model, given.records, given.seed, given.rate)

@@ -52,7 +52,7 @@ def orders(point):
 def rig(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stranger")
     make = STRANGER["make"]
-    make.__globals__.update(orders_of=lambda model, point: orders(point), SECONDS=1.2)
+    make.__globals__.update(orders_of=lambda model, points: list(map(orders, points)), SECONDS=1.2)
     make(folder, "equilibrium", RECORDS, 3)
     return folder
 
