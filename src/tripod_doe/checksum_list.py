@@ -24,7 +24,7 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
-from tripod_doe.atomic_files import replace_file, replace_text
+from tripod_doe.atomic_files import refuse_links, replace_file, replace_text
 from tripod_doe.errors import CubeError, InputError, StorageError, option
 from tripod_doe.regular_files import opened_regular, read_regular
 
@@ -197,7 +197,13 @@ def remove_listed(folder: Path, keep: Set[str] = frozenset()) -> None:
 
 
 def remove_pages(directory: Path) -> None:
-    """Remove the report of earlier results, and what was handed on of it; StorageError as `remove_listed`."""
+    """Remove the report of earlier results, and what was handed on of it.
+
+    Raises:
+        InputError: If a folder in it is a link: what it leads to stays.
+        StorageError: As `remove_listed`.
+    """
+    refuse_links(directory / "report")
     for folder in (directory / "report" / "figures", directory / "report"):
         remove_listed(folder)
     with suppress(OSError):  # of an earlier version, without a list

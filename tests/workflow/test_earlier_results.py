@@ -129,6 +129,29 @@ def test_what_a_search_removes(tmp_path):
     assert not (tmp_path / "report").exists()
 
 
+def test_nothing_is_removed_through_a_link(write_study, tmp_path):
+    """What a stranger's directory leads to may be other results, with a list of their own."""
+    other = write_listed(tmp_path / "other" / "fit.nc", "mine")
+    out = tmp_path / "out"
+    (out / "report").mkdir(parents=True)
+    (out / "report" / "figures").symlink_to(other.parent)
+    with pytest.raises(td.InputError, match="report: figures is a link to"):
+        td.run(write_study(STUDY.format(values="1, 2")), out, workers=0, progress=False)
+    assert other.read_text() == "mine"
+
+
+@pytest.mark.parametrize(("quick", "folder"), [(False, "steps"), (True, "quick")])
+def test_a_workflow_removes_nothing_through_a_link(write_study, tmp_path, quick, folder):
+    other = write_listed(tmp_path / "other" / "fit.nc", "mine")
+    (tmp_path / "out" / folder).mkdir(parents=True)
+    (tmp_path / "out" / folder / "effects").symlink_to(other.parent)
+    (tmp_path / "chain.toml").write_text(WORKFLOW)
+    write_study(STUDY.format(values="1, 2, 3"))
+    with pytest.raises(td.InputError, match=f"{folder}: effects is a link to"):
+        td.run_workflow(tmp_path / "chain.toml", tmp_path / "out", quick=quick, workers=0, progress=False)
+    assert other.read_text() == "mine"
+
+
 def test_a_list_of_steps_of_a_gigabyte_is_not_read(tmp_path, monkeypatch):
     """Regression: each look at a run read all of it for its checksum."""
     path = write_listed(tmp_path / STEPS, "[]")

@@ -96,7 +96,7 @@ def run_workflow(
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
     with Execution(workers, oversubscribe=oversubscribe) as execution:
         directory = make_directory(out)
-        refuse_links(directory / "steps")
+        refuse_links(directory / ("quick" if quick else "steps"))
         remove_pages(directory)
         chain = _Chain(workflow, directory, execution, retry_failed, progress)
         views = chain.run(wanted)
