@@ -428,6 +428,31 @@ def test_a_field_that_cannot_be_read_is_refused_in_words():
         changed_text(GRID, "parameter.torque_n_m", "a : b")
     with pytest.raises(InputError, match="not valid TOML"):
         changed_text("[study", "study.name", "x")
+    with pytest.raises(InputError, match="change parameter.joint_angle_deg in the text"):
+        changed_text("factors = {joint_angle_deg = {values = [1]}}", "parameter.joint_angle_deg", "7, 9")
+
+
+@pytest.mark.parametrize("field", ["1,5", "1,5, 2,5", "1,200", "1.200,5", "1,200.5", "100,200,300", "25,50,"])
+def test_a_comma_in_a_field_that_may_stand_in_a_number_is_refused(field):
+    """Regression: 1,5 became the levels 1 and 5."""
+    with pytest.raises(InputError, match=f"torque_n_m: {re.escape(field.split(', ')[0].rstrip(','))} may be one number"):
+        changed_text(GRID, "parameter.torque_n_m", field)
+
+
+def test_levels_without_spaces_are_levels_and_other_digits_no_number():
+    assert "values = [25, 50.5, 1e2]".replace("1e2", "100.0") in changed_text(
+        GRID, "parameter.torque_n_m", "25,50.5,1e2"
+    )
+    for field in ("1_000", "\uff11\uff12"):
+        study = tomllib.loads(changed_text(GRID, "parameter.torque_n_m", field))
+        assert study["base"]["torque_n_m"] == field  # a text, which the parameter refuses
+
+
+def test_a_long_field_is_kept_whole():
+    """Regression: a field was cut at 200 characters, in the middle of a level."""
+    levels = [1.25 + 0.25 * at for at in range(200)]
+    text = changed_text(GRID, "parameter.torque_n_m", ", ".join(map(str, levels)))
+    assert tomllib.loads(text)["factors"]["torque_n_m"]["values"] == levels
 
 
 def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):

@@ -2,9 +2,10 @@
 
 A parameter is one field: empty for the default, ``600`` for a value that all points share, ``25, 50, 100``
 for values of a factor, ``2 : 14 : 13`` for a range with a count and ``2 : 14`` for a range to sample, with ``log`` at
-the end for a logarithmic scale. The text alone holds what a field cannot express, such as a distribution.
+the end for a logarithmic scale. ``1,5`` is refused, since it may be 1.5 or two values. The text alone holds what a field cannot express, such as a distribution.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,10 +19,10 @@ from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.definition.study_tables import DesignTable
 from tripod_doe.study.definition.toml_text import parse_toml
+from tripod_doe.typed_numbers import readings, typed_number
 
 _DESIGN_KEYS = ("kind", "samples", "seed", "levels")
 _RANGE_KEYS = {"low", "high", "count", "scale"}
-_LONGEST = 200
 
 
 def study_form(text: str) -> Any:
@@ -101,11 +102,11 @@ def changed_text(text: str, key: str, value: str) -> Any:
         document = tomlkit.parse(text)
         table, _, name = key.partition(".")
         if table == "parameter":
-            _set_parameter(document, name, value.strip()[:_LONGEST])
+            _set_parameter(document, name, value.strip())
         else:
             _set(document, table, name, _scalar(value) if table == "design" else value)
         return tomlkit.dumps(document)
-    except (TOMLKitError, AttributeError, TypeError) as error:
+    except (TOMLKitError, AttributeError, TypeError, ValueError) as error:
         raise InputError(
             f"study.toml: change {key} in the text: its form is not one that a field can change"
         ) from error
@@ -151,15 +152,20 @@ def _factor(name: str, field: str) -> dict[str, Any] | None:
             raise InputError(f"{name} = {field!r}: write low : high or low : high : count, with log for a log scale")
         factor = {"low": low, "high": high} | ({"count": count[0]} if count else {})
         return factor | ({"scale": "log"} if scale == "log" else {})
+    for piece in (piece.rstrip(",") for piece in words.split()):
+        if "," in piece and readings(piece):
+            raise InputError(
+                f"{name}: {piece} may be one number or several values: write a point in a number, no sign between "
+                "thousands, and a space behind a comma between values"
+            )
     if "," in words:
         return {"values": [_scalar(part.strip()) for part in words.split(",") if part.strip()]}
     return None
 
 
 def _scalar(text: str) -> Any:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    try:
+        number = typed_number(text)
+    except ValueError:
+        return text
+    return int(text) if text.strip().lstrip("+-").isdigit() and math.isfinite(number) else number
