@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.typed_numbers import typed_number
 
 if TYPE_CHECKING:
     from tripod_doe.model_interface import Parameter
@@ -63,7 +64,7 @@ def parameter_value(parameter: Parameter, text: str, flag: str) -> Any:
     if parameter.kind == "choice":
         return text
     try:
-        return float(text)
+        return typed_number(text)
     except ValueError as error:
         raise InputError(f"--{flag} {text!r}: expected a number ({parameter.range_text})") from error
 

@@ -269,6 +269,9 @@ def test_the_price_of_a_point_names_what_is_wrong_or_will_fail():
     assert price_of_point("joint", {"bearing_radial_clearance_mm": -0.05})["foreseen"].startswith("jammed: ")
     with pytest.raises(InputError, match=r"^torque_nm = 3: unknown parameter"):
         price_of_point("joint", {"torque_nm": 3})
+    with pytest.raises(InputError, match="torque_n_m: a value is needed"):
+        price_of_point("joint", {"torque_n_m": None})
+    assert price_of_point("joint", {"model": "equilibrium", "step_s": None})["foreseen"] == ""
 
 
 def test_the_study_of_contributions_keeps_the_point(folders):
@@ -428,14 +431,16 @@ def test_a_field_that_cannot_be_read_is_refused_in_words():
         changed_text(GRID, "parameter.torque_n_m", "a : b")
     with pytest.raises(InputError, match="not valid TOML"):
         changed_text("[study", "study.name", "x")
-    with pytest.raises(InputError, match="change parameter.joint_angle_deg in the text"):
+    with pytest.raises(InputError, match=r"change parameter\.joint_angle_deg in the text"):
         changed_text("factors = {joint_angle_deg = {values = [1]}}", "parameter.joint_angle_deg", "7, 9")
 
 
 @pytest.mark.parametrize("field", ["1,5", "1,5, 2,5", "1,200", "1.200,5", "1,200.5", "100,200,300", "25,50,"])
 def test_a_comma_in_a_field_that_may_stand_in_a_number_is_refused(field):
     """Regression: 1,5 became the levels 1 and 5."""
-    with pytest.raises(InputError, match=f"torque_n_m: {re.escape(field.split(', ')[0].rstrip(','))} may be one number"):
+    with pytest.raises(
+        InputError, match=f"torque_n_m: {re.escape(field.split(', ')[0].rstrip(','))} may be one number"
+    ):
         changed_text(GRID, "parameter.torque_n_m", field)
 
 

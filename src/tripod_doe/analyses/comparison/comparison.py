@@ -38,6 +38,7 @@ from tripod_doe.measurements.order_tracking import CELLS, resample, track_orders
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.typed_numbers import typed_number
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _DECIMALS = 9  # of an angle in deg; what is smaller is rounding
@@ -98,7 +99,7 @@ def parse_speeds(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
     try:
-        low, high = (float(end) for end in text.split(":"))
+        low, high = map(typed_number, text.split(":"))
     except ValueError as error:
         raise InputError(f"{option('speeds', text)}: write two speeds in rpm, LOW:HIGH") from error
     return low, high

@@ -24,6 +24,7 @@ from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.study.simulate import simulate
+from tripod_doe.typed_numbers import typed_number
 
 _SAME = 0.01  # relative: how near a measured value may be to one of the cube that was aimed at
 _STEADY = 0.05  # relative change of speed below which a record has one
@@ -53,7 +54,7 @@ def parameter_value(name: str, text: str) -> float | str:
     if parameter.kind == "choice":
         return str(parameter.check(text))
     try:
-        return float(text)
+        return typed_number(text)
     except ValueError as error:
         raise InputError(f"{name} = {text!r}: expected a number ({parameter.range_text})") from error
 

@@ -20,6 +20,7 @@ from tripod_doe.measurements.order_tracking import track_orders
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.quantities import number
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.typed_numbers import typed_number
 
 _ANGLE, _TORQUE, _SPEED = "joint_angle_deg", "torque_n_m", "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
@@ -143,7 +144,7 @@ def _value(parameter: Parameter, text: str) -> Value:
     if parameter.kind == "choice":
         return parameter.check(text)
     try:
-        return parameter.check(float(text))
+        return parameter.check(typed_number(text))
     except ValueError as error:
         raise InputError(f"{parameter.name} = {text!r}: expected a number ({parameter.range_text})") from error
 
@@ -152,7 +153,7 @@ def _own(key: str, text: str) -> Any:
     if key == "sign" and text not in ("1", "+1", "-1", "free"):
         raise InputError(f"sign = {text!r}: unknown{near_match(text, ('1', '-1', 'free'))}")
     try:
-        return text if text == "free" else int(text) if key != "reference_angle_deg" else float(text)
+        return text if text == "free" else int(text) if key != "reference_angle_deg" else typed_number(text)
     except ValueError as error:
         raise InputError(f"{key} = {text!r}: expected a number") from error
 

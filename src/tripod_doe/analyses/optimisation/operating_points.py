@@ -15,6 +15,7 @@ from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.definition.complaints import complaints
+from tripod_doe.typed_numbers import typed_number
 
 _KEYS = ("table", "weights")
 _MOST = 10_000
@@ -86,7 +87,7 @@ def _rows(request: OptimisationRequest, table: str, weights: Any) -> tuple[list[
 
 def _number(text: str) -> float | str:
     try:
-        return float(text)
+        return typed_number(text)
     except ValueError:
         return text
 

@@ -11,6 +11,7 @@ from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
+from tripod_doe.typed_numbers import typed_number
 
 _MANY_LEVELS = 8  # of both factors; with more levels a map is clearer than lines
 _PREFERRED = ("thrust_amplitude", "axial_drift_mm", "axial_force_n")
@@ -147,7 +148,7 @@ def _refuse_unknown(cube: xr.Dataset, view: View) -> None:
 
 def _is_number(text: str) -> bool:
     try:
-        return math.isfinite(float(text))
+        return math.isfinite(typed_number(text))
     except ValueError:
         return False
 

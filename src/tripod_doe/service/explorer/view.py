@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from urllib.parse import urlencode
 
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.typed_numbers import typed_number
 
 KINDS = ("lines", "map", "points", "matrix", "parallel")
 """Kinds of views: lines over one dimension, colours over two, one mark per point, marks over all pairs of axes, and
@@ -84,7 +85,7 @@ def _number(name: str, text: str) -> float | None:
     if not text:
         return None
     try:
-        number = float(text)
+        number = typed_number(text)
     except ValueError:
         number = math.nan
     if not math.isfinite(number):

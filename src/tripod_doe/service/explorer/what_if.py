@@ -8,13 +8,14 @@ import tomlkit
 import xarray as xr
 
 from tripod_doe.errors import InputError
-from tripod_doe.model_interface import Outcome
+from tripod_doe.model_interface import Outcome, check_parameters
 from tripod_doe.page_parts.main_results import study_tables
 from tripod_doe.service.explorer.exports import point_values
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import point_of
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import plan
@@ -34,7 +35,10 @@ def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
     Raises:
         InputError: If a parameter cannot be used.
     """
-    base = {name: value for name, value in parameters.items() if name != _FACTOR}
+    check_parameters(
+        load_simulator(scene).parameters, {name: None for name, value in parameters.items() if value is None}
+    )
+    base = {name: value for name, value in parameters.items() if name != _FACTOR and value is not None}
     factors = {_FACTOR: {"values": [parameters.get(_FACTOR, 0)]}}  # a study needs a factor
     study = {"study": {"name": "a point", "scene": scene}, "base": base, "factors": factors}
     try:

@@ -2,7 +2,8 @@
 
 A parameter is one field: empty for the default, ``600`` for a value that all points share, ``25, 50, 100``
 for values of a factor, ``2 : 14 : 13`` for a range with a count and ``2 : 14`` for a range to sample, with ``log`` at
-the end for a logarithmic scale. ``1,5`` is refused, since it may be 1.5 or two values. The text alone holds what a field cannot express, such as a distribution.
+the end for a logarithmic scale. ``1,5`` is refused, since it may be 1.5 or two values. The text alone holds what a
+field cannot express, such as a distribution.
 """
 
 import math

@@ -6,6 +6,7 @@ from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.designs.design_interface import Family, Made, Request
+from tripod_doe.typed_numbers import typed_number
 
 
 def _table(request: Request) -> Made:
@@ -46,7 +47,7 @@ def _cell(parameter: Parameter, text: str) -> Value:
     if parameter.kind == "choice":
         return parameter.check(text)
     try:
-        number = float(text)
+        number = typed_number(text)
     except ValueError:
         if parameter.kind == "argument":
             return parameter.check(text)

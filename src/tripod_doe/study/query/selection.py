@@ -13,6 +13,7 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
 from tripod_doe.study.query.arrays import Variable
+from tripod_doe.typed_numbers import typed_number
 
 _MATCH = 1e-9
 _STRETCH = 4_000_000  # labels that are compared together
@@ -46,7 +47,7 @@ def parse_selection(text: str) -> Selection:
     texts = tuple(dict.fromkeys([wanted, *(part.strip() for part in wanted.split(","))]))
     if ":" in wanted:
         try:
-            low, high = (float(end) if end.strip() else None for end in wanted.split(":"))
+            low, high = (typed_number(end) if end.strip() else None for end in wanted.split(":"))
         except ValueError:  # no range, but labels may be texts with such a sign
             return Selection(name, (wanted,), texts=texts)
         return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high, texts)
@@ -82,7 +83,7 @@ def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list
 
 def _word(text: str) -> float | str:
     try:
-        return float(text)
+        return typed_number(text)
     except ValueError:
         return text
 
