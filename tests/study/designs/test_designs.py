@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pydoe
 import pytest
 import SALib.sample.morris
 
@@ -435,6 +436,21 @@ def test_a_fractional_factorial_has_its_resolution_and_tells_its_aliases():
     assert "no effects of one factor or two are confounded" in full.notes[0]
     low = points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 3')
     assert "resolution IV" in low.notes[0]  # the best that eight points can have
+
+
+def test_a_fraction_of_the_highest_resolution_that_can_be_made_is_made(monkeypatch):
+    """Regression: with 24 factors at resolution 8 the look for a better one ended in a ValueError, after 5 s."""
+    made = pydoe.fracfact_by_res
+
+    def at_most_four(factors, resolution):
+        if resolution > 4:
+            raise ValueError("no design could be constructed")
+        return made(factors, resolution)
+
+    monkeypatch.setattr(pydoe, "fracfact_by_res", at_most_four)
+    assert points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 4').count == 8
+    with pytest.raises(InputError, match="resolution = 5: no design"):
+        points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 5')
 
 
 def test_a_table_with_a_column_twice_is_refused(tmp_path):

@@ -157,6 +157,19 @@ def test_a_bad_retry_is_refused_before_anything_runs(entries, message):
         parse_study(JOINT.partition("retry")[0] + f"retry = {entries}\n")
 
 
+def test_retries_of_many_levels_are_checked_on_few_of_their_combinations():
+    """Regression: all 10^9 combinations were listed, whatever the design, and even without a retry."""
+    names = ("torque_n_m", "joint_angle_deg", "speed_rpm")
+    factors = "".join(f"[factors.{name}]\nlow = 1\nhigh = 10\ncount = 1000\n" for name in names)
+    text = f'[study]\nname = "z"\n[base]\nmodel = "equilibrium"\n{factors}[design]\nkind = "zip"\n[run]\nretry = '
+    began = time.process_time()
+    study = parse_study(text + "[{ torque_n_m = 7.0, joint_angle_deg = 3.0, speed_rpm = 50.0 }]\n")
+    assert [change.label for change in study.retry.changes] == ["torque_n_m = 7, joint_angle_deg = 3, speed_rpm = 50"]
+    with pytest.raises(td.InputError, match="makes no difference"):  # the second time
+        parse_study(text.replace("1000", "20") + "[{ torque_n_m = 7.0 }, { torque_n_m = 7.0 }]\n")
+    assert time.process_time() - began < 10
+
+
 def test_a_smaller_step_needs_something_to_halve(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "plain_function.py").write_text("def f(x):\n    return {'y': x}\n")

@@ -18,6 +18,7 @@ SMALLER_STEP = "smaller-step"
 
 _STEPS = ("step_s", "relative_tolerance")
 _FOLLOWERS = {"model": ("method", *_STEPS), "method": _STEPS}
+_MOST_TRIED = 1_000  # kinds of points on which a change is tried before it runs
 _NEVER_RETRIED = (Outcome.FINISHED, Outcome.NOT_APPLICABLE)
 
 
@@ -73,20 +74,55 @@ def check_retries(
     changes = tuple(_change(simulator, entry) for entry in entries)
     touched = {name for change in changes for name in change.values}
     unsure = {name for name, levels in factors.items() if not levels} | set(unknown)
-    points = list(_kinds_of_points(simulator, base, factors, touched))
-    for change in changes:
-        where = f"retry: {change.label}"
-        after = [changed_values(simulator, values, change, {}) for values in points]
-        if not unsure & change.values.keys() and all(
-            new is None or simulator.effective(new) == simulator.effective(old)
-            for new, old in zip(after, points, strict=True)
-        ):
-            reason = "no point has a step or a tolerance" if not change.values else "it makes no difference"
-            raise InputError(f"{where}: {reason}; remove it")
-        points = [old if new is None else new for new, old in zip(after, points, strict=True)]
-        _check_runnable(simulator, points, factors, keep, where)
+    trials = [_Trial(change, bool(unsure & change.values.keys())) for change in changes]
+    points = _kinds_of_points(base, factors, touched)
+    for values in itertools.islice(points, _MOST_TRIED):
+        if all(trial.differs and trial.runs for trial in trials):
+            break
+        for trial in trials:
+            values = trial.on(simulator, values, factors, keep)
+    if next(points, None) is None:  # all were tried
+        for trial in trials:
+            trial.refuse_in_vain()
     accepted = {*_NEVER_RETRIED, *(outcome for outcome in Outcome if outcome.label in expected)}
     return RetryPlan(changes, frozenset(int(outcome) for outcome in accepted))
+
+
+@dataclass
+class _Trial:
+    """A change, tried on kinds of points one after the other."""
+
+    change: Change
+    differs: bool  # whether it changes a point, or may change one that is not known
+    runs: bool = False  # whether a point can run with it
+    reason: InputError | None = None  # why the first one cannot
+
+    def on(
+        self, simulator: Simulator, old: dict[str, Value], factors: Mapping[str, Sequence[Value]], keep: Collection[str]
+    ) -> dict[str, Value]:
+        """The values of a kind of point after the change."""
+        new = changed_values(simulator, old, self.change, {})
+        if new is None:
+            new = old
+        elif not self.differs:
+            self.differs = simulator.effective(new) != simulator.effective(old)
+        if not self.runs:
+            others = {name: levels for name, levels in factors.items() if name not in new}
+            try:
+                simulator.check({name: value for name, value in new.items() if value is not None}, others, keep)
+                self.runs = True
+            except InputError as error:
+                self.reason = self.reason or error
+        return new
+
+    def refuse_in_vain(self) -> None:
+        """Refuse (InputError) a change that changes no point, or with which none can run."""
+        where = f"retry: {self.change.label}"
+        if not self.differs:
+            reason = "it makes no difference" if self.change.values else "no point has a step or a tolerance"
+            raise InputError(f"{where}: {reason}; remove it")
+        if not self.runs:
+            raise InputError(f"{where}: {self.reason}") from self.reason
 
 
 def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
@@ -106,36 +142,17 @@ def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
 
 
 def _kinds_of_points(
-    simulator: Simulator, base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
+    base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
 ) -> Iterator[dict[str, Value]]:
-    """Values for every combination of levels that a change may apply to."""
+    """Values for every combination of levels that a change may apply to, first those of factors with few levels."""
     varied = {
         name: levels
         for name, levels in factors.items()
         if levels and (name in touched or name in _FOLLOWERS or name in _STEPS)
     }
+    varied = dict(sorted(varied.items(), key=lambda item: -len(item[1])))
     for values in itertools.product(*varied.values()):
         yield {**base, **dict(zip(varied, values, strict=True))}
-
-
-def _check_runnable(
-    simulator: Simulator,
-    points: Sequence[Mapping[str, Value]],
-    factors: Mapping[str, Sequence[Value]],
-    keep: Collection[str],
-    where: str,
-) -> None:
-    """Refuse a change with which no point can run."""
-    reasons = []
-    for values in points:
-        others = {name: levels for name, levels in factors.items() if name not in values}
-        try:
-            simulator.check({name: value for name, value in values.items() if value is not None}, others, keep)
-        except InputError as error:
-            reasons.append(error)
-        else:
-            return
-    raise InputError(f"{where}: {reasons[0]}") from reasons[0]
 
 
 def changed_values(

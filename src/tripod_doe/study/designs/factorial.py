@@ -6,6 +6,7 @@ levels. The full factorial takes as many levels as a factor lists.
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import combinations
 from typing import Any
 
@@ -95,8 +96,9 @@ def _fraction(request: Request) -> tuple[FloatArray, int]:
         coded, resolution = np.asarray(fracfact_by_res(width, asked), float), asked
     except ValueError as error:
         raise InputError(f"resolution = {asked}: {error}") from error
-    while len(coded) < 2**width and len(better := fracfact_by_res(width, resolution + 1)) == len(coded):
-        coded, resolution = np.asarray(better, float), resolution + 1
+    with suppress(ValueError):  # of a resolution that no fraction has
+        while len(coded) < 2**width and len(better := fracfact_by_res(width, resolution + 1)) == len(coded):
+            coded, resolution = np.asarray(better, float), resolution + 1
     return coded, resolution
 
 
