@@ -458,6 +458,8 @@ def test_a_long_field_is_kept_whole():
     levels = [1.25 + 0.25 * at for at in range(200)]
     text = changed_text(GRID, "parameter.torque_n_m", ", ".join(map(str, levels)))
     assert tomllib.loads(text)["factors"]["torque_n_m"]["values"] == levels
+    with pytest.raises(InputError, match="more than 1,000 values"):
+        changed_text(GRID, "parameter.torque_n_m", "1, " * 20_000)
 
 
 def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):

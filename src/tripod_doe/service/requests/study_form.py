@@ -23,6 +23,7 @@ from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.typed_numbers import readings, typed_number
 
 _DESIGN_KEYS = ("kind", "samples", "seed", "levels")
+_MOST_VALUES = 1_000  # of a field: the time to write them grows with the square
 _RANGE_KEYS = {"low", "high", "count", "scale"}
 
 
@@ -159,6 +160,8 @@ def _factor(name: str, field: str) -> dict[str, Any] | None:
                 f"{name}: {piece} may be one number or several values: write a point in a number, no sign between "
                 "thousands, and a space behind a comma between values"
             )
+    if words.count(",") > _MOST_VALUES:
+        raise InputError(f"{name}: more than {_MOST_VALUES:,} values: write low : high : count, or them in the text")
     if "," in words:
         return {"values": [_scalar(part.strip()) for part in words.split(",") if part.strip()]}
     return None
