@@ -79,7 +79,7 @@ def joint_of(values: JointValues[float], needles: bool, samples: int) -> Followe
 def trial(values: JointValues[float], needles: bool, accuracy: float, finer: float, samples: int) -> Trial | None:
     """Refine a point and hold it against its truth; None where it stops on its way."""
     wanted, joint = OrderAccuracy({3: accuracy}), joint_of(values, needles, samples)
-    motion = refine(joint, wanted, first_tolerance(values, wanted, needles))
+    motion = refine(joint, wanted, first_tolerance(wanted, needles))
     if not motion.sampled:
         return None
     per_sample = motion.runs[-1].force_evaluations / (motion.runs[-1].times.size - 1)

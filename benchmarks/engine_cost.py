@@ -69,7 +69,7 @@ def contact_cost(needles: int = 27) -> dict[str, float]:
         rows = assembly.tables.contacts[assembly.tables.contacts["count"] > 1]
         rows = np.ascontiguousarray(rows[np.arange(rows.size) % 3 < 2])  # trunnion and bore, all in the same state
         tables = dataclasses.replace(assembly.tables, contacts=rows)
-        arguments = (tables, work, state.positions, state.velocities, Slopes(1.0, by_velocity, 0.0, False))
+        arguments = (tables, work, state.positions, state.velocities, Slopes(1.0, by_velocity, 0.0))
         _search(1, *arguments)
         costs[name] = 1e9 * best(lambda arguments=arguments: _search(200, *arguments)) / 200 / rows.size
     return costs

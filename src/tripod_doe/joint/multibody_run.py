@@ -158,7 +158,7 @@ def _follow_to(
 ) -> Motion:
     """The motion with the tolerance or step that an accuracy needs."""
     joint = FollowedJoint(assembly, values, method_named(method), samples, run_limits(values, 1, method))
-    return refine(joint, accuracy, first_tolerance(values, accuracy, joint.remembers) if method == _DAMPS else usual)
+    return refine(joint, accuracy, first_tolerance(accuracy, joint.remembers) if method == _DAMPS else usual)
 
 
 def _follow_given(assembly: Assembly, values: JointValues[float], method: str, samples: int) -> Motion:

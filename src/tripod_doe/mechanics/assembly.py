@@ -81,7 +81,6 @@ class Assembly:
             slip=zeros((groups, 3, WIDTH)),
             slip_before=zeros((groups, 3, WIDTH)),
             touching=zeros((self.tables.contacts.size, 2), np.int64),
-            drift=zeros((bodies, 6)),
             stiffness=zeros((blocks, 6, WIDTH)),
             dissipation=zeros((blocks, 6, WIDTH)),
             matrix=zeros((blocks, 6, WIDTH)),

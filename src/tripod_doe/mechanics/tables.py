@@ -147,7 +147,6 @@ class Slopes(NamedTuple):
     # by_velocity, by_position: factors of D = -dQ/dv and K = -dQ/dq in the block matrix
     by_velocity: float
     by_position: float
-    drift: bool  # whether K times the velocities is also requested
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +202,6 @@ class Work(ByReference):
     slip: FloatArray
     slip_before: FloatArray
     touching: IntArray  # whether a contact's slips may differ from zero, at the same two times, shape (contact, 2)
-    # stiffness times velocities: the rate at which forces fall as the bodies move on, shape (body, 6)
-    drift: FloatArray
     # stiffness, dissipation, matrix: block matrices -dQ/dq and -dQ/dv, for methods that need them apart, and the one
     # that is factorised, shape (block, 6, 8); the last two columns are zeros, so that a row is as wide as a register
     stiffness: FloatArray

@@ -185,19 +185,6 @@ def test_derivatives_are_those_of_the_forces(clearance, crown):
                     np.testing.assert_allclose(-slope[row + 1], block[:, column], atol=accuracy * np.abs(matrix).max())
 
 
-@pytest.mark.parametrize("clearance", [0.015, -0.03])
-def test_drift_is_the_stiffness_times_the_velocities(clearance):
-    """Exact physics, but for the bore's lean: the rate at which forces fall as the bodies move on."""
-    assembly, state = pair(clearance, 1, tilting=0.02)
-    tables, work = assembly.tables, assembly.work()
-    linearise(tables, work, state.positions, state.velocities, 1.0, 0.0, 1.0, work.matrix)
-    product = np.zeros((3, 6))
-    for block, i, j in zip(work.matrix, tables.pattern.row, tables.pattern.column, strict=True):
-        product[i + 1] += block[:, :6] @ state.velocities[j + 1]
-    assert np.abs(product).max() > 1e4
-    np.testing.assert_allclose(work.drift, product, atol=1e-2 * np.abs(product).max())
-
-
 @pytest.mark.parametrize("damping", [(1e-3, 0.0), (0.0, 1e-5)])
 def test_damping_is_in_the_matrix(damping):
     """Exact physics: -dQ/dv of either damping without friction, but for the bore's lean of 3e-4."""

@@ -15,6 +15,7 @@ from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, simulator
+from tripod_doe.mechanics.solve.elimination import multiply
 from tripod_doe.mechanics.solve.equations_of_motion import linearise
 from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_system
 from tripod_doe.model_interface import Outcome
@@ -119,7 +120,9 @@ def slip_by_linear_steps(secant, step, duration):
             return np.nan
         work.blocks[:] = 0.0
         gather(tables, work.force, step, work.blocks)
-        gather(tables, work.drift, -step * step, work.blocks)
+        linearise(tables, work, state.positions, state.velocities, secant, 0.0, 1.0, work.stiffness)
+        gather(tables, state.velocities, 1.0, rows := np.zeros_like(work.blocks))
+        multiply(tables.pattern, work.stiffness, rows, -step * step, work.blocks)
         solve_system(tables, work, work.gamma, change)
         state.velocities += change[:, :6]
         for i in range(len(assembly.names)):

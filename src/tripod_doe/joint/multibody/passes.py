@@ -20,6 +20,12 @@ from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.model_interface import Outcome
 
+_BALANCED = 12
+"""Pauses in a revolution at which energies are balanced, where samples need none."""
+
+_ON_TIME = 1e-6
+"""Largest distance of a step from the sample that it stands for, over the time between samples."""
+
 _BEGUN_ANEW = 3
 """Most restarts of the first pass, each with half the step, if it stops before its end."""
 
@@ -155,21 +161,44 @@ class FollowedJoint:
 
     def _follow(self, setting: float, samples: int, start: State | None) -> Run:
         """Follow a number of samples, from the start of the scene or from a state."""
+        result = self._run(setting, samples, start, stops=self._few_stops(samples))
+        if result.times.size != samples + 1:
+            result = self._run(setting, samples, start, stops=samples)
+        self.runs.append(result)
+        if result.times.size <= samples:
+            raise StoppedError(result)
+        return result
+
+    def _few_stops(self, samples: int) -> int:
+        """Pauses of a run at which energies are balanced: few, if samples are among its equal steps anyway.
+
+        Each pause costs as much as a step of `rollers`. The steps of `needles` are too large to be kept.
+        """
+        if self.remembers or self.method.name != "adaptive-euler":
+            return samples
+        return samples // math.gcd(samples, max(self.samples // _BALANCED, 1))
+
+    def _run(self, setting: float, samples: int, start: State | None, stops: int) -> Run:
+        """Follow a number of samples with some pauses; all steps are returned unless samples are among them."""
         controlled, settings = self.method.controlled, Settings(budget=max(self.left, 1))
         result = run(
             self.assembly,
             self.method.name,
             samples * self._time_of_sample,
             step=None if controlled else setting,
-            samples=samples,
+            samples=stops,
             settings=settings._replace(tolerance=setting) if controlled else settings,
             start=start,
             limits=replace(self.limits, turned_over=self.limits.turned_over * samples / self.samples),
+            every_step=stops < samples,
         )
-        self.runs.append(result)
-        if result.times.size <= samples:
-            raise StoppedError(result)
-        return result
+        each, rest = divmod(result.times.size - 1, samples)
+        if rest or not each:
+            return result
+        times, wanted = result.times[::each], result.times[0] + self._time_of_sample * np.arange(samples + 1)
+        if np.abs(times - wanted).max() > _ON_TIME * self._time_of_sample:
+            return result
+        return replace(result, times=times, positions=result.positions[::each], velocities=result.velocities[::each])
 
     def _pass(self, setting: float, parts: tuple[Run, ...], before: int) -> Pass:
         orders = [self._orders(part, slice(before if part is parts[0] else 0, -1), setting) for part in parts]

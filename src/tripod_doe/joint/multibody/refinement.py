@@ -19,17 +19,16 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import OrderAccuracy
-from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.multibody.order_noise import mean_and_chance, swung_in
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion, Pass
 from tripod_doe.joint.multibody.run_result import StoppedError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
 
-_RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
-"""Coarsest tolerance that resolves the motion, by the largest ratio of a groove's normal force to the force that keeps
-a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
-the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
+_RESOLVED = math.pi / 360
+"""Coarsest tolerance of the first pass of `rollers`: steps of a degree. Of 19 bent joints of the field, the third order
+is then off by 1 % in the median, and with half of it by 0.4 %; by more than a tenth at two, where further passes
+follow."""
 
 _RESOLVED_NEEDLES = math.pi / 1080
 """The same for `needles`, a third of a degree at any force: their friction damps a roller's swing, and steps must
@@ -37,10 +36,10 @@ resolve how needles knock against each other, by the rotation. At 24 joints (19 
 of benchmarks/full_model.py) the third order is off by 0.09 % in the median with this tolerance, by 1.1 % at most,
 and with half of it by 0.04 and 0.17 %. With the next larger one it is off by up to 1.8 % at 10, for more work."""
 
-_LEFT = 1.35
-"""Error of the third order that the second pass leaves over the tolerance of the first one, at half of 14 points of the
-field (`rollers`); higher orders are off by more. Where it leaves more a third pass follows, which costs what finer ones
-from the start would."""
+_LEFT = 0.5
+"""Error of the third order that the second pass leaves over the tolerance of the first one, at half of these joints;
+higher orders are off by more. Where it leaves more a third pass follows, which costs what finer ones from the start
+would."""
 
 _LEFT_NEEDLES = 0.85
 """The same for `needles`, at half of these joints."""
@@ -150,19 +149,10 @@ class _Comparison:
         return f"{text}, where {asked:.2g} % is required"
 
 
-def first_tolerance(values: JointValues[float], accuracy: OrderAccuracy, needles: bool) -> float:
+def first_tolerance(accuracy: OrderAccuracy, needles: bool) -> float:
     """Coarsest tolerance of `adaptive-euler` that the first pass of an operating point is likely to need."""
-    resolved, left = (_RESOLVED_NEEDLES, _LEFT_NEEDLES) if needles else (_resolves_swing(values), _LEFT)
+    resolved, left = (_RESOLVED_NEEDLES, _LEFT_NEEDLES) if needles else (_RESOLVED, _LEFT)
     return min(resolved, *(3 / max(order, 3) * _AIM * share / left for order, share in accuracy.orders.items()))
-
-
-def _resolves_swing(values: JointValues[float]) -> float:
-    """Coarsest tolerance that resolves how rollers swing."""
-    mass = float(
-        roller_inertia(*np.array([values.roller_radius, values.roller_width, values.bore_radius, values.density]))[0]
-    )
-    ratio = values.groove_load / (mass * values.pitch_radius * values.speed**2)
-    return next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
 
 
 def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Motion:

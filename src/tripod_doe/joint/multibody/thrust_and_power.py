@@ -28,7 +28,7 @@ def _read_grooves(tables, work, positions, velocities, thrust, powers):
             (5, sample).
     """
     force, ledger, first = work.force, work.ledger, tables.contacts.size - thrust.shape[0]
-    slopes = Slopes(1.0, 0.0, 0.0, False)
+    slopes = Slopes(1.0, 0.0, 0.0)
     for s in range(positions.shape[0]):
         clear(ledger)
         for k in range(thrust.shape[0]):
@@ -43,7 +43,7 @@ def _read_grooves(tables, work, positions, velocities, thrust, powers):
 def _read_needles(tables, grooves, work, positions, velocities, powers):
     """The powers lost between trunnions and rollers, the last two of shape (5, sample)."""
     force, ledger, first = work.force, work.ledger, tables.contacts.size - grooves
-    slopes = Slopes(1.0, 0.0, 0.0, False)
+    slopes = Slopes(1.0, 0.0, 0.0)
     for s in range(positions.shape[0]):
         clear(ledger)
         add_contacts(tables, work, FIRST, first, positions[s], velocities[s], slopes, work.matrix)

@@ -62,7 +62,7 @@ def _forces(tables, work, positions, velocities, forces):
     """Forces and moments of contacts and bearings on all bodies, shape (sample, body, 6)."""
     for s in range(positions.shape[0]):
         clear(work.force)
-        slopes, count = Slopes(1.0, 0.0, 0.0, False), tables.contacts.size
+        slopes, count = Slopes(1.0, 0.0, 0.0), tables.contacts.size
         add_contacts(tables, work, FIRST, count, positions[s], velocities[s], slopes, work.matrix)
         bearing_forces(tables.bearings, positions[s], velocities[s], work.force, work.ledger)
         for i in range(forces.shape[1]):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.arithmetic.rotations import add, load_vector, subtract
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
-from tripod_doe.mechanics.forces.bearing import apply_to_body, rolling_torque
+from tripod_doe.mechanics.forces.bearing import rolling_torque
 from tripod_doe.mechanics.forces.bearing_load_zone import (
     in_world,
     place_bore,
@@ -128,27 +128,12 @@ def _linearise(bearing, fit, secant, damping, stiffness):
     return True
 
 
-@inlined_kernel
-def _falling(fit, stiffness):
-    """Stiffness times the motion of the bore against the trunnion: force and moment in world axes."""
-    moving = (fit.rate_1, fit.rate_2, fit.axial, fit.turn_1, fit.turn_2, fit.spin)
-    rate_1, rate_2, rate_3, rate_4, rate_5, rate_6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(6):
-        rate_1 += stiffness[0, j] * moving[j]
-        rate_2 += stiffness[1, j] * moving[j]
-        rate_3 += stiffness[2, j] * moving[j]
-        rate_4 += stiffness[3, j] * moving[j]
-        rate_5 += stiffness[4, j] * moving[j]
-        rate_6 += stiffness[5, j] * moving[j]
-    return in_world(fit, rate_1, rate_2, rate_3), in_world(fit, rate_4, rate_5, rate_6)
-
-
 @kernel
 def bearing_matrices(tables, work, positions, velocities, slopes, matrix):
     """Add the derivatives of all needle bearings to the block matrix.
 
     Args:
-        tables, work: The scene, and the memory of its run, of which `work.drift` receives K times the velocities.
+        tables, work: The scene, and the memory of its run.
         positions, velocities: Shapes (body, 7) and (body, 6).
         slopes: Which derivatives are wanted (`tables.Slopes`).
         matrix: Receives by_velocity D + by_position K, shape (block, 6, 8).
@@ -156,15 +141,12 @@ def bearing_matrices(tables, work, positions, velocities, slopes, matrix):
     Included: rotation of the load zone. Not included: rotation of all forces with the trunnion, lean of the bore,
     effect of damping on stiffness and friction, and changes of the load distribution around the trunnion.
     """
-    block, stiffness, drift = work.pair[0], work.pair[1], work.drift
+    block, stiffness = work.pair[0], work.pair[1]
     for n in range(tables.bearings.size):
         bearing = tables.bearings[n]
         fit = place_bore(bearing, positions, velocities)
         if _linearise(bearing, fit, slopes.secant, block, stiffness):
             place = add(fit.place, in_world(fit, fit.offset_1, fit.offset_2, 0.0))
-            pull, moment = _falling(fit, stiffness)
-            apply_to_body(drift, positions, bearing.body_b, place, pull, moment, 1.0)
-            apply_to_body(drift, positions, bearing.body_a, place, pull, moment, -1.0)
             for i in range(6):
                 for j in range(6):
                     block[i, j] = slopes.by_velocity * block[i, j] + slopes.by_position * stiffness[i, j]

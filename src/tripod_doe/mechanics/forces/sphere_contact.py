@@ -137,14 +137,13 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
 
     Args:
         tables, work: The scene, and the memory of its run: `work.force` and `work.ledger` receive forces, energies and
-            lost powers, `work.slip` the slips and `work.touching` whether any may differ from zero, `work.drift` K
-            times the velocities.
+            lost powers, `work.slip` the slips and `work.touching` whether any may differ from zero.
         first, last: The requested range of the table of contacts.
         positions, velocities: Shapes (body, 7) and (body, 6).
         slopes: Which derivatives are wanted (`tables.Slopes`).
         matrix: Receives by_velocity D + by_position K, shape (block, 6, 8).
 
-    K does not include rotation of the normal with the surface's body and changes of levers.
+    K does not include rotation of the normal with the surface's body and of friction with the normal.
     """
     contacts, touching, slips = tables.contacts, work.touching, work.slip
     linear, block = slopes.by_velocity != 0.0 or slopes.by_position != 0.0, work.pair[0]
@@ -160,7 +159,7 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
                     store(slips[group], d, nothing)
         if is_apart(contact, place):
             continue
-        total, falling = nothing, nothing
+        total = nothing
         for group in range(contact.groups):
             spheres = place_spheres(contact, place, group)
             if everywhere(spheres.depth <= 0.0):
@@ -176,15 +175,11 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
             total = total + row_of_sums(*_forces(spheres, motion, acting))
             powers = _add_powers(contact, spheres, motion, acting, powers)
             if linear:
-                fall = add_derivatives(contact, spheres, motion, acting, slopes, block)
-                if slopes.drift:
-                    falling = falling + row_of_sums(*fall)
+                add_derivatives(contact, spheres, motion, acting, slopes, block)
         if touching[i, 0] == 0:
             continue
         _apply(work.force, positions, contact, place.centre, total)
         if linear:
-            if slopes.drift:
-                _apply(work.drift, positions, contact, place.centre, falling)
             arm_a = subtract(place.centre, load_vector(positions[contact.body_a], 0))
             arm_b = subtract(place.centre, load_vector(positions[contact.body_b], 0))
             add_pair(matrix, contact.pair, block, arm_a, arm_b)

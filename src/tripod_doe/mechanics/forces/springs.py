@@ -37,7 +37,7 @@ def _spring_state(spring, positions, velocities):
 @kernel
 def add_springs(tables, work, positions, velocities, slopes, matrix):
     """Add the forces of springs and dampers, their energies and, unless both factors are zero, their derivatives."""
-    force, drift, ledger = work.force, work.drift, work.ledger
+    force, ledger = work.force, work.ledger
     for i in range(tables.springs.size):
         spring = tables.springs[i]
         arm_a, arm_b, along, closing, length = _spring_state(spring, positions, velocities)
@@ -49,7 +49,6 @@ def add_springs(tables, work, positions, velocities, slopes, matrix):
         if slopes.by_velocity != 0.0 or slopes.by_position != 0.0:
             across = spring.stiffness * stretch / length
             axial = spring.stiffness - across
-            _apply_between(drift, spring, arm_a, arm_b, add(scale(-across, closing), scale(-axial * rate, along)))
             block = work.pair[0]
             clear(block)
             for d in range(3):

@@ -58,7 +58,7 @@ def generalized_forces(tables, work, positions, velocities):
     constant.
     """
     work.counters[EVALUATIONS] += 1
-    _add_elements(tables, work, positions, velocities, Slopes(1.0, 0.0, 0.0, False), work.matrix)
+    _add_elements(tables, work, positions, velocities, Slopes(1.0, 0.0, 0.0), work.matrix)
     add_inertia_forces(tables, work, positions, velocities)
 
 
@@ -69,9 +69,9 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     Args:
         secant: 1 for the secant slope of friction, 0 for its tangent; see `tables.Slopes`.
         by_velocity, by_position: Factors, not both zero.
-        matrix: Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
+        matrix: Receives the sum, shape (block, 6, 8).
     """
-    linearise_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position, True), matrix)
+    linearise_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position), matrix)
     add_inertia_forces(tables, work, positions, velocities)
     add_inertia_matrices(tables, positions, velocities, by_velocity, matrix)
 
@@ -82,7 +82,6 @@ def linearise_elements(tables, work, positions, velocities, slopes, matrix):
     work.counters[EVALUATIONS] += 1
     work.counters[LINEARISATIONS] += 1
     clear(matrix)
-    clear(work.drift)
     _add_elements(tables, work, positions, velocities, slopes, matrix)
 
 

@@ -229,7 +229,7 @@ def _factorise_stage(tables, work, stage, share, positions, velocities):
     Returns:
         False if the matrix is singular.
     """
-    slopes = Slopes(share, stage.factor, stage.factor * stage.reach, False)
+    slopes = Slopes(share, stage.factor, stage.factor * stage.reach)
     linearise_elements(tables, work, positions, velocities, slopes, work.matrix)
     if stage.before.size > 0:
         add_inertia_forces(tables, work, positions, velocities)

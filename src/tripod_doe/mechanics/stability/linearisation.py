@@ -59,7 +59,7 @@ def linear_matrices(assembly: Assembly, state: State | None = None) -> Matrices:
         return matrix
 
     def of_elements(secant: float, by_velocity: float, by_position: float) -> FloatArray:
-        slopes = Slopes(secant, by_velocity, by_position, False)
+        slopes = Slopes(secant, by_velocity, by_position)
         linearise_elements(tables, work, state.positions, state.velocities, slopes, work.matrix)
         add_inertia_matrices(tables, state.positions, state.velocities, by_velocity, work.matrix)
         return reduced(work.matrix)
