@@ -203,7 +203,7 @@ def outcome(**given):
         ({"torque_n_m": 0}, {"out_of_range"}, "no force presses the rollers"),
         ({"needle_diameter_mm": 6}, {"jammed"}, "do not fit on the pitch circle"),
         ({"roller_radius_mm": 9}, {"jammed"}, "the bore is larger"),
-        ({"method": "linearly-implicit-euler", "step_s": 1e-3}, {"inaccurate", "diverged"}, " at t = "),
+        ({"method": "symplectic-euler", "step_s": 1e-4}, {"inaccurate", "diverged"}, " at t = "),
     ],
 )
 def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):
@@ -219,9 +219,7 @@ def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):
     [
         {"torque_n_m": 0.01, "relative_tolerance": 4e-3, "cycles": 2},
         {"joint_angle_deg": 40, "relative_tolerance": 4e-3, "cycles": 2},
-        {"relative_tolerance": 0.1},
         {"method": "symplectic-euler", "step_s": 1e-5, "cycles": 2},
-        {"method": "linearly-implicit-euler", "step_s": 3e-4},
         {"torque_n_m": 5000, "relative_tolerance": 4e-3, "cycles": 2},
     ],
 )
