@@ -26,6 +26,8 @@ from tripod_doe.cli import main
 from tripod_doe.study.cube.file_digest import is_damaged
 from tripod_doe.study.result_directory import open_cube
 from tripod_doe.study.result_directory.check import check_files
+from tripod_doe.study.result_directory.directory_lock import DirectoryLock
+from tripod_doe.workflow.run_workflow import _Chain
 from tripod_doe.workflow.steps_file import found_sentences
 from tripod_doe.workflow.workflow import load_workflow
 
@@ -487,3 +489,104 @@ def test_steps_are_made_again_when_the_code_that_makes_them_changes(tmp_path, mo
     (package / changed).write_text((package / changed).read_text() + "\n# another version\n")
     after = load_workflow(example).steps
     assert {step.table.kind for name, step in after.items() if step.hash != before[name].hash} == kinds
+
+
+DOUBLED = '[responses.twice]\nformula = "2 * y"\n'
+
+
+class Doubled:
+    """A workflow with the largest response of its first study, 18 of 2, 8 and 18."""
+
+    def __init__(self, bench: Bench, monkeypatch) -> None:
+        self.bench, self.points = bench, bench.out / "steps" / "first"
+        monkeypatch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
+        monkeypatch.setitem(ANALYSES, "highest", Analysis(self.highest, Settings))
+        self.study()
+        assert self.run() == ({"first": "finished", "highest": "finished"}, 18.0)
+        bench.calls()
+
+    @staticmethod
+    @makes_kind("highest")
+    def highest(cubes, settings, folder):
+        return cubes["first"][["twice"]].max()
+
+    def study(self, values: str = "1, 2, 3", added: str = "") -> Path:
+        self.bench.study("first", values)
+        path = self.bench.folder / "first.toml"
+        path.write_text(path.read_text() + DOUBLED + added)
+        return path
+
+    def run(self, most: int = 0) -> tuple[dict[str, str], float]:
+        """States of the steps, and the result; other settings let the analysis run again."""
+        self.bench.write(ANALYSED + f"settings = {{most = {most}}}\n")
+        states = self.bench.run()
+        made = states["highest"] in ("finished", "reused")
+        return states, float(td.open_cube(self.bench.out / "steps" / "highest")["twice"]) if made else np.nan
+
+    def derive(self, name: str, formula: str) -> None:
+        (self.bench.folder / "more.toml").write_text(f'[responses.{name}]\nformula = "{formula}"\n')
+        td.derive(self.points, self.bench.folder / "more.toml")
+
+
+@pytest.fixture
+def doubled(bench, monkeypatch):
+    return Doubled(bench, monkeypatch)
+
+
+def test_a_step_whose_formula_was_replaced_is_made_again(doubled):
+    """Regression: the step was reused, and the next one computed from the other formula in silence."""
+    doubled.derive("twice", "0.001 * y")
+    doubled.derive("more", "y + 1")
+    assert doubled.run(most=1) == ({"first": "finished", "highest": "finished"}, 18.0)
+    assert td.open_cube(doubled.points)["more"].values.tolist() == [2, 5, 10]  # a new name is kept
+    assert doubled.bench.calls() == []
+    assert doubled.run(most=1) == ({"first": "reused", "highest": "reused"}, 18.0)
+
+
+def test_a_step_whose_study_grew_under_it_fails(doubled):
+    """Regression: the step was reused, and the next one computed from all points in silence."""
+    larger = doubled.study("1, 2, 3, 9")
+    td.run(larger, doubled.points, workers=0, progress=False)
+    doubled.study()
+    states, _ = doubled.run(most=1)
+    assert states == {"first": "failed", "highest": "blocked"}
+    assert "factors.x.values: [1, 2, 3, 9] -> [1, 2, 3]" in doubled.bench.steps["first"].detail
+    doubled.study("1, 2, 3, 9")
+    assert doubled.run(most=1) == ({"first": "finished", "highest": "finished"}, 162.0)
+
+
+@pytest.mark.parametrize("when", ["before", "within"])
+def test_results_that_another_command_changes_while_a_workflow_runs_are_refused(doubled, monkeypatch, when):
+    """Regression: the analysis computed from what `derive` wrote between two steps in silence."""
+    analyse = ANALYSES["highest"].function
+
+    @makes_kind("highest")
+    def late(cubes, settings, folder):
+        result = analyse(cubes, settings, folder)
+        doubled.derive("twice", "0.001 * y")
+        return result
+
+    if when == "within":
+        monkeypatch.setitem(ANALYSES, "highest", Analysis(late, Settings))
+    else:
+        report = _Chain._report_state
+
+        def reported(chain, view):
+            if view.name == "first":
+                doubled.derive("twice", "0.001 * y")
+            return report(chain, view)
+
+        monkeypatch.setattr(_Chain, "_report_state", reported)
+    with pytest.raises(td.InputError, match="first: another command changed these results while the workflow ran"):
+        doubled.run(most=1)
+    monkeypatch.undo()
+
+
+def test_one_process_at_a_time_runs_a_workflow_in_a_directory(doubled):
+    """Regression: a second workflow changed the steps that the first one was about to read."""
+    lock = DirectoryLock(doubled.bench.out)
+    with pytest.raises(td.InputError, match=r"out: process \d+ on .* is writing here; wait for it"):
+        doubled.run(most=1)
+    lock.release()
+    assert doubled.run(most=1)[1] == 18.0
+    DirectoryLock(doubled.bench.out).release()

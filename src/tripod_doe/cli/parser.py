@@ -119,6 +119,13 @@ def add_execution(parser: Parser, workers: str) -> None:
     add_notify(parser)
 
 
+def add_take_over(parser: Parser) -> None:
+    """Add the flag for the directory of a process that died on another machine."""
+    parser.add_argument(
+        "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
+    )
+
+
 def add_notify(parser: Parser) -> None:
     """Add the flag that names whom to notify at the end of a run."""
     parser.add_argument(

@@ -7,7 +7,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_study, add_untrusted
+from tripod_doe.cli.parser import (
+    DONE,
+    SOME_FAILED,
+    Command,
+    Parser,
+    add_execution,
+    add_out,
+    add_study,
+    add_take_over,
+    add_untrusted,
+)
 from tripod_doe.quantities import count_of, duration, pace
 
 
@@ -39,9 +49,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         ("--tls-key", "key of that certificate, unless it stands in the same file"),
     ):
         parser.add_argument(name, metavar="PEM", type=Path, help=what)
-    parser.add_argument(
-        "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
-    )
+    add_take_over(parser)
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
     add_untrusted(parser)
     parser.add_argument("--export", choices=("zarr",), help="write the cube in this form, too, as DIR/cube.zarr")

@@ -7,7 +7,16 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_untrusted
+from tripod_doe.cli.parser import (
+    DONE,
+    SOME_FAILED,
+    Command,
+    Parser,
+    add_execution,
+    add_out,
+    add_take_over,
+    add_untrusted,
+)
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -16,6 +25,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
     parser.add_argument("--quick", action="store_true", help="run the smaller studies of [quick]")
     add_execution(parser, "worker processes that all studies share")
+    add_take_over(parser)
     add_untrusted(parser)
 
 
@@ -32,6 +42,7 @@ def _run(options: argparse.Namespace) -> int:
         retry_failed=options.retry_failed,
         oversubscribe=options.oversubscribe,
         untrusted=options.untrusted,
+        take_over=options.take_over,
     )
     counts = Counter(step.state for step in summary.steps)
     print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from tripod_doe.errors import InputError, option
+from tripod_doe.study.cube.file_digest import stored_digest
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.result_directory.open_cube import points_of
 from tripod_doe.study.result_directory.stored_study import with_responses
@@ -37,5 +38,6 @@ def derive(directory: str | Path, file: str | Path | None = None, drop: Collecti
         held.note_derived(added, drop)
         missing = held.resume.missing(asked).size
         written = held.write_cube(asked, f"tripod-doe derive: {', '.join(each.name for each in study.responses)}")
+        digest = stored_digest(path / "cube.nc")
     done = int(asked.to_compute.sum()) - missing
-    return summary_of(asked, path, written, computed=0, reused=done, seconds=0.0, complete=not missing)
+    return summary_of(asked, path, written, computed=0, reused=done, seconds=0.0, complete=not missing, digest=digest)

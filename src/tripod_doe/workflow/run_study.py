@@ -30,6 +30,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study_report import read_analyses, write_report
+from tripod_doe.study.cube.file_digest import stored_digest
 from tripod_doe.study.cube.responses import refuse_unknown_outputs
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import load_study
@@ -67,6 +68,7 @@ class RunSummary:
     findings: Sequence[str]  # sentences with numbers, from the cube
     model_notes: Sequence[str]  # the models with their known errors, and points outside their ranges
     complete: bool  # whether every point has been run
+    digest: str  # of the written cube, as at the end of its file
 
     @property
     def failed(self) -> dict[str, int]:
@@ -189,6 +191,7 @@ def run_on(
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
         found = found_points(study, written)
         directory.note_found(found)
+        digest = stored_digest(directory.path / "cube.nc")
 
     def run_other(other: Study, place: Path) -> None:
         run_on(execution, other, place, retry_failed=retry_failed, progress=progress, take_over=take_over)
@@ -203,6 +206,7 @@ def run_on(
         reused=int(asked.to_compute.sum()) - left - piloted,
         seconds=execution.seconds if piloted + computed else 0.0,
         complete=computed == left,
+        digest=digest,
     )
 
 
@@ -242,7 +246,7 @@ def summary_of(
         written: Its cube, which is closed.
         found: Sentence on what the study looks for.
         run_other: Runs a study that confirms an analysis; None to run no study.
-        **counts: ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
+        **counts: ``computed``, ``reused``, ``seconds``, ``complete`` and ``digest`` of the summary.
     """
     study = asked.study
     with written as cube:

@@ -27,13 +27,14 @@ from tripod_doe.quantities import duration
 from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.reports.workflow_chart import StepView
 from tripod_doe.reports.workflow_report import chain_page, step_page, write_charts
-from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
 from tripod_doe.study.result_directory.directory import make_directory
-from tripod_doe.study.result_directory.open_cube import opened_cube
+from tripod_doe.study.result_directory.directory_lock import DirectoryLock
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
 from tripod_doe.study.result_directory.search_condition import FOUND, found_in
 from tripod_doe.workflow.run_study import run_on
 from tripod_doe.workflow.steps_file import write_steps
@@ -70,12 +71,14 @@ def run_workflow(
     progress: bool = True,
     oversubscribe: bool = False,
     untrusted: bool = False,
+    take_over: bool = False,
 ) -> WorkflowSummary:
     """Run the missing steps of a workflow, then make its page.
 
     A step that was finished from the same inputs is not run again: its hash is taken over its text, the text of its
-    study, the kernels or the analysis' code, the files it reads, and the hashes of its inputs. A failed step stops only
-    the steps that need it; a killed study step continues at its next unfinished point.
+    study, the kernels or the analysis' code, the files it reads, and the hashes of its inputs. It also runs again
+    where another command has written its cube since. A failed step stops only the steps that need it; a killed study
+    step continues at its next unfinished point. One process at a time runs a workflow in a directory.
 
     Args:
         path: The workflow file.
@@ -87,19 +90,31 @@ def run_workflow(
         progress: Whether to print each step to standard error, with a progress bar for studies.
         oversubscribe: Allow more workers than this machine has processors.
         untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
+        take_over: Take the lock of a process that is known to be dead.
 
     Raises:
-        InputError: If the workflow file or the directory cannot be used; nothing is started.
+        InputError: If the workflow file or the directory cannot be used; nothing is started. Also if another command
+            changes results that the page of the workflow shows while it is made.
         StorageError: If writing fails; finished steps and points are kept.
     """
     workflow = load_workflow(path, quick, StudyFolder.of(path, untrusted))
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
-    with Execution(workers, oversubscribe=oversubscribe) as execution:
-        directory = make_directory(out)
-        refuse_links(directory / ("quick" if quick else "steps"))
+    directory = make_directory(out)
+    refuse_links(directory / ("quick" if quick else "steps"))
+    lock = DirectoryLock(directory, take_over)
+    try:
         remove_pages(directory)
-        chain = _Chain(workflow, directory, execution, retry_failed, progress)
-        views = chain.run(wanted)
+        with Execution(workers, oversubscribe=oversubscribe) as execution:
+            chain = _Chain(workflow, directory, execution, retry_failed, progress, take_over)
+            views = chain.run(wanted)
+        return _summary(chain, views)
+    finally:
+        lock.release()
+
+
+def _summary(chain: _Chain, views: dict[str, StepView]) -> WorkflowSummary:
+    """Make the page of a workflow from its steps, with the steps that this run left out."""
+    workflow, directory = chain.workflow, chain.directory
     for name in workflow.steps.keys() - views.keys():
         views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not selected")
     steps = tuple(views[name] for name in workflow.steps)
@@ -143,12 +158,19 @@ class _Chain:
     """One run of a workflow: the folders of its steps, and the workers that its studies share."""
 
     def __init__(
-        self, workflow: Workflow, directory: Path, execution: Execution, retry_failed: bool, progress: bool
+        self,
+        workflow: Workflow,
+        directory: Path,
+        execution: Execution,
+        retry_failed: bool,
+        progress: bool,
+        take_over: bool,
     ) -> None:
         self.workflow, self.directory = workflow, directory
-        self.retry_failed, self.progress = retry_failed, progress
+        self.retry_failed, self.progress, self._take_over = retry_failed, progress, take_over
         self._execution = execution
         self._states: dict[str, dict[str, object]] = {}
+        self._made: dict[str, str] = {}  # digest of the cube of each step that this run made or reuses
         self._found: dict[str, str] = {}  # sentence on the points that the study of a step looks for
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
@@ -175,7 +197,8 @@ class _Chain:
         folder = self.folder(step.name)
         try:
             record = json.loads(read_regular(folder / _STEP, STUDY_BYTES))
-            of, seconds, detail = record["hash"], float(record["seconds"]), str(record["detail"])
+            of, cube = record["hash"], record["cube"]
+            seconds, detail = float(record["seconds"]), str(record["detail"])
         except (OSError, ValueError, KeyError, TypeError, InputError):  # missing or damaged: the step runs again
             return None
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
@@ -184,11 +207,19 @@ class _Chain:
         try:
             for mark in (*marks, *(folder / listed for listed in checksums(folder))):
                 refuse_changed(mark, unlisted=step.study is None)
+            if cube != self._digest(step.name):  # `run` or `derive` wrote other results there
+                return None
         except CubeError:
             return None
         if any(is_damaged(mark) or (mark.suffix == ".nc" and not is_sealed(mark)) for mark in marks if mark.is_file()):
             return None
+        self._made[step.name] = cube
         return self.view(step, "reused", seconds, detail)
+
+    def _digest(self, name: str) -> str:
+        """Digest of the cube of a step; empty without a cube, or where it does not show what its journal holds."""
+        cube = self.folder(name) / "cube.nc"
+        return stored_digest(cube) if cube.is_file() and is_shown(cube.parent) else ""
 
     def _run_step(self, name: str, needed: list[StepView]) -> StepView:
         check_interrupt()
@@ -214,7 +245,8 @@ class _Chain:
             reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
             return self._report_state(self.view(step, "failed", time.perf_counter() - started, reason))
         seconds = round(time.perf_counter() - started, 3)
-        record = {"hash": step.hash, "seconds": seconds, "detail": detail}
+        made = self._made.setdefault(name, self._digest(name))
+        record = {"hash": step.hash, "cube": made, "seconds": seconds, "detail": detail}
         if lacking:  # missing inputs may come without a change of the hash: the step is not finished
             (self.folder(step.name) / _STEP).unlink(missing_ok=True)
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
@@ -226,12 +258,8 @@ class _Chain:
         return isinstance(step.table, AnalysisStep) and ANALYSES[step.analysis].partial
 
     def _has_points(self, view: StepView) -> bool:
-        """Whether a study step left a cube of the same study, perhaps without all points."""
-        study, folder = self.workflow.steps[view.name].study, self.folder(view.name)
-        if study is None or not (folder / "cube.nc").is_file():
-            return False
-        with opened_cube(folder) as cube:
-            return bool(cube.attrs.get("study_hash") == study.hash)
+        """Whether this run made the cube of a study step, perhaps without all points."""
+        return self.workflow.steps[view.name].study is not None and bool(self._made.get(view.name))
 
     def _report_state(self, view: StepView) -> StepView:
         if self.progress:
@@ -260,11 +288,17 @@ class _Chain:
         study, source = step.study, step.table.table if isinstance(step.table, StudyStep) else ""
         assert study is not None
         if source:
-            with opened_cube(self.folder(source)) as table:
-                study = fed_study(study, table, source)
+            with self._cubes([source]) as tables:
+                study = fed_study(study, tables[source], source)
         summary = run_on(
-            self._execution, study, self.folder(step.name), retry_failed=self.retry_failed, progress=self.progress
+            self._execution,
+            study,
+            self.folder(step.name),
+            retry_failed=self.retry_failed,
+            progress=self.progress,
+            take_over=self._take_over,
         )
+        self._made[step.name] = summary.digest
         self._found[step.name] = summary.found
         if not summary.good:
             reasons = failure_lines(summary.failures, summary.retried)
@@ -320,9 +354,25 @@ class _Chain:
 
     @contextmanager
     def _cubes(self, names: list[str]) -> Iterator[dict[str, xr.Dataset]]:
-        """Cubes of some steps, open within the block."""
+        """Cubes of some steps, open within the block.
+
+        Raises:
+            InputError: If another command changed one of them since its step, also at the end of the block: variables
+                of a large cube are read within it.
+        """
         with ExitStack() as opened:
-            yield {name: opened.enter_context(opened_cube(self.folder(name))) for name in names}
+            cubes = {name: opened.enter_context(opened_cube(self.folder(name))) for name in names}
+            self._refuse_changed(names)
+            yield cubes
+            self._refuse_changed(names)
+
+    def _refuse_changed(self, names: list[str]) -> None:
+        for name in names:
+            if self._digest(name) != self._made.get(name):
+                raise InputError(
+                    f"{self.folder(name)}: another command changed these results while the workflow ran; run the "
+                    "workflow again"
+                )
 
     def _draw(self, step: Step) -> str:
         assert isinstance(step.table, FigureStep)

@@ -3,8 +3,8 @@
 A run holds an open file that is locked before it starts. The lock ends with the process, however the process ends, so
 it shows this server and the next one reliably whether the run is alive. The file holds the number of the process.
 
-Why not the lock of the result directory (`DirectoryLock`): a run takes that lock seconds after its start; a workflow
-locks its steps' directories, not its own; and the file that the run inherits would already hold that lock.
+Why not the lock of the result directory (`DirectoryLock`): a run takes that lock seconds after its start, and the
+file that the run inherits would already hold that lock.
 """
 
 import fcntl
