@@ -8,10 +8,10 @@
 
 `--add` keeps the rows that are there, and adds those of the studies that are named.
 
-    python benchmarks/model_error.py --renew     # 3 s
+    python benchmarks/model_error.py --renew rollers     # kinetostatic, too: 3 s, rollers: 3 min
 
-computes `kinetostatic` anew beside the needles, where only what it makes of them has changed: `equilibrium`, which has
-not, tells the third order that errors are relative to.
+computes the models that are named anew beside the needles: `equilibrium`, which has not changed, gives the third order
+that errors are relative to. Rows without needles stay as they are, relative to rollers as the kernels of their study ran them.
 
 Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
 that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
@@ -49,7 +49,7 @@ SURE, SECOND_SURE = 0.02, 0.1
 FLOOR = 0.01
 """Share of the third order that a smaller second one counts as."""
 BUDGET = 60_000
-"""Evaluations of a run of `rollers`, eight times a usual one: a joint that vibrates by itself would take hundreds."""
+"""Evaluations of a run of `rollers`, twenty times a usual one: a joint that vibrates by itself would take hundreds."""
 _NOTHING = np.full(2, np.nan)
 POINT = [
     name
@@ -135,26 +135,37 @@ def main(folders: list[Path], add: bool = False) -> None:
     _write(head, table)
 
 
-def renewed(known: pd.DataFrame) -> pd.DataFrame:
-    """The record with `kinetostatic` as it is now beside needles; `equilibrium` tells what its errors are relative to."""
-    rows = known.index[(known["needles"] == 1) & known["equilibrium"].notna() & known["kinetostatic"].notna()]
-    drawn = {name: known.loc[rows, name].to_numpy(float) for name in POINT if name in known}
-    found = {}
-    for model in ("equilibrium", "kinetostatic"):
-        block = simulator.simulate(simulator.columns({"model": model}, drawn, rows.size), ("thrust_amplitude",))
-        finished = (block.outcome == Outcome.FINISHED)[:, None]
-        found[model] = np.where(finished, block.outputs["thrust_amplitude"].data[:, 2:4], np.nan)
-    table, reference = known.copy(), found["equilibrium"][:, 1] / (1 + known.loc[rows, "equilibrium"].to_numpy())
-    second, third = found["kinetostatic"].T / reference
-    table.loc[rows, "kinetostatic"] = third - 1
-    table.loc[rows, "kinetostatic_2"] = np.where(known.loc[rows, "kinetostatic_2"].notna(), second, np.nan)
+def renewed(known: pd.DataFrame, models: list[str]) -> pd.DataFrame:
+    """The record with some models as they are now beside needles; `equilibrium` tells what errors are relative to."""
+    rows = known.index[(known["needles"] == 1) & known["equilibrium"].notna()]
+    points = known.loc[rows, [name for name in POINT if name in known]]
+    third = _balance("equilibrium", points)[:, 1]
+    table, reference = known.copy(), third / (1 + known.loc[rows, "equilibrium"].to_numpy())
+    for model in models:
+        second, third = (_rollers(points) if model == "rollers" else _balance(model, points)).T / reference
+        table.loc[rows, model] = third - 1
+        table.loc[rows, f"{model}_2"] = np.where(known.loc[rows, f"{FINEST}_2"].notna(), second, np.nan)
     return table
 
 
-def renew() -> None:
-    """Write the record with `kinetostatic` as it is now."""
+def _balance(model: str, points: pd.DataFrame) -> np.ndarray:
+    """Second and third order of a balance of forces, NaN where it does not finish, shape (point, 2)."""
+    drawn = {name: points[name].to_numpy(float) for name in points}
+    block = simulator.simulate(simulator.columns({"model": model}, drawn, len(points)), ("thrust_amplitude",))
+    finished = (block.outcome == Outcome.FINISHED)[:, None]
+    return np.where(finished, block.outputs["thrust_amplitude"].data[:, 2:4], np.nan)
+
+
+def _rollers(points: pd.DataFrame) -> np.ndarray:
+    """Second and third order of `rollers`, NaN where they do not finish or the joint vibrates, shape (point, 2)."""
+    return np.array([_NOTHING if vibrates(row) else orders("rollers", row, True) for row in points.to_dict("records")])
+
+
+def renew(models: list[str]) -> None:
+    """Write the record with some models as they are now."""
     head, known = RECORDED.read_text(encoding="utf-8").splitlines()[0], pd.read_csv(RECORDED, comment="#")
-    _write(f"{head}; kinetostatic by kernels {source_hashes().kernels}", renewed(known))
+    made = f"{' and '.join(models)} beside needles by kernels {source_hashes().kernels}"
+    _write(f"{head}; {made}", renewed(known, models))
 
 
 def _write(head: str, table: pd.DataFrame) -> None:
@@ -173,6 +184,6 @@ def joined(known: pd.DataFrame, added: pd.DataFrame) -> pd.DataFrame:
 if __name__ == "__main__":
     words = [word for word in sys.argv[1:] if word not in ("--add", "--renew")]
     if "--renew" in sys.argv:
-        renew()
+        renew(words)
     else:
         main([Path(word) for word in words], add="--add" in sys.argv)

@@ -55,22 +55,20 @@ def test_errors_of_the_balances_are_recorded_beside_those_that_are_there(recorde
     assert table["kinetostatic"].isna().tolist() == [False, False, True]
 
 
-def test_a_record_is_renewed_where_kinetostatic_has_changed(recorder):
-    """A row beside needles gets today's answers, relative to the third order that equilibrium's error tells."""
-    known = pd.DataFrame(
-        {
-            "joint_angle_deg": [9.0, 9.0],
-            "needles": [1, 0],
-            "equilibrium": [-0.02, -0.02],
-            "kinetostatic": [0.5, 0.5],
-            "kinetostatic_2": [0.5, 0.5],
-        }
+def test_a_record_is_renewed_where_models_have_changed(recorder, monkeypatch):
+    """Rows beside needles get today's answers, relative to the third order that equilibrium's error implies."""
+    monkeypatch.setattr(recorder, "vibrates", lambda point: point["joint_angle_deg"] == 10)
+    renewed = ("kinetostatic", "rollers")
+    known = pd.DataFrame({"joint_angle_deg": [9.0, 10.0, 9.0], "needles": [1, 1, 0], "needles_2": 0.01}).assign(
+        equilibrium=-0.02, **{f"{model}{order}": 0.5 for model in renewed for order in ("", "_2")}
     )
     third = {
         model: float(td.simulate(model=model, joint_angle_deg=9).thrust_amplitude.sel(order=3))
-        for model in ("equilibrium", "kinetostatic")
+        for model in ("equilibrium", *renewed)
     }
-    found = recorder.renewed(known)
-    assert found["kinetostatic"][0] == pytest.approx(0.98 * third["kinetostatic"] / third["equilibrium"] - 1, abs=1e-9)
-    assert found["kinetostatic_2"][0] < 0.1
-    pd.testing.assert_frame_equal(found.drop(index=0), known.drop(index=0))
+    found = recorder.renewed(known, list(renewed))
+    for model in renewed:
+        assert found[model][0] == pytest.approx(0.98 * third[model] / third["equilibrium"] - 1, abs=2e-3)
+        assert found[f"{model}_2"][0] < 0.1
+    assert found.loc[1, ["rollers", "rollers_2"]].isna().all()
+    pd.testing.assert_frame_equal(found.drop(index=[0, 1]), known.drop(index=[0, 1]))
