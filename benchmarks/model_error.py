@@ -10,8 +10,9 @@
 
     python benchmarks/model_error.py --renew rollers     # kinetostatic, too: 3 s, rollers: 3 min
 
-computes the models that are named anew beside the needles: `equilibrium`, which has not changed, gives the third order
-that errors are relative to. Rows without needles stay as they are, relative to rollers as the kernels of their study ran them.
+computes the models that are named, or both, anew beside the needles: `equilibrium`, which has not changed, gives the
+third order that errors are relative to. Rows without needles stay as they are, relative to rollers as the kernels of
+their study ran them.
 
 Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
 that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
@@ -184,6 +185,6 @@ def joined(known: pd.DataFrame, added: pd.DataFrame) -> pd.DataFrame:
 if __name__ == "__main__":
     words = [word for word in sys.argv[1:] if word not in ("--add", "--renew")]
     if "--renew" in sys.argv:
-        renew(words)
+        renew(words or ["kinetostatic", "rollers"])
     else:
         main([Path(word) for word in words], add="--add" in sys.argv)
