@@ -13,9 +13,13 @@ from tripod_doe.analyses.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
+from tripod_doe.study.cube.file_checks import RESULTS_NUMBER
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
+
+_KEPT = ("Conventions", "institution", "source", "references", "study_hash", RESULTS_NUMBER)
+"""Attributes of a cube that its analyses have, too."""
 
 
 def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -> tuple[Analysis, BaseModel]:
@@ -126,7 +130,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
         except MemoryError as error:
             reasons[name] = f"it does not fit into the free memory ({error})"
             continue
-        kept = {key: cube.attrs[key] for key in ("Conventions", "institution", "source", "references", "study_hash")}
+        kept = {key: cube.attrs[key] for key in _KEPT if key in cube.attrs}
         result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)
         write_dataset(stamp_history(result, f"analysis {name}"), path_within(directory, "analysis", f"{name}.nc"))
         reasons[name] = ""

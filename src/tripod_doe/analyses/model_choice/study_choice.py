@@ -17,6 +17,7 @@ from tripod_doe.analyses.model_choice.selection import choose, full_candidates, 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate
 from tripod_doe.quantities import duration, number
+from tripod_doe.study.cube.file_checks import results_attribute
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points
@@ -79,6 +80,7 @@ def make_choice(
         "source": f"pilot with simulator {study.simulator.name}",
         "references": "Angelopoulos et al., Conformal risk control, ICLR 2024",
     }
+    attrs |= results_attribute(directory)
     write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / CHOICE)
     return choice
 

@@ -6,7 +6,7 @@ All readers of netCDF files call `refuse_unfit`.
 from functools import lru_cache
 from pathlib import Path
 
-from tripod_doe.checksum_list import names_results, refuse_changed
+from tripod_doe.checksum_list import names_results, number_in, refuse_changed
 from tripod_doe.errors import CubeError
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
@@ -18,6 +18,9 @@ MOST_CHECKED = 100_000_000
 
 ANALYSES = "analysis"
 """Folder of a result directory with its analyses."""
+
+RESULTS_NUMBER = "results_number"
+"""Attribute of the files of a result directory: the random number of its journal."""
 
 _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
 _LISTED = ("cube.nc", "fit.nc", "front.nc", "candidates.nc")  # of a step, a fit and an optimisation
@@ -38,6 +41,12 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
     refuse_changed(path, unlisted=directory is None and path.name in _LISTED and names_results(path.parent))
     if directory is not None:
         _refuse_other_study(path, directory)
+
+
+def results_attribute(directory: Path) -> dict[str, str]:
+    """The attribute by which a file names the results of its directory; none outside of a result directory."""
+    number = number_in(journal_path(directory))
+    return {RESULTS_NUMBER: str(number)} if number else {}
 
 
 def analysis_files(directory: Path) -> dict[str, Path]:
@@ -68,9 +77,11 @@ def _directory_of(path: Path) -> Path | None:
 def _refuse_other_study(path: Path, directory: Path) -> None:
     with Journal(directory, read_only=True) as journal:
         expected = journal.recall(STUDY_HASH)
-    known = study_hash(path)
+    known, number = study_hash(path), _origin(path)[1]
     if expected is not None and known != expected and (known or path.parent.name == ANALYSES):
         raise CubeError(f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}")
+    if number and number != str(number_in(journal_path(directory))):
+        raise CubeError(f"{path}: its results are of another directory; {remedy(path)}")
 
 
 def study_hash(path: Path) -> str:
@@ -80,12 +91,20 @@ def study_hash(path: Path) -> str:
         CubeError: If the file is missing or damaged.
     """
     _refuse_damaged(path, whole=False)
+    return _origin(path)[0]
+
+
+def _origin(path: Path) -> tuple[str, str]:
+    """Hash of the study and number of the results of a file; empty without them."""
     with reading(path):
         state = path.stat()
-        return _study_hash(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+        return _stored_origin(path, (state.st_ino, state.st_size, state.st_mtime_ns))
 
 
 @lru_cache(maxsize=1000)
-def _study_hash(path: Path, version: tuple[int, ...]) -> str:
+def _stored_origin(path: Path, version: tuple[int, ...]) -> tuple[str, str]:
     with opened_file(path) as stored:
-        return str(stored.study_hash) if "study_hash" in stored.ncattrs() else ""
+        study, number = (
+            str(stored.getncattr(name)) if name in stored.ncattrs() else "" for name in ("study_hash", RESULTS_NUMBER)
+        )
+        return study, number

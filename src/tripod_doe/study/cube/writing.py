@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.study.cube.dataset import PlacedBlock, cf_points, design_coordinates, part_of_cube
+from tripod_doe.study.cube.file_checks import results_attribute
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
@@ -56,7 +57,9 @@ class StoredResults:
 def write_cube(
     asked: StudyPoints, results: StoredResults, directory: Path, action: str, check: Callable[[], None]
 ) -> None:
-    """Write ``cube.nc`` and ``cost.nc``; a kill leaves the old ones or the new ones.
+    """Write ``cube.nc`` and ``cost.nc``; a kill leaves the old ones, the new ones, or the old cube beside new costs.
+
+    In a result directory the last is recognised by the note `OUTDATED` in its journal, which is still "yes".
 
     Args:
         action: The action, for the history of the files.
@@ -66,11 +69,12 @@ def write_cube(
         StorageError: If they cannot be written; older ones stay.
     """
     study, points, models = asked.study, asked.points, ModelRecords(asked.study)
+    own = results_attribute(directory)
     lengths = box(points.shape, results.point_bytes + _OTHER_BYTES, _SLAB_BYTES)
     if lengths == points.shape:
         cube, cost = part_of_cube(study, points, results.between(0, points.count), models)
-        cube = cube.assign_attrs(cube_attributes(study, points, models))
-        cost = cost.assign_attrs(cost_attributes(study, points, models))
+        cube = cube.assign_attrs(cube_attributes(study, points, models) | own)
+        cost = cost.assign_attrs(cost_attributes(study, points, models) | own)
         check()
         write_dataset(stamp_history(cost, action), directory / "cost.nc")
         write_dataset(stamp_history(cube, action), directory / "cube.nc")
@@ -98,6 +102,6 @@ def write_cube(
             if writing:
                 writing.result()
         for written, attributes in ((cube_slabs, cube_attributes), (cost_slabs, cost_attributes)):
-            stamped = stamp_history(xr.Dataset(attrs=attributes(study, points, models)), action)
+            stamped = stamp_history(xr.Dataset(attrs=attributes(study, points, models) | own), action)
             written.finish(stamped.attrs)
         check()

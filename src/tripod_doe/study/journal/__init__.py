@@ -3,13 +3,14 @@
 The cube is made elsewhere.
 """
 
-from tripod_doe.study.journal.damage import COMPUTING, KERNELS, SHOWN, STUDY, STUDY_HASH, damage, text_digest
+from tripod_doe.study.journal.damage import COMPUTING, KERNELS, OUTDATED, SHOWN, STUDY, STUDY_HASH, damage, text_digest
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.journal import PILOT, FinishedEnds, Journal, Mark, journal_path
 
 __all__ = [
     "COMPUTING",
     "KERNELS",
+    "OUTDATED",
     "PILOT",
     "SHOWN",
     "STUDY",

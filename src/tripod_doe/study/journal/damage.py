@@ -29,6 +29,9 @@ from tripod_doe.study.journal.sqlite_pages import logged_rows, stored_rows
 SHOWN, KERNELS, COMPUTING = "shown", "kernel_source_hash", "computing"
 """Notes: the state of the journal that the cube shows, the kernels of new blocks, and whether points are computed."""
 
+OUTDATED = "outdated"
+"""Note: whether the study was replaced since the cube was written, and with it perhaps which points it has."""
+
 STUDY, STUDY_HASH = "study_digest", "study_hash"
 """Notes on the study: the digest of its text, and its hash, which its cube names, too."""
 

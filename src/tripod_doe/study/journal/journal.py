@@ -20,7 +20,17 @@ from numpy.typing import NDArray
 
 from tripod_doe.checksum_list import JOURNAL
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.study.journal.damage import KERNELS, REPAIRS, SHOWN, connected, counted, damage, is_damage, rescue
+from tripod_doe.study.journal.damage import (
+    KERNELS,
+    OUTDATED,
+    REPAIRS,
+    SHOWN,
+    connected,
+    counted,
+    damage,
+    is_damage,
+    rescue,
+)
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
@@ -134,7 +144,7 @@ class Journal:
 
     def note_shown(self) -> None:
         """Note that the cube shows all blocks."""
-        self.remember({SHOWN: self.state()})
+        self.remember({SHOWN: self.state(), OUTDATED: "no"})
 
     def state(self) -> str:
         """Identify the content of the journal by a word that differs after every commit; "0" if it is empty."""

@@ -24,7 +24,16 @@ from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.writing import StoredResults, write_cube
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.journal import COMPUTING, KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
+from tripod_doe.study.journal import (
+    COMPUTING,
+    KERNELS,
+    OUTDATED,
+    STUDY,
+    STUDY_HASH,
+    FinishedBlock,
+    Journal,
+    text_digest,
+)
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.study.result_directory.open_cube import opened_cube
@@ -120,6 +129,7 @@ class ResultDirectory:
         for stale in analysis_files(self.path).values():
             stale.unlink()
         notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
+        notes[OUTDATED] = "yes"
         self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
 from tripod_doe.study.cube.file_checks import study_hash
-from tripod_doe.study.journal import SHOWN, STUDY_HASH, Journal, journal_path
+from tripod_doe.study.journal import OUTDATED, SHOWN, STUDY_HASH, Journal, journal_path
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -120,8 +120,9 @@ def unshown_state(path: Path) -> str:
     if not (journal_path(path)).is_file():
         return ""
     with Journal(path, read_only=True) as journal:
-        state, shown, study = journal.state(), journal.recall(SHOWN), journal.recall(STUDY_HASH)
-    if state == "0" or (shown == state and (path / "cube.nc").exists() and _are_of(cube_files(path), study)):
+        state, study = journal.state(), journal.recall(STUDY_HASH)
+        current = journal.recall(SHOWN) == state and journal.recall(OUTDATED) != "yes"
+    if state == "0" or (current and (path / "cube.nc").exists() and _are_of(cube_files(path), study)):
         return ""
     return state
 
