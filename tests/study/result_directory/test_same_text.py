@@ -24,7 +24,7 @@ table = "points.csv"
 @pytest.fixture
 def run(tmp_path):
     """Runs the study with some values of x in its table, into a directory."""
-    (tmp_path / "twice.py").write_text("def f(x):\n    return {'y': 2 * x}\n")
+    (tmp_path / "twice.py").write_text("def f(x=0.0):\n    return {'y': 2 * x}\n")
     (tmp_path / "study.toml").write_text(TEXT)
 
     def run_with(values, name):
