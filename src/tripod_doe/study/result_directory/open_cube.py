@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.cube.file_checks import study_hash
+from tripod_doe.study.cube.file_checks import results_attribute, study_hash
 from tripod_doe.study.journal import OUTDATED, SHOWN, STUDY_HASH, Journal, journal_path
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -146,9 +146,14 @@ def cube_so_far(path: Path) -> xr.Dataset:
     with Journal(path, read_only=True) as journal:
         journal.check()
         asked, results = _points_so_far(path, journal)
-        if asked.points.count * results.point_bytes > _READ_AT_ONCE:
-            return _written_aside(asked, results)
-        return _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
+        large = asked.points.count * results.point_bytes > _READ_AT_ONCE
+        cube = (
+            _written_aside(asked, results)
+            if large
+            else _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
+        )
+    cube.attrs |= results_attribute(path)
+    return cube
 
 
 def write_cube_so_far(path: Path, folder: Path) -> None:
