@@ -6,7 +6,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tripod_doe.quantities import (
@@ -135,6 +135,7 @@ def test_numbers_that_differ_look_different():
 
 @settings(max_examples=200, deadline=None)
 @given(st.floats(1e-6, 1e6), st.floats(1e-9, 10))
+@example(1e-5, 1e-7)
 def test_a_difference_is_written_in_its_size(low, part):
     """Regression: "from 37.7 to 37.6 N" for a change of 0.0008 N."""
     high = low * (1 + part)

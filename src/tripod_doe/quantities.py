@@ -54,9 +54,13 @@ def number(value: float, digits: int = _DIGITS) -> str:
         return "0"
     if not _PLAIN[0] <= abs(rounded) < _PLAIN[1]:
         mantissa, exponent = f"{rounded:.{digits - 1}e}".split("e")
-        return f"{float(mantissa):g}e{int(exponent)}"
+        return f"{_without_zeros(mantissa)}e{int(exponent)}"
     decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
     text = f"{rounded:{',' if abs(rounded) >= _GROUPED else ''}.{decimals}f}"
+    return _without_zeros(text)
+
+
+def _without_zeros(text: str) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 

@@ -114,5 +114,5 @@ def test_the_number_of_pulses_is_inferred_and_stated(pulses, orders, known):
 def test_pulses_that_come_faster_than_they_are_sampled_are_named_as_such():
     """A pulse every 2.6 samples; between edges that are seen lie two or three."""
     time = np.arange(13000) / 5000
-    with pytest.raises(InputError, match="a pulse of tacho comes about every 3 samples"):
+    with pytest.raises(InputError, match="irregular, one about every 3 samples"):
         find_pulses(time, (time * 5000 / 2.6 % 1 < 0.4).astype(float))

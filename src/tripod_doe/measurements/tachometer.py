@@ -73,8 +73,9 @@ def _too_fast(time_s: FloatArray, edges: FloatArray) -> InputError | None:
     if edges.size < 2 or (samples := float(np.median(np.diff(edges)) / np.median(np.diff(time_s)))) >= _FEWEST_SAMPLES:
         return None
     return InputError(
-        f"a pulse of tacho comes about every {number(samples, 2)} samples, too few to see where it begins: sample the "
-        f"tachometer at least {_FEWEST_SAMPLES} times as fast as its pulses come, or use one with fewer pulses"
+        f"the pulses of tacho are irregular, one about every {number(samples, 2)} samples, too few to see where it "
+        f"begins: sample the tachometer at least {_FEWEST_SAMPLES} times as fast as its pulses come, use one with fewer "
+        "pulses, or name its column if tacho is none"
     )
 
 

@@ -502,7 +502,7 @@ ANGLE = ("rotation_deg", "thrust_n")
         ({"columns": ["time_s", "thrust_n"]}, "no column tacho"),
         ({"spoil": lambda t: t.assign(tacho=1.0)}, "no rising edge.*or a column rotation_deg"),
         ({"spoil": lambda t: t.assign(tacho=(t["true_deg"] > 100) * 1.0)}, "1 rising edge in tacho"),
-        ({"spoil": lambda t: t.assign(tacho=np.random.default_rng(0).random(len(t)))}, "irregular.*cut the record"),
+        ({"spoil": lambda t: t.assign(tacho=np.random.default_rng(0).random(len(t)))}, "irregular.*name its column"),
         ({"spoil": spoiled("thrust_n", range(5000), np.nan)}, "5000 of 20200 samples.*at most 20%"),
         ({"spoil": spoiled("thrust_n", 12, "n/k")}, r"thrust_n = 'n/k' in row 13: expected a number"),
         ({"spoil": lambda t: t.iloc[::-1]}, "time_s must grow.*sort the rows"),
