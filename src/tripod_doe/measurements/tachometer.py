@@ -74,8 +74,8 @@ def _too_fast(time_s: FloatArray, edges: FloatArray) -> InputError | None:
         return None
     return InputError(
         f"the pulses of tacho are irregular, one about every {number(samples, 2)} samples, too few to see where it "
-        f"begins: sample the tachometer at least {_FEWEST_SAMPLES} times as fast as its pulses come, use one with fewer "
-        "pulses, or name its column if tacho is none"
+        f"begins: sample the tachometer at least {_FEWEST_SAMPLES} times as fast as its pulses come, use one with "
+        "fewer pulses, or name its column if tacho is none"
     )
 
 
