@@ -3,8 +3,7 @@
 import pytest
 
 from tripod_doe.analyses.comparison.comparison import parse_speeds
-from tripod_doe.analyses.comparison.record_point import parameter_value as value_of_record
-from tripod_doe.cli.parser import parameter_value as value_of_option
+from tripod_doe.cli.parser import parameter_value
 from tripod_doe.errors import InputError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.study.query.selection import parse_selection
@@ -18,9 +17,9 @@ def test_only_plain_digits_are_numbers(text):
     with pytest.raises(ValueError, match="could not convert"):
         typed_number(text)
     with pytest.raises(InputError, match="expected a number"):
-        value_of_option(JOINT_PARAMETERS["torque_n_m"], text, "torque-n-m")
+        parameter_value(JOINT_PARAMETERS["torque_n_m"], text, "torque-n-m")
     with pytest.raises(InputError, match="expected a number"):
-        value_of_record("torque_n_m", text)
+        JOINT_PARAMETERS["torque_n_m"].typed(text)
     with pytest.raises(InputError, match="two speeds"):
         parse_speeds(f"1:{text}")
     assert parse_selection(f"torque_n_m={text}").values == (text,)  # a label, which no number has

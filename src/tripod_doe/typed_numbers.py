@@ -21,6 +21,14 @@ def typed_number(text: str) -> float:
     return float(text)
 
 
+def number_or_text(text: str) -> float | str:
+    """The number that a text is, or the text."""
+    try:
+        return typed_number(text)
+    except ValueError:
+        return text
+
+
 def readings(text: str) -> list[float]:
     """The numbers that a text may mean, with a decimal sign or signs between thousands: 1,200 is 1.2 or 1200."""
     text = re.sub(r"(?<=[0-9])['’](?=[0-9]{3})", "", text)

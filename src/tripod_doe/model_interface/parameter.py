@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import MOST_MESSAGES, InputError, near_match
+from tripod_doe.typed_numbers import typed_number
 
 _LONGEST_SHOWN = 80  # characters of a value in a message
 
@@ -87,6 +88,19 @@ class Parameter:
         if self.kind == "argument":
             return value
         return int(value) if self.kind in ("integer", "switch") else float(value)
+
+    def typed(self, text: str) -> float | str:
+        """The word or the number that a text means for this parameter; `check` compares it with the range.
+
+        Raises:
+            InputError: If it is no word of a choice, or no number.
+        """
+        if self.kind == "choice":
+            return str(self.check(text))
+        try:
+            return typed_number(text)
+        except ValueError as error:
+            raise InputError(f"{self.name} = {text!r}: expected a number ({self.range_text})") from error
 
     @property
     def unit_text(self) -> str:

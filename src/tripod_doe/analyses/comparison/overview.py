@@ -11,7 +11,7 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import NOT_COMPARED, VERDICTS, compare
-from tripod_doe.analyses.comparison.record_point import RecordRow, parameter_value, point_of_record, with_stated_values
+from tripod_doe.analyses.comparison.record_point import RecordRow, point_of_record, with_stated_values
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
@@ -65,7 +65,9 @@ def read_table(path: Path) -> list[RecordRow]:
         file = path.parent / cells.pop("file")
         try:
             values = {
-                name: parameter_value(name, text) for name, text in cells.items() if name in JOINT_PARAMETERS and text
+                name: JOINT_PARAMETERS[name].typed(text)
+                for name, text in cells.items()
+                if name in JOINT_PARAMETERS and text
             }
         except InputError as error:
             raise InputError(f"{path}: line {number}: {error}") from error

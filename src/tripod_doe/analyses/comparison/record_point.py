@@ -24,7 +24,6 @@ from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.study.simulate import simulate
-from tripod_doe.typed_numbers import typed_number
 
 _SAME = 0.01  # relative: how near a measured value may be to one of the cube that was aimed at
 _STEADY = 0.05  # relative change of speed below which a record has one
@@ -46,17 +45,6 @@ class RecordPoint:
     point: xr.Dataset
     simulated: bool = False  # whether the cube lacks it
     replaced: str = ""  # what it has in place of the values of the record, as a sentence
-
-
-def parameter_value(name: str, text: str) -> float | str:
-    """A parameter's value from text (InputError if it is none)."""
-    parameter = JOINT_PARAMETERS[name]
-    if parameter.kind == "choice":
-        return str(parameter.check(text))
-    try:
-        return typed_number(text)
-    except ValueError as error:
-        raise InputError(f"{name} = {text!r}: expected a number ({parameter.range_text})") from error
 
 
 def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measurement, select: Sequence[str]) -> RecordRow:
@@ -130,7 +118,7 @@ def _selected(select: Sequence[str]) -> dict[str, float | str]:
         name, _, value = text.partition("=")
         if name in JOINT_PARAMETERS:
             with suppress(InputError):  # several values, or a range
-                chosen[name] = parameter_value(name, value)
+                chosen[name] = JOINT_PARAMETERS[name].typed(value)
     return chosen
 
 

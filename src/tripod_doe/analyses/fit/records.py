@@ -124,7 +124,8 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
         try:
             path = _beside(request, name, cells.pop("file"))
             own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
-            known = {key: _value(parameters[key], text) for key, text in cells.items() if text and key in parameters}
+            typed = {key: parameters[key].typed(text) for key, text in cells.items() if text and key in parameters}
+            known = {key: parameters[key].check(value) for key, value in typed.items()}
         except InputError as error:
             raise request.fail(where, error.at(f"line {line}")) from error
         labels = {key: text for key, text in cells.items() if key not in parameters and key not in _OWN}
@@ -137,16 +138,6 @@ def _beside(request: FitRequest, table: str, name: str) -> Path:
     if (request.folder.path / near).is_file():
         return request.folder.file(near.as_posix(), "file")
     return request.folder.file(name, "file")
-
-
-def _value(parameter: Parameter, text: str) -> Value:
-    """A cell as its parameter takes it."""
-    if parameter.kind == "choice":
-        return parameter.check(text)
-    try:
-        return parameter.check(typed_number(text))
-    except ValueError as error:
-        raise InputError(f"{parameter.name} = {text!r}: expected a number ({parameter.range_text})") from error
 
 
 def _own(key: str, text: str) -> Any:

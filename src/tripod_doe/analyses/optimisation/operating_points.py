@@ -15,7 +15,7 @@ from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.definition.complaints import complaints
-from tripod_doe.typed_numbers import typed_number
+from tripod_doe.typed_numbers import number_or_text
 
 _KEYS = ("table", "weights")
 _MOST = 10_000
@@ -76,20 +76,13 @@ def _rows(request: OptimisationRequest, table: str, weights: Any) -> tuple[list[
     """The rows of a CSV file, and the weights that a column of it holds."""
     header, lines = read_csv_table(request.folder.file(table, "table"), f"table = {table!r}", _MOST)
     rows: list[dict[str, Value]] = [
-        {name: _number(text) for name, text in zip(header, line, strict=True)} for line in lines.values()
+        {name: number_or_text(text) for name, text in zip(header, line, strict=True)} for line in lines.values()
     ]
     if isinstance(weights, str):
         if weights not in rows[0]:
             raise InputError(f"weights = {weights!r}: no such column{near_match(weights, rows[0])}")
         return rows, [row.pop(weights) for row in rows]
     return rows, weights
-
-
-def _number(text: str) -> float | str:
-    try:
-        return typed_number(text)
-    except ValueError:
-        return text
 
 
 def _checked(row: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Value]:

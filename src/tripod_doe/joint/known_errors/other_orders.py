@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Simulator
 
 _PARTS = "thrust_part_amplitude"
@@ -88,10 +87,11 @@ def deviations_of_orders(
         for order, parts in recorded.items():
             own[rows, order], third[rows, order], phase[rows, order] = parts
         amplitudes, phases = _IN_COAST[model]
-        for order in ORDERS[1:]:
-            own[coast, order] *= amplitudes.get(order, 1)
-            third[coast, order] *= amplitudes.get(order, 1)
-            phase[coast, order] *= phases.get(order, 1)
+        for order, factor in amplitudes.items():
+            own[coast, order] *= factor
+            third[coast, order] *= factor
+        for order, factor in phases.items():
+            phase[coast, order] *= factor
     forces = _opposed_forces(simulator, columns, amplitude[:, 3])
     sizes = np.hypot(own * amplitude, third * forces[:, None])
     phase[:, 3] *= np.divide(forces, amplitude[:, 3], out=np.ones(len(forces)), where=amplitude[:, 3] > 0)
@@ -106,10 +106,8 @@ def _opposed_forces(simulator: Simulator, columns: Mapping[str, NDArray[Any]], t
     In coast needle friction opposes groove friction. The third order may nearly vanish, and errors do not: there it is
     the sum of what the friction mechanisms contribute.
     """
-    forces, coast = (
-        third.copy(),
-        np.flatnonzero((columns["torque_n_m"] < 0) & np.isin(columns["model"], list(_RECORDED))),
-    )
+    forces = third.copy()
+    coast = np.flatnonzero((columns["torque_n_m"] < 0) & np.isin(columns["model"], list(_RECORDED)))
     if coast.size:
         outputs = simulator.simulate({name: each[coast] for name, each in columns.items()}, [_PARTS]).outputs
         parts = outputs[_PARTS].data[:, :, 3].sum(axis=1)

@@ -77,8 +77,8 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
             ledger[4] += brake * fit.spin
             pull = in_world(fit, push_1, push_2, axial)
             moment = in_world(fit, moment_1, moment_2, torque - brake)
-            apply_to_body(force, positions, bearing.body_b, fit.place, pull, moment, 1.0)
-            apply_to_body(force, positions, bearing.body_a, fit.place, pull, moment, -1.0)
+            _apply_to_body(force, positions, bearing.body_b, fit.place, pull, moment, 1.0)
+            _apply_to_body(force, positions, bearing.body_a, fit.place, pull, moment, -1.0)
 
 
 @inlined_kernel
@@ -89,7 +89,7 @@ def rolling_torque(bearing, fit, carried):
 
 
 @inlined_kernel
-def apply_to_body(force, positions, body, place, pull, moment, sign):
+def _apply_to_body(force, positions, body, place, pull, moment, sign):
     """Add a force at a place, and a moment, to a body."""
     turned = add(moment, cross(subtract(place, load_vector(positions[body], 0)), pull))
     for d in range(3):

@@ -60,7 +60,6 @@ class _Motion(NamedTuple):
     """Relative motion at the points of contact, in the spheres' own directions."""
 
     rate: Any
-    swing: Any
     slip_t: Any
     slip_b: Any
     spin: Any
@@ -137,11 +136,9 @@ def motion_at_contacts(spheres, velocity, turn):
     """Relative motion of spheres, of the row's velocity and angular velocity against the surface."""
     moving = add(velocity, cross(turn, spheres.arm))
     roll_t, roll_b = dot(turn, spheres.tangent), dot(turn, spheres.binormal)
-    swing = dot(moving, spheres.tangent)
     return _Motion(
         -dot(moving, spheres.normal),
-        swing,
-        swing - spheres.radius * roll_b,
+        dot(moving, spheres.tangent) - spheres.radius * roll_b,
         dot(moving, spheres.binormal) + spheres.radius * roll_t,
         dot(turn, spheres.normal),
         roll_t,

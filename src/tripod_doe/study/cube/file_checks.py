@@ -77,7 +77,7 @@ def _directory_of(path: Path) -> Path | None:
 def _refuse_other_study(path: Path, directory: Path) -> None:
     with Journal(directory, read_only=True) as journal:
         expected = journal.recall(STUDY_HASH)
-    known, number = study_hash(path), _origin(path)[1]
+    known, number = _origin(path)
     if expected is not None and known != expected and (known or path.parent.name == ANALYSES):
         raise CubeError(f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}")
     if number and number != str(number_in(journal_path(directory))):

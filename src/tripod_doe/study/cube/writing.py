@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -70,14 +71,17 @@ def write_cube(
     """
     study, points, models = asked.study, asked.points, ModelRecords(asked.study)
     own = results_attribute(directory)
+
+    def stamped(data: xr.Dataset, attributes: Callable[..., dict[str, Any]]) -> xr.Dataset:
+        return stamp_history(data.assign_attrs(attributes(study, points, models) | own), action)
+
     lengths = box(points.shape, results.point_bytes + _OTHER_BYTES, _SLAB_BYTES)
     if lengths == points.shape:
         cube, cost = part_of_cube(study, points, results.between(0, points.count), models)
-        cube = cube.assign_attrs(cube_attributes(study, points, models) | own)
-        cost = cost.assign_attrs(cost_attributes(study, points, models) | own)
+        cube, cost = stamped(cube, cube_attributes), stamped(cost, cost_attributes)
         check()
-        write_dataset(stamp_history(cost, action), directory / "cost.nc")
-        write_dataset(stamp_history(cube, action), directory / "cube.nc")
+        write_dataset(cost, directory / "cost.nc")
+        write_dataset(cube, directory / "cube.nc")
         return
     points = cf_points(points)
     levels = design_coordinates(study, points) if points.is_grid else {}
@@ -102,6 +106,5 @@ def write_cube(
             if writing:
                 writing.result()
         for written, attributes in ((cube_slabs, cube_attributes), (cost_slabs, cost_attributes)):
-            stamped = stamp_history(xr.Dataset(attrs=attributes(study, points, models) | own), action)
-            written.finish(stamped.attrs)
+            written.finish(stamped(xr.Dataset(), attributes).attrs)
         check()

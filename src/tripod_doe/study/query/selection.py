@@ -13,7 +13,7 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
 from tripod_doe.study.query.arrays import Variable
-from tripod_doe.typed_numbers import typed_number
+from tripod_doe.typed_numbers import number_or_text, typed_number
 
 _MATCH = 1e-9
 _STRETCH = 4_000_000  # labels that are compared together
@@ -51,7 +51,7 @@ def parse_selection(text: str) -> Selection:
         except ValueError:  # no range, but labels may be texts with such a sign
             return Selection(name, (wanted,), texts=texts)
         return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high, texts)
-    return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")), texts=texts)
+    return Selection(name, tuple(number_or_text(part.strip()) for part in wanted.split(",")), texts=texts)
 
 
 def _end(given: Any, default: float) -> float:
@@ -79,13 +79,6 @@ def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list
             numbers = tuple(one if isinstance(one, str) else float(one) for one in several)
             parsed.append(Selection(name, numbers, texts=tuple(map(str, several))))
     return parsed
-
-
-def _word(text: str) -> float | str:
-    try:
-        return typed_number(text)
-    except ValueError:
-        return text
 
 
 def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:

@@ -146,12 +146,10 @@ def cube_so_far(path: Path) -> xr.Dataset:
     with Journal(path, read_only=True) as journal:
         journal.check()
         asked, results = _points_so_far(path, journal)
-        large = asked.points.count * results.point_bytes > _READ_AT_ONCE
-        cube = (
-            _written_aside(asked, results)
-            if large
-            else _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
-        )
+        if asked.points.count * results.point_bytes > _READ_AT_ONCE:
+            cube = _written_aside(asked, results)
+        else:
+            cube = _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
     cube.attrs |= results_attribute(path)
     return cube
 
