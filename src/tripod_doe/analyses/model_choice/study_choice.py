@@ -145,15 +145,13 @@ def describe_choice(study: Study, directory: Path | None, timing: bool = False) 
             f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
             f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
         )
-    by_record = record is not None and bool(confirming_sizes(study, points, record))
     timed = [_timed(study, points, each, count) if timing else None for each in candidates]
     candidates = [new or each for new, each in zip(timed, candidates, strict=True)]
-    price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
+    usual = candidates[-1]
     sources = ["timed at points of the pilot" if new else RECORDED for new in timed]
     return "\n".join(
         [
-            f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
-            + (": it is to confirm errors that are on record for similar points" if by_record else ""),
+            _pilot_summary(study, points, record, candidates, count),
             f"study        CPU time about {duration(points.count * usual.price)} if all points run with {usual.label}",
             *(
                 f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run, {source}"
@@ -161,6 +159,27 @@ def describe_choice(study: Study, directory: Path | None, timing: bool = False) 
             ),
         ]
     )
+
+
+def _pilot_summary(
+    study: Study, points: Points, record: RecordedChoice | None, first: list[Candidate], count: int
+) -> str:
+    """Price of a pilot in a line: of its `first` stage, and what it is at most where it must grow.
+
+    Candidates that were not timed cost what the record says of them in relation to the last one of the first stage.
+    """
+    usual, every = first[-1], auto_model_of(study).candidates
+    at = next(number for number, each in enumerate(every) if each.values == usual.values)
+    prices = [usual.price * each.price / every[at].price for each in every]
+    sizes = confirming_sizes(study, points, record)
+    begins, finer = _pilot_price(first, count), count * sum(prices[at + 1 :])
+    largest = max([count, pilot_points(study, points).size, *sizes])
+    line = f"pilot        {count} points on {len(first)} candidates, CPU time about {duration(begins)}"
+    if finer:
+        line += f", {duration(begins + finer)} if each point needs finer runs of the full model"
+    if (most := largest * sum(prices)) > begins + finer:
+        line += f", at most about {duration(most)} if it must grow to {largest} points on all candidates"
+    return line + ("; it is to confirm errors that are on record for similar points" if sizes else "")
 
 
 def _timed(study: Study, points: Points, candidate: Candidate, count: int) -> Candidate | None:
