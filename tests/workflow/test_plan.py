@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from choosing_chain import CHAIN as CHOOSING_CHAIN
 
 import tripod_doe as td
 from tripod_doe.cli import main
@@ -12,6 +13,7 @@ from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.workflow.plan import plan_workflow
+from tripod_doe.workflow.workflow import load_workflow
 
 CHAIN = """
 [workflow]
@@ -94,6 +96,36 @@ def test_a_step_with_the_points_of_another_is_counted_by_these(chain):
     alone = plan_workflow(chain.parent / "alone.toml", timing=False).steps["coast"]
     assert steps["of_study"].cpu_hours == pytest.approx([6 * hours for hours in alone.cpu_hours])
     assert "at most 12 points, those of the step that it names" in steps["of_study"].warnings[-1]
+
+
+CHOSEN = """
+[study]
+name = "chosen"
+[base]
+model = "auto"
+[factors.joint_angle_deg]
+[factors.torque_n_m]
+[design]
+kind = "table"
+table = "points.csv"
+[accuracy]
+thrust_amplitude_3 = 0.05
+"""
+
+
+def test_a_choice_lists_the_points_of_the_study_that_it_names(chain):
+    """Regression: it was reused after a change of their table, and a step fed by it counted as its pilot's points."""
+    folder = chain.parent
+    (folder / "pilot.toml").write_text(COAST)
+    (folder / "study.toml").write_text(CHOSEN)
+    chain.write_text(CHOOSING_CHAIN)
+    hashes = set()
+    for rows in (["4,50", "5,60", "6,70"], ["7,80", "9,90"]):
+        (folder / "points.csv").write_text("\n".join(["joint_angle_deg,torque_n_m", *rows]))
+        workflow = load_workflow(chain)
+        hashes |= {workflow.steps[name].hash for name in ("choice", "map")}
+        assert plan_workflow(chain, timing=False).steps["map"].points == len(rows)
+    assert len(hashes) == 4
 
 
 TOLERANCE = """

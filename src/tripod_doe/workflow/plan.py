@@ -82,10 +82,12 @@ def plans_of(workflow: Workflow, plan_one: Callable[[Study], Plan]) -> dict[str,
 
 
 def _most_rows(workflow: Workflow, source: str, plans: Mapping[str, Plan]) -> int:
-    """The most points in the result of a step: of an analysis those of all studies that it reads."""
+    """The most points in the result of a step: of an analysis those that it lists, or of all studies that it reads."""
     if source in plans:
         return max(plans[source].points, plans[source].most_points)
-    return sum(_most_rows(workflow, needed, plans) for needed in workflow.steps[source].inputs)
+    return workflow.steps[source].listed or sum(
+        _most_rows(workflow, needed, plans) for needed in workflow.steps[source].inputs
+    )
 
 
 def _fed(own: Plan, rows: int) -> Plan:

@@ -15,9 +15,9 @@ from pydantic import BaseModel
 from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.toml_text import read_text
+from tripod_doe.study.definition.toml_text import read_text, toml_array
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of
@@ -51,6 +51,7 @@ class Step:
     hash: str
     study: Study | None = None  # the study of a study step, with its overrides; None for others
     settings: BaseModel | None = None  # checked settings of an analysis; None for others
+    listed: int = 0  # points of the study that the settings of an analysis name, which its result lists
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -135,45 +136,57 @@ def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping
                 f"{where}: table = {table.table!r}: not one of its inputs{near_match(table.table, table.inputs)}"
             )
         study = _study_of(workflow, name, table)
-        points = make_points(study)
-        digest.add(study.text, study.simulator.source_hash)
-        digest.add_bytes(point_keys(study, points)[points.allowed].tobytes())
+        _add_study(digest, study)
         return Step(name, table, digest.text(), study=study)
     for needed in table.inputs:
         if not isinstance(table, ReportStep) and isinstance(before[needed].table, FigureStep | ReportStep):
             raise InputError(f"{where}: inputs: {needed!r} is a {before[needed].table.kind} and has no cube")
     if isinstance(table, AnalysisStep):
-        settings = _settings(workflow, where, name, table, before, digest)
+        settings, listed = _settings(workflow, where, name, table, before, digest)
         digest.add_code(*_MAKE_ANALYSES)
-        return Step(name, table, digest.text(), settings=settings)
+        return Step(name, table, digest.text(), settings=settings, listed=listed)
     digest.add_code(*_MAKE_PAGES)
     return Step(name, table, digest.text())
 
 
 def _settings(
     workflow: Workflow, where: str, name: str, table: AnalysisStep, before: Mapping[str, Step], digest: StepHash
-) -> BaseModel:
-    analysis = analysis_name(table)
+) -> tuple[BaseModel, int]:
+    """Checked settings of an analysis, and how many points the study has that they name."""
+    analysis, listed = analysis_name(table), 0
     entry = ANALYSES[analysis]
     if entry.designs:
         study = before[table.inputs[0]].study
         if len(table.inputs) != 1 or study is None:
             raise InputError(f"{where}: {analysis} needs one study step as its input")
-        return settings_of(study, analysis, table.settings, f"[steps.{name}] of {workflow.origin}")[1]
+        return settings_of(study, analysis, table.settings, f"[steps.{name}] of {workflow.origin}")[1], listed
     try:
         settings = checked_settings(entry.settings, table.settings)
+        for key in entry.files:
+            path = workflow.folder.file(getattr(settings, key), key)
+            if key == "study":
+                listed = _add_study(digest, load_study(path, workflow.folder.around(path)))
+            else:
+                digest.add_bytes(_bytes(path, key))
     except InputError as error:
         raise error.at(f"{where}: settings") from error
-    for key in entry.files:
-        try:
-            path = workflow.folder.file(getattr(settings, key), key)
-        except InputError as error:
-            raise error.at(f"{where}: settings") from error
-        try:
-            digest.add_bytes(path.read_bytes())
-        except OSError as error:
-            raise InputError(f"{where}: settings: {key}: cannot read {path}: {error.strerror}") from error
-    return settings
+    return settings, listed
+
+
+def _bytes(path: Path, key: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{key}: cannot read {path}: {error.strerror}") from error
+
+
+def _add_study(digest: StepHash, study: Study) -> int:
+    """Add a study and the points that it runs, which its tables may list, to a hash; gives their number."""
+    points = make_points(study)
+    keys = point_keys(study, points)[points.allowed]
+    digest.add(study.text, study.simulator.source_hash)
+    digest.add_bytes(keys.tobytes())
+    return keys.size
 
 
 def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
@@ -223,7 +236,7 @@ def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
     for key in ("design", "factors", "accuracy"):
         document.pop(key, None)
     document["base"] = dict(study.base)
-    document["factors"] = {key: {"values": values} for key, values in columns.items()}
+    document["factors"] = {key: {"values": toml_array(values)} for key, values in columns.items()}
     document["design"] = {"kind": "zip"}
     return parse_study(tomlkit.dumps(document), study.origin, study.folder)
 

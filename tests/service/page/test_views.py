@@ -17,6 +17,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
+from tripod_doe.service.explorer import exports
 from tripod_doe.service.explorer.analysis_tables import view_behind
 from tripod_doe.service.explorer.axes import drawn_view, full_view
 from tripod_doe.service.explorer.explorer_functions import explore, extremes, failures, figure, numbers, point
@@ -203,6 +204,14 @@ def test_the_command_that_is_copied_gives_what_is_seen(folders, capsys):
     assert main([*words[1:], "--format", "json"]) == 0
     answer = capsys.readouterr().out
     assert f"{float(one['thrust_amplitude'].sel(order=3))!r}" in answer
+
+
+def test_the_study_that_is_copied_is_the_whole_one_where_an_axis_is_long(folders, monkeypatch):
+    """Regression: a page wrote out all 12,000 levels of an axis, for tens of seconds."""
+    monkeypatch.setattr(exports, "_MOST_ROWS", 2)
+    cube = td.open_cube(folders["grid"])
+    view = view_of(cube, "kind=lines&x=joint_angle_deg&by=torque_n_m")
+    assert study_of_view(cube, view, seen(cube, view)) == cube.attrs["study"]
 
 
 @pytest.mark.parametrize("name", ["grid", "list"])

@@ -16,6 +16,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.security.share_links import SHARES, Shares
 
+_RUN = "a" * 16
+
 
 @pytest.fixture
 def browser(client):
@@ -58,12 +60,23 @@ def writes(app):
 
 
 @pytest.mark.parametrize(
-    "planted", [{"expires": 1e300}, {"expires": "9"}, {"created": True}, {"digest": 3}, {"id": []}, {"expires": nan}]
+    "planted",
+    [
+        {"expires": 1e300},
+        {"expires": "9"},
+        {"expires": nan},
+        {"created": True},
+        {"digest": 3},
+        {"id": []},
+        {"id": "owner"},
+        {"id": "reader"},
+        {"run_id": ""},
+    ],
 )
 def test_a_row_that_is_none_of_ours_is_refused_where_the_file_is_read(tmp_path, planted):
-    """Regression: each request without a session was an internal error."""
+    """Regression: each request without a session was an internal error; a link of the id "owner" wrote, too."""
     known = Shares(tmp_path)
-    known.add("a", 3)
+    known.add(_RUN, 3)
     (row,) = json.loads((tmp_path / SHARES).read_text())
     (tmp_path / SHARES).write_text(json.dumps([row | planted]))
     assert known.open() == []
@@ -194,7 +207,7 @@ def test_a_revoked_link_is_closed_at_once_with_its_sessions_and_report_pages(cli
 def test_links_end_with_time_survive_a_restart_and_keep_no_secret(tmp_path):
     now = [1e9]
     shares = Shares(tmp_path, lambda: now[0])
-    share, secret = shares.add("run", 2)
+    share, secret = shares.add(_RUN, 2)
     assert secret not in (tmp_path / SHARES).read_text()
     again = Shares(tmp_path, lambda: now[0])
     assert again.by_secret(secret) == share
@@ -203,8 +216,8 @@ def test_links_end_with_time_survive_a_restart_and_keep_no_secret(tmp_path):
         again.revoke("another run", share.id)
     now[0] += 2 * 86_400
     assert again.by_secret(secret) is None
-    assert again.of("run") == []
-    again.add("run", 1)
+    assert again.of(_RUN) == []
+    again.add(_RUN, 1)
     assert len(json.loads((tmp_path / SHARES).read_text())) == 1  # the old one is gone
     (tmp_path / SHARES).write_text("[{]")
     with pytest.raises(InputError, match=r"shares.json: cannot read these links"):
@@ -215,7 +228,7 @@ def test_the_file_of_links_is_closed_to_others(tmp_path):
     """As all files of the server, by its umask."""
     before = os.umask(0o077)
     try:
-        Shares(tmp_path).add("run", 1)
+        Shares(tmp_path).add(_RUN, 1)
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / SHARES).stat().st_mode) == 0o600
@@ -242,12 +255,12 @@ def test_a_link_opened_many_times_ends_no_session_of_another(client, browser, li
 def test_a_link_revoked_by_another_server_of_the_folder_is_closed_here(tmp_path):
     """A server with --read-only beside the one that revokes it read the file once, at its start."""
     writing = Shares(tmp_path)
-    share, secret = writing.add("a", 3)
+    share, secret = writing.add(_RUN, 3)
     reading = Shares(tmp_path)
     assert reading.by_secret(secret).id == share.id
-    kept, other = writing.add("b", 3)
+    kept, other = writing.add("b" * 16, 3)
     assert reading.by_secret(other).id == kept.id
-    writing.revoke("a", share.id)
+    writing.revoke(_RUN, share.id)
     assert reading.by_secret(secret) is None
     assert not reading.is_open(share.id)
     assert reading.is_open(kept.id)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import in_unit_cube
@@ -18,6 +17,7 @@ from tripod_doe.model_interface import Candidate, Outcome
 from tripod_doe.study.definition.accuracy_table import AutoModel
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.toml_text import toml_text
 from tripod_doe.study.designs import Points
 from tripod_doe.study.execution.retry import untried
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path
@@ -120,7 +120,7 @@ def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, In
             **({"block": policy.block} if policy.block else {}),
         },
     }
-    return parse_study(tomlkit.dumps(content), f"{study.origin}: pilot", study.folder)
+    return parse_study(toml_text(content), f"{study.origin}: pilot", study.folder)
 
 
 def _kept(study: Study, auto: AutoModel) -> list[str]:

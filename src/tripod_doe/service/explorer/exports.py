@@ -4,13 +4,13 @@ import shlex
 from typing import Any
 
 import numpy as np
-import tomlkit
 import xarray as xr
 
 from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View
+from tripod_doe.study.definition.toml_text import toml_text
 
 _MOST_ROWS = 500
 
@@ -67,14 +67,14 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     names = factor_names(cube) if design_of(cube) else []
     if not study or not names:
         return whole
-    document = tomlkit.document()
+    document: dict[str, Any] = {}
     head = {key: value for key, value in study["study"].items() if key in ("scene", "function")}
     document["study"] = {"name": f"{study['study']['name']}: {view.variable}"} | head
     base = dict(study.get("base", {}))
     listed = "point" in shown(data).dims
-    if listed and data.sizes["point"] > _MOST_ROWS:
-        return whole
     varied = [name for name in names if name in data.coords and (listed or name in shown(data).dims)]
+    if any(data[name].size > _MOST_ROWS for name in varied):
+        return whole
     base |= {name: value for name, value in _pinned(cube, view, names).items() if name not in varied}
     document["base"] = base
     document["factors"] = {
@@ -84,7 +84,7 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
         document["design"] = {"kind": "zip" if listed else "grid"}
     if view.variable in cube and "user function" not in str(cube[view.variable].attrs.get("long_name")):
         document["keep"] = {"outputs": [view.variable]}
-    return tomlkit.dumps(document)
+    return toml_text(document)
 
 
 def _pinned(cube: xr.Dataset, view: View, names: list[str]) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.run_table import State, stamp
 from tripod_doe.service.security.connections import left_of
-from tripod_doe.service.security.tokens import OWNER
 from tripod_doe.service.service import Service
 
 
@@ -44,7 +43,7 @@ CHANGES = errors_at(403, 408, 409, 415)
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
     service: Service = request.app.state.service
     access, left = request.scope.get("access"), left_of(request.scope)
-    if access is not None and access.name != OWNER:
+    if access is not None and not access.owns:
         service = service.seen_by(access.settings, access.is_open)
     return service if left is None else service.asked_by(left)
 

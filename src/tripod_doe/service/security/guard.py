@@ -24,7 +24,7 @@ from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, giving_way, left_of
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
-from tripod_doe.service.security.tokens import OWNER, Access, Accesses
+from tripod_doe.service.security.tokens import Access, Accesses
 from tripod_doe.service.settings import Settings
 
 API = "/api/v1"
@@ -63,7 +63,7 @@ def _share_of(scope: Scope) -> tuple[str, bool] | None:
     access: Access | None = scope["access"]
     if access is None:
         return _STRANGER
-    return None if access.name == OWNER else (access.name, scope["path"].endswith("/events"))
+    return None if access.owns else (access.name, scope["path"].endswith("/events"))
 
 
 def _nothing() -> None:
@@ -139,7 +139,7 @@ class Guard:
                 receive = _again(await self._body(scope, headers, receive))
             self._refuse_crowd(scope)
         except RefusedError as refusal:
-            if (access := scope["access"]) is not None and access.name != OWNER:
+            if (access := scope["access"]) is not None and not access.owns:
                 scope["access"] = None  # refusals of readers wait as those of strangers: a crowd is mostly refused
             await self._answer(self._refused(refusal), scope, receive, send)
             return

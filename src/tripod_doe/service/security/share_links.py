@@ -5,6 +5,7 @@ The file keeps only a hash of each link's secret, and is private: whoever reads 
 
 import hashlib
 import json
+import re
 import secrets
 import stat
 import threading
@@ -25,6 +26,7 @@ SHARES = "shares.json"
 _MOST = 1_000
 _DAY = 86_400.0
 _LATEST = 7_000 * 366 * _DAY  # seconds after 1970; dates end with the year 9999
+_HEX = {digits: re.compile(rf"[0-9a-f]{{{digits}}}") for digits in (16, 64)}
 _UNREADABLE = (OSError, ValueError, TypeError, KeyError, RecursionError, InputError)
 
 
@@ -134,8 +136,8 @@ class Shares:
 def _share(row: dict[str, Any]) -> Share:
     """A row of the file; TypeError or ValueError where it is none of ours."""
     share = Share(**row)
-    if not all(isinstance(text, str) for text in (share.id, share.run_id, share.digest)):
-        raise TypeError("a text is none")
+    if not all(_HEX[n].fullmatch(text) for n, text in ((16, share.id), (16, share.run_id), (64, share.digest))):
+        raise ValueError("a name or a hash is none")
     if not all(type(time) in (int, float) and 0 <= time < _LATEST for time in (share.created, share.expires)):
         raise ValueError("a time is none")
     return share

@@ -16,7 +16,7 @@ from tripod_doe.service.security.report_keys import is_report_address
 from tripod_doe.service.security.share_links import Shares
 from tripod_doe.service.settings import FIRST_PART, Settings
 
-OWNER, READER = "owner", "reader"
+_READER = "reader"
 
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ONE_RUN = r"(/api/v1/runs|(/api/v1|/parts)?/runs/{}(/.*)?)"
@@ -29,6 +29,7 @@ class Access:
 
     name: str  # owner, reader, or the id of a share
     settings: Settings  # of the server as this client sees it
+    owns: bool = False  # whether it may do everything
     is_open: Callable[[], bool] = lambda: True  # False once the access has ended
 
     def check(self, method: str, place: str) -> None:
@@ -37,7 +38,7 @@ class Access:
         Args:
             place: The address without the first part.
         """
-        if self.name == OWNER:
+        if self.owns:
             return
         if method not in _SAFE:
             raise RefusedError(403, "this token only reads: it changes nothing and computes nothing")
@@ -55,9 +56,9 @@ class Accesses:
 
     def __init__(self, settings: Settings, shares: Shares) -> None:
         self._settings, self._shares = settings, shares
-        self._of_shares: dict[str, Access] = {}  # cached: each request is compared with all of them
-        self.owner = Access(OWNER, settings)
-        self._reader = Access(READER, self._seen(READER)) if settings.read_token else None
+        self._of_shares: dict[tuple[str, str], Access] = {}  # cached: each request is compared with all of them
+        self.owner = Access("owner", settings, owns=True)
+        self._reader = Access(_READER, self._seen(_READER)) if settings.read_token else None
 
     def by_token(self, given: str) -> Access | None:
         """The access of a token or of a link's secret; None if it is wrong."""
@@ -86,10 +87,11 @@ class Accesses:
             yield self._of_share(share.id, share.run_id)
 
     def _of_share(self, share_id: str, run_id: str) -> Access:
-        if share_id not in self._of_shares:
+        if (share_id, run_id) not in self._of_shares:
             seen = self._seen(share_id, run_id)
-            self._of_shares[share_id] = Access(share_id, seen, lambda: self._shares.is_open(share_id))
-        return self._of_shares[share_id]
+            access = Access(share_id, seen, is_open=lambda: self._shares.is_open(share_id))
+            self._of_shares[share_id, run_id] = access
+        return self._of_shares[share_id, run_id]
 
     def _seen(self, name: str, only_run: str = "") -> Settings:
         digest = hmac.new(self._settings.key.encode(), name.encode(), hashlib.sha256).digest()

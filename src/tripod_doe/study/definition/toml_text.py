@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +77,17 @@ def toml_text(tables: Mapping[str, Any]) -> str:
     return tomlkit.dumps(_plain(tables, ""))
 
 
+def toml_array(values: Iterable[str | float]) -> Any:
+    """Texts and numbers as an array of a tomlkit document, in time that grows with their number.
+
+    The conversion of tomlkit itself takes the square of it: 6 min for 20,000 numbers, which take 0.4 s here.
+    """
+    from tomlkit.items import Array, Trivia, Whitespace, item
+
+    parts = [part for value in values for part in (Whitespace(", "), item(value))]
+    return Array(parts[1:], Trivia())
+
+
 def _plain(value: Any, key: str) -> Any:
     """A value with the types of TOML; see `toml_text`."""
     if isinstance(value, Mapping):
@@ -89,7 +100,8 @@ def _plain(value: Any, key: str) -> Any:
         return str(value)
     value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy, xarray or pandas
     if isinstance(value, list | tuple | range):
-        return [_plain(item, key) for item in value]
+        items = [_plain(item, key) for item in value]
+        return items if any(isinstance(item, dict | list) for item in items) else toml_array(items)
     if not isinstance(value, str | bool | int | float):
         raise InputError(f"{key} = {shown(value)}: expected a number, a text or a list, not a {type(value).__name__}")
     return value
