@@ -527,6 +527,10 @@ def test_candidates_are_found_by_their_rows(solve, tmp_path, monkeypatch):
     assert alone.reasons == all_of_them.reasons
 
 
+AT = "[at.torque_n_m]\nvalues = [50, 150]\n"
+SCATTER = '[scatter.joint_angle_deg]\ndistribution = "normal"\nmean = 8\nstd = 1\n'
+GROOVE = "[variables.groove_sliding_friction]\nlow = 0.02\nhigh = 0.2\n"
+FOLLOWS = "[variables.needle_sliding_friction]\nformula = '"
 JOINT = """
 [optimisation]
 name = "a"
@@ -565,6 +569,18 @@ order = 3
         (("[optimisation]", "[optimization]"), "optimisation"),
         (("low = 20\nhigh = 24", 'values = [20, 24]\nscale = "log"'), "scale belongs to a range"),
         (("low = 20\nhigh = 24", 'formula = "roller_radius_mm + 5"'), "at least one needs a range"),
+        (("[objectives", f"{FOLLOWS}0.0005 * torque_n_m'\n{AT}[objectives"), r"formula: \[at\] varies torque_n_m"),
+        (("[objectives", f"{FOLLOWS}0.5 * joint_angle_deg'\n{SCATTER}[objectives"), r"\[scatter\] varies joint_angle"),
+        (
+            ("[objectives", f"{FOLLOWS}groove_spin_friction'\n{GROOVE}[objectives"),
+            "follows groove_sliding_friction, which",
+        ),
+        (("[objectives", f"[base]\ntorque_n_m = 100\n{AT}[objectives"), r"\[at\]: torque_n_m is in \[base\], too"),
+        (
+            ("[objectives", f"{AT}[scatter.torque_n_m]\nstd = 1\n[objectives"),
+            r"\[at\]: torque_n_m is in \[scatter\], too",
+        ),
+        (("[objectives", f"[base]\njoint_angle_deg = 9\n{SCATTER}[objectives"), "also a base value, which it replaces"),
     ],
 )
 def test_a_wrong_file_is_refused_before_anything_runs(tmp_path, change, message):

@@ -69,10 +69,12 @@ def make_scatter(
         where = f"[scatter.{name}]"
         if name not in parameters:
             raise request.fail(where, f"unknown parameter{near_match(name, parameters)}")
-        parameter = parameters[name]
+        parameter, about_base = parameters[name], table.sampled_as in _ABOUT and table.mean is None
+        if name in base and name not in relative and not about_base:
+            raise request.fail(where, f"{name} is also a base value, which it replaces; remove it from [base]")
         if parameter.kind not in ("number", "argument"):
             raise request.fail(where, f"only a number scatters, and {name} is {parameter.range_text}")
-        if table.sampled_as in _ABOUT and table.mean is None:
+        if about_base:
             usual = 0.0 if name in relative else base.get(name, parameter.default)
             if not isinstance(usual, int | float):
                 raise request.fail(where, f"give a mean: {name} has no base value")

@@ -51,8 +51,9 @@ def operating_points(request: OptimisationRequest, parameters: Mapping[str, Para
         values = tuple(_checked(row, parameters) for row in rows)
     except InputError as error:
         raise request.fail("[at]", error) from error
-    if both := sorted(set(values[0]) & request.file.variables.keys()):
-        raise request.fail("[at]", f"{both[0]} is a variable, too: leave one of them out")
+    for table in ("base", "variables", "scatter"):
+        if both := sorted(set(values[0]) & getattr(request.file, table).keys()):
+            raise request.fail("[at]", f"{both[0]} is in [{table}], too: leave one of them out")
     try:
         return OperatingPoints(values, _weights(weights, len(values)))
     except InputError as error:

@@ -252,13 +252,18 @@ def make_problem(request: OptimisationRequest) -> Problem:
         }
     except InputError as error:
         raise request.fail("[base]", error) from error
-    variables = make_variables(request, simulator, base)
     operating = operating_points(request, simulator.parameters)
     scatter = make_scatter(request, simulator.parameters, base)
+    varied = {
+        **dict.fromkeys(scatter.factors.keys() - scatter.relative, "[scatter]"),
+        **dict.fromkeys(operating.names, "[at]"),
+    }
+    variables = make_variables(request, simulator, base, varied)
     model, confirm = _models(request, simulator, base, [*variables.names, *operating.names])
     start = {each.name: _started(each.name, base, simulator, each) for each in variables.chosen}
-    varied = {*variables.names, *operating.names, *scatter.factors, *([_MODEL] if model else [])}
-    fixed = {name: value for name, value in base.items() if name not in varied}
+    fixed = {
+        name: value for name, value in base.items() if name not in {*variables.names, *varied, _MODEL * bool(model)}
+    }
     problem = Problem(request, simulator, fixed, start, variables, operating, scatter, model, confirm)
     _check_quantities(problem)
     problem.study(request.origin, request.folder.path, "points.csv")

@@ -123,8 +123,17 @@ def _is_number(value: Value) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def make_variables(request: OptimisationRequest, simulator: Simulator, base: Mapping[str, Value]) -> Variables:
-    """The variables of a file; InputError if a parameter is unknown, or a bound, value or formula wrong."""
+def make_variables(
+    request: OptimisationRequest, simulator: Simulator, base: Mapping[str, Value], varied: Mapping[str, str]
+) -> Variables:
+    """The variables of a file.
+
+    Args:
+        varied: Parameters that differ between the points of a candidate, with the table that varies each.
+
+    Raises:
+        InputError: If a parameter is unknown, or a bound, value or formula wrong.
+    """
     chosen: list[Variable] = []
     followers: list[Follower] = []
     full = simulator.effective(base) if not request.file.optimisation.function else dict(base)
@@ -140,15 +149,35 @@ def make_variables(request: OptimisationRequest, simulator: Simulator, base: Map
                 others = [other for other in request.file.variables if other != name]
                 earlier = [other for other in others if request.file.variables[other].formula is None]
                 earlier += [each.parameter.name for each in followers]
-                known = [
+                known = {
                     *earlier,
                     *(other for other, value in full.items() if _is_number(value) and other not in others),
-                ]
-                followers.append(Follower(parameter, Expression(table.formula, [o for o in known if o != name])))
+                    *varied,
+                } - {name}
+                expression = Expression(table.formula, sorted(known))
+                _refuse_varied(expression, simulator, base, varied, earlier)
+                followers.append(Follower(parameter, expression))
         except InputError as error:
             raise request.fail(where, error) from error
     fixed = {name: value for name, value in full.items() if name not in request.file.variables}
     return Variables(tuple(chosen), tuple(followers), fixed)
+
+
+def _refuse_varied(
+    expression: Expression,
+    simulator: Simulator,
+    base: Mapping[str, Value],
+    varied: Mapping[str, str],
+    chosen: list[str],
+) -> None:
+    """Refuse a formula of what differs between the points of a candidate, or takes the value of what varies."""
+    sources = {**dict.fromkeys(chosen, "[variables]"), **varied}
+    for name in sorted(expression.used):
+        if name in varied:
+            raise InputError(f"formula: {varied[name]} varies {name}, which has no single value for a candidate")
+        source = simulator.parameters[name].follows
+        if source in sources and name not in {*chosen, *base}:
+            raise InputError(f"formula: {name} follows {source}, which {sources[source]} varies; set {name} in [base]")
 
 
 def _variable(parameter: Parameter, table: VariableTable) -> Variable:
