@@ -34,6 +34,7 @@ from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody.revolutions import unrest
 from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationReadings, Wanted
+from tripod_doe.joint.multibody.sampled_signals import sampled_signals
 from tripod_doe.joint.multibody.thrust_and_power import groove_readings, groove_thrust, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
@@ -254,24 +255,21 @@ def run_limits(values: JointValues[float], cycles: float, method: str) -> Limits
 
 def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted: Wanted) -> Readings:
     """Read all results from the sampled revolutions of a motion."""
-    result, count, samples = motion.result, motion.sampled, wanted.samples
-    times, positions, velocities = (
-        x[-count * samples - 1 :] for x in (result.times, result.positions, result.velocities)
-    )
-    thrust, powers = groove_readings(assembly, positions, velocities)
-    last = slice(0, -1)  # the end of the last revolution is the start of the next one
+    result, samples = motion.result, wanted.samples
     skew, summary = None, None
     if has_needle_bodies(assembly):
         cycles = int(values.cycles)
         skew, summary = needle_skews(assembly, result.positions[: cycles * samples], values, cycles)
         skew = skew[:, -2 * samples :]
-    parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if wanted.split else None
-    two = slice(-2 * samples - 1, -1)
-    contacts = contact_readings(assembly, positions[two], velocities[two], values, wanted.contacts)
+    signals = sampled_signals(motion, values, wanted)
+    two = np.arange(-2 * samples - 1, -1)
+    if motion.extrapolation:  # the last revolution alone was followed in finer steps
+        two = np.tile(two[samples:], 2)
+    contacts = contact_readings(assembly, result.positions[two], result.velocities[two], values, wanted.contacts)
     return Readings(
-        ahead(_by_revolution(thrust[:, last], count), motion.lag),
-        None if parts is None else ahead(_by_revolution(parts[:, last], count), motion.lag),
-        powers[:, last].mean(1),
+        signals.groove_thrust,
+        signals.parts,
+        signals.powers.mean((0, 2)),
         motion.error,
         skew,
         summary,
@@ -279,12 +277,6 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
         result.energy_residual,
         contacts=contacts,
     )
-
-
-def _by_revolution(signals: FloatArray, count: int) -> FloatArray:
-    """Split signals by revolution: (signal, sample) -> (revolution, signal, sample)."""
-    revolutions: FloatArray = np.moveaxis(signals.reshape(len(signals), count, -1), 1, 0)
-    return revolutions
 
 
 def compile_joint(values: JointValues[float], method: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -67,6 +67,11 @@ class Assembly:
             positions[i] = *body.position, *_unit(body.attitude)
             velocities[i] = *body.velocity, *body.angular_velocity
         return State(0.0, positions, velocities)
+
+    @cached_property
+    def memory(self) -> Work:
+        """Memory that all who read states share: making it costs as much as reading a revolution of some joints."""
+        return self.work()
 
     def work(self, traced: int = 0) -> Work:
         """Memory for one run, with room for the states after a number of steps."""

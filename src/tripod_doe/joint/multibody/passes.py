@@ -45,6 +45,7 @@ class Motion:
     runs: tuple[Run, ...]  # all runs, for the work that they took
     swings: bool = False  # whether a transient remains
     repeats: bool = True  # whether its revolutions are alike, so that its error is due to its steps
+    extrapolation: Extrapolation | None = None  # to steps of zero; None if it is not extrapolated
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,26 @@ class Pass:
     def evaluations_per_sample(self) -> float:
         """Force evaluations from one sample to the next."""
         return sum(part.force_evaluations for part in self.parts) / sum(part.times.size - 1 for part in self.parts)
+
+
+@dataclass(frozen=True)
+class Extrapolation:
+    """The runs from which the signals of a motion that repeats are extrapolated to steps of zero."""
+
+    # first, first_lag: run of the first pass, which ends in two sampled revolutions, and by which angle it is late
+    first: Run
+    first_lag: float
+    # coarse, coarse_lag: the same of the pass before the finest one
+    coarse: Run
+    coarse_lag: float
+    weight: float  # what the finest pass is still off, over its difference to the one before
+
+    @classmethod
+    def of(cls, joint: FollowedJoint, first: Pass, coarse: Pass, finest: Pass) -> Extrapolation:
+        """Extrapolate from passes of a single part each."""
+        lags = joint.lag(first.setting), joint.lag(coarse.setting)
+        weight = 1 / (coarse.setting / finest.setting - 1)
+        return cls(first.parts[0], lags[0], coarse.parts[0], lags[1], weight)
 
 
 @dataclass
@@ -83,6 +104,11 @@ class FollowedJoint:
     def remembers(self) -> bool:
         """Whether needles are bodies: their skew depends on all steps before."""
         return has_needle_bodies(self.assembly)
+
+    @property
+    def extrapolates(self) -> bool:
+        """Whether its signals are off in proportion to the steps; needles knock at other times in other steps."""
+        return self.method.name == "adaptive-euler" and not self.remembers
 
     @property
     def _time_of_sample(self) -> float:
@@ -126,15 +152,16 @@ class FollowedJoint:
                 setting = self.settled(setting / 2)
         return self._pass(setting, (whole,), (cycles - 2) * self.samples)
 
-    def again(self, coarse: Pass, setting: float) -> Pass:
-        """Follow the sampled revolutions of another pass in other steps, from its state a little before them.
+    def again(self, coarse: Pass, setting: float, revolutions: int) -> Pass:
+        """Follow the last revolutions of another pass in other steps, from its state a little before them.
 
         Needles are followed from the start again: their skew depends on all previous steps (with steps of 0.5 deg in
         the dropped revolutions the second order of the reference joint is 12 % too small).
         """
-        lead = coarse.before if self.remembers else min(self.samples // LEAD, coarse.before)
-        start = _state(coarse.parts[0], coarse.before - lead)
-        length = lead + len(coarse.orders) * self.samples
+        before = coarse.before + (len(coarse.orders) - revolutions) * self.samples
+        lead = before if self.remembers else min(self.samples // LEAD, before)
+        start = _state(coarse.parts[0], before - lead)
+        length = lead + revolutions * self.samples
         return self._pass(setting, (self._follow(setting, length, start),), lead)
 
     def longer(self, one: Pass, revolutions: int) -> Pass:
@@ -150,7 +177,8 @@ class FollowedJoint:
 
     def motion(self, first: Pass, finest: Pass) -> Run:
         """All revolutions as one run: the sampled ones are those of the finest pass."""
-        pieces = [(first.parts[0], slice(0, first.before - finest.before)), (finest.parts[0], slice(None))]
+        before = first.before + max(len(first.orders) - len(finest.orders), 0) * self.samples
+        pieces = [(first.parts[0], slice(0, before - finest.before)), (finest.parts[0], slice(None))]
         pieces += [(part, slice(1, None)) for part in finest.parts[1:]]
         return replace(
             _joined(pieces),

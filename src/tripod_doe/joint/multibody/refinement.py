@@ -5,6 +5,9 @@ again in finer steps, from the first pass's state a little before them: the diff
 the finer one by the order of the method, and the next steps follow from that error. So every run also gives a result,
 and dropped revolutions are run once (except with needles, whose skew depends on all previous steps).
 
+Where revolutions repeat, one is run again in finer steps, and its signals are extrapolated to steps of zero
+(`sampled_signals`): the error that is stated is then what the extrapolation adds.
+
 Rattling parts make revolutions scatter. If scatter is the larger part of the error, both passes go on for more
 revolutions, and the orders are means without the initial transient. A pass that would cost far more than the first one
 does not start: the result states the remaining error and the cost of that pass.
@@ -20,7 +23,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.order_noise import mean_and_chance, swung_in
-from tripod_doe.joint.multibody.passes import FollowedJoint, Motion, Pass
+from tripod_doe.joint.multibody.passes import Extrapolation, FollowedJoint, Motion, Pass
 from tripod_doe.joint.multibody.run_result import StoppedError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
@@ -90,6 +93,7 @@ class _Comparison:
         accuracy: OrderAccuracy,
         values: JointValues[float],
         remembers: bool,
+        repeated: Pass | None = None,
     ) -> _Comparison:
         """Errors of the finer of two passes.
 
@@ -100,14 +104,17 @@ class _Comparison:
 
         With needle bodies, revolutions differ in any steps while skews still change. There only the difference of the
         two passes in the same revolution is scatter, half of its variance each.
+
+        Args:
+            repeated: The pass whose revolutions scatter like those of the finer one, which has a single revolution.
         """
         allowed = accuracy.allowed(np.abs(fine.orders.mean(0)), values)
         asked = np.isfinite(allowed)
         dropped = swung_in(fine.orders[:, asked] / allowed[asked])
-        parts = (fine.orders - coarse.orders) / math.sqrt(2) if remembers else fine.orders
+        parts = (fine.orders - coarse.orders) / math.sqrt(2) if remembers else (repeated or fine).orders
         mean, (_, chance) = fine.orders[dropped:].mean(0), mean_and_chance(parts[dropped:, None])
         alike = math.sqrt(float((chance[1:] ** 2).mean()))
-        change = np.abs(mean - coarse.orders[dropped:].mean(0))
+        change = np.abs(mean - coarse.orders[dropped - len(fine.orders) :].mean(0))
         left = (fine.setting / coarse.setting) ** method_order
         by_steps = np.sqrt(np.maximum(change**2 - alike**2 / 2, 0)) * left / (1 - left)
         sizes, allowed = (of(np.abs(mean), values) for of in (accuracy.sizes, accuracy.allowed))
@@ -170,16 +177,19 @@ def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Mot
     except StoppedError as stop:
         return Motion(stop.stopped, 0, setting, 0.0, error, "", tuple(joint.runs))
     revolutions, setting = len(first.orders), joint.settled(first.setting / 2)
+    repeated: Pass | None = None
     while True:
+        if not repeated and revolutions == len(finest.orders) and _repeats(joint, finest, accuracy):
+            repeated, revolutions = finest, 1
         try:
             if revolutions > len(finest.orders):
                 coarse, finest = (joint.longer(each, revolutions) for each in (coarse, finest))
             else:
-                coarse, finest = finest, joint.again(finest, setting)
+                coarse, finest = finest, joint.again(finest, setting, revolutions)
         except StoppedError as stop:
             missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
             break
-        compared = _Comparison.of(coarse, finest, order, accuracy, joint.values, joint.remembers)
+        compared = _Comparison.of(coarse, finest, order, accuracy, joint.values, joint.remembers, repeated)
         error, dropped = compared.error, compared.swung_in
         if compared.settles:
             break
@@ -189,9 +199,20 @@ def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Mot
             missed, repeats = f"{compared.miss()}; {costs}", revolutions == len(finest.orders)
             break
     sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
+    extrapolation = None
+    if repeated and len(finest.orders) == 1:
+        extrapolation = Extrapolation.of(joint, repeated, coarse, finest)
     return Motion(
-        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), bool(swings), repeats
+        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), bool(swings), repeats, extrapolation
     )
+
+
+def _repeats(joint: FollowedJoint, one: Pass, accuracy: OrderAccuracy) -> bool:
+    """Whether no order differs between the last two revolutions of a pass by what matters to the required accuracy."""
+    if not joint.extrapolates or len(one.parts) > 1:
+        return False
+    allowed = accuracy.allowed(np.abs(one.orders.mean(0)), joint.values).min()
+    return bool(np.abs(one.orders[-1] - one.orders[-2]).max() <= _ALIKE * allowed)
 
 
 def _once_swung_in(joint: FollowedJoint, first: Pass, accuracy: OrderAccuracy) -> tuple[Pass, str]:

@@ -61,7 +61,7 @@ def groove_readings(assembly: Assembly, positions: FloatArray, velocities: Float
         Axial force on the housing, shape (groove, sample), N; power, shape (mechanism, sample), N mm/s.
     """
     thrust, powers = _at_grooves(assembly, positions, velocities)
-    _read_needles(assembly.tables, len(thrust), assembly.work(), positions, velocities, powers)
+    _read_needles(assembly.tables, len(thrust), assembly.memory, positions, velocities, powers)
     return thrust, powers
 
 
@@ -75,7 +75,7 @@ def _at_grooves(assembly: Assembly, positions: FloatArray, velocities: FloatArra
     grooves = sum(contact.surface.body == GROUND for contact in assembly.scene.contacts)
     thrust, powers = np.zeros((grooves, len(positions))), np.zeros((5, len(positions)))
     contiguous = np.ascontiguousarray(positions), np.ascontiguousarray(velocities)
-    _read_grooves(assembly.tables, assembly.work(), *contiguous, thrust, powers)
+    _read_grooves(assembly.tables, assembly.memory, *contiguous, thrust, powers)
     return thrust, powers
 
 

@@ -81,7 +81,7 @@ def element_forces(
         bearings = table
     forces = np.empty_like(velocities)
     tables = replace(assembly.tables, contacts=contacts, bearings=bearings)
-    _forces(tables, assembly.work(), positions, velocities, forces)
+    _forces(tables, assembly.memory, positions, velocities, forces)
     return forces
 
 

@@ -61,7 +61,7 @@ def departure_matrices(assembly: Assembly, states: Sequence[State], duration: fl
         states: States at the middles of equal parts of the motion, in order.
         duration: How long the motion takes.
     """
-    work = assembly.work()
+    work = assembly.memory
     return np.array([_departure_matrix(assembly, work, state, len(states) / duration) for state in states])
 
 
