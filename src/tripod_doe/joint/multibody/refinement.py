@@ -203,7 +203,16 @@ def refine(joint: FollowedJoint, accuracy: OrderAccuracy, setting: float) -> Mot
     if repeated and len(finest.orders) == 1:
         extrapolation = Extrapolation.of(joint, repeated, coarse, finest)
     return Motion(
-        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), bool(swings), repeats, extrapolation
+        whole,
+        sampled,
+        finest.setting,
+        lag,
+        error,
+        swings or missed,
+        tuple(joint.runs),
+        bool(swings),
+        repeats,
+        extrapolation,
     )
 
 

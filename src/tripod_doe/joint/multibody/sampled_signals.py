@@ -1,8 +1,8 @@
 """Signals of the sampled revolutions of a motion: thrust at the grooves, powers lost to friction, parts of the thrust.
 
 Where a motion repeats, its signals are extrapolated to steps of zero. Steps of implicit Euler with one solve each leave
-an error in proportion to the step, as long as they resolve the motion, since the secant slope of friction leaves a share
-of each change of velocity. (BDF2 with one solve a step is off by as much; solved to 1e-4, in steps of 2 deg, it is off
+an error in proportion to the step, as long as they resolve the motion: the secant slope of friction leaves a share of
+each change of velocity. (BDF2 with one solve a step is off by as much; solved to 1e-4, in steps of 2 deg, it is off
 by 0.02 % of the third order at four joints, for five to six solves a step.) All signals are extrapolated alike: orders
 are those of the waveform, and parts add up to the thrust.
 """
@@ -49,7 +49,7 @@ _GROOVES, _POWERS = 3, 5
 
 
 def _read(result: Run, revolutions: int, lag: float, values: JointValues[float], wanted: Wanted) -> FloatArray:
-    """Signals of the last revolutions of a run, whose thrust is late by an angle; shape (revolution, signal, sample)."""
+    """Signals of the last revolutions of a run that is late by an angle, shape (revolution, signal, sample)."""
     times, positions, velocities = (
         x[-revolutions * wanted.samples - 1 :] for x in (result.times, result.positions, result.velocities)
     )
