@@ -32,15 +32,15 @@ THURBER = np.array(
 def real_rows(values, deviation):
     """Real measured values as rows of one record, whose angle is known."""
     count = values.size
-    zero = np.zeros(count)
     return Rows(
         record=np.zeros(count, int),
         order=np.ones(count, int),
         measured=values.astype(complex),
         along=np.full(count, float(deviation)),
         across=np.full(count, np.inf),
-        own_error=zero,
+        own_error=np.zeros((2, count)),
         shared=np.zeros((count, 0), complex),
+        turning=np.zeros((count, 0)),
         free_phase=np.zeros(1, bool),
         free_sign=np.zeros(1, bool),
     )

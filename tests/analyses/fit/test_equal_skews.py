@@ -25,8 +25,9 @@ def test_equal_skews_are_invisible_and_their_differences_are_found():
         measured=EACH * (AHEAD @ SKEWS) + noise,
         along=np.full(count, 0.05),
         across=np.full(count, 0.05),
-        own_error=np.zeros(count),
+        own_error=np.zeros((2, count)),
         shared=np.zeros((count, 0), complex),
+        turning=np.zeros((count, 0)),
         free_phase=np.zeros(count, bool),
         free_sign=np.zeros(count, bool),
     )

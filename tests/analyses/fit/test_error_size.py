@@ -16,6 +16,7 @@ WAY = np.linspace(-1, 1, RECORDS)
 SLOPE = np.concatenate([np.stack([WAY, 1 + 0 * WAY], 1), np.stack([1 + 0 * WAY, 0.2 * WAY], 1)]) * (1 + 0.2j)
 NEAR = np.exp(-((np.linspace(0, 3, RECORDS)[:, None] - np.arange(4)) ** 2)) * 0.1
 ALIKE = np.kron(np.eye(2), NEAR)  # each order by itself
+TURNING = 3 * ALIKE[:, 4:]  # phases of the third order err by more than its amplitudes
 
 
 def drawn(random, second, third):
@@ -25,15 +26,17 @@ def drawn(random, second, third):
         return random.standard_normal(count) + 1j * random.standard_normal(count)
 
     factor = np.where(ORDER == 2, second, third)
-    error = factor * (0.1 * chance(ORDER.size) + ALIKE @ chance(ALIKE.shape[1]))
+    turned = 1j * TURNING @ random.standard_normal(TURNING.shape[1])
+    error = factor * (0.1 * chance(ORDER.size) + ALIKE @ chance(ALIKE.shape[1]) + turned)
     return Rows(
         record=np.tile(np.arange(RECORDS), 2),
         order=ORDER,
         measured=10 + SLOPE @ np.full(2, 0.5) + error + NOISE * chance(ORDER.size),
         along=np.full(ORDER.size, NOISE),
         across=np.full(ORDER.size, NOISE),
-        own_error=np.full(ORDER.size, 0.1),
+        own_error=np.full((2, ORDER.size), 0.1),
         shared=ALIKE.astype(complex),
+        turning=TURNING,
         free_phase=np.zeros(RECORDS, bool),
         free_sign=np.zeros(RECORDS, bool),
     )

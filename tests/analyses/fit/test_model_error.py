@@ -25,7 +25,7 @@ def error_of(skew, initial, each=0.5, model="kinetostatic", third=20.0, angle=10
 
 def test_the_second_order_errs_where_three_grooves_cancel():  # invariance
     equal, uneven = error_of([0.4] * 3, [0.4] * 3), error_of([0.4, -0.4, 0.4], [0.4, -0.4, 0.4])
-    assert equal.own[0, 0] == pytest.approx(uneven.own[0, 0], rel=1e-12)
+    assert equal.own[:, 0, 0] == pytest.approx(uneven.own[:, 0, 0], rel=1e-12)
     assert equal.whole[0, 0] == pytest.approx(uneven.whole[0, 0], rel=1e-12)
     assert equal.whole[0, 0] > 0.05 * 0.5 * 0.4
 
@@ -52,7 +52,18 @@ def test_other_models_err_in_proportion_to_the_order():  # regression
 
 def test_similar_points_make_no_third_order_surer_than_the_models_differ():  # regression
     sure = error_of([0.0] * 3, [0.0] * 3)
-    assert sure.own[0, 1] >= 0.003 * 20
+    assert sure.own[0, 0, 1] >= 0.003 * 20
+
+
+def test_phases_err_by_more_than_amplitudes():
+    """Regression: the third order across erred as along itself, and 5 of 18 intervals of a needle friction missed it."""
+    error = error_of([0.4, 0.1, 0], [0.4, 0.1, 0])
+    along = error.whole[0, 1]
+    shared = (np.abs(error.shared[0, 1]) ** 2).sum() + (error.turning[0, 1] ** 2).sum()
+    across = np.sqrt(error.own[1, 0, 1] ** 2 + shared)
+    assert across == pytest.approx(np.radians(0.75) * 20, rel=0.01) and across > 1.2 * along
+    assert not error.turning[0, 0].any() and error.own[0, 0, 0] == error.own[1, 0, 0]
+    assert "of phases from runs of needles" in error.source
 
 
 def test_other_orders_err_as_on_record():
@@ -64,7 +75,7 @@ def test_other_orders_err_as_on_record():
     error = model_error(SIMULATOR, columns, orders, predicted.astype(complex), "recorded")
     assert error.whole[0, 0] == pytest.approx(0.004 * 20)
     assert error.whole[0, 2] == pytest.approx(np.hypot(5.0, 0.007 * 20))
-    assert "of orders 1 and 4 from runs of needles at 145" in error.source
+    assert "of orders 1 and 4 and of phases from runs of needles at 145" in error.source
     alone = model_error(SIMULATOR, columns, [4], predicted[:, 2:].astype(complex), "recorded")
     assert alone.whole[0, 0] == pytest.approx(np.sqrt(3) * 0.13 * 5.0)
     assert "of order 4 none is" in alone.source

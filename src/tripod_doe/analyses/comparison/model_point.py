@@ -163,7 +163,7 @@ def model_uncertainty(
         whole[asked] = error.whole[0]
         if recorded:
             whole, turned = np.where(np.isnan(others), whole, others), phases
-            origin += f"; other orders and phases from {SOURCE}"
+            origin = f"{origin.partition('; of phases')[0]}; other orders and phases from {SOURCE}"
         else:
             turned = np.degrees(np.arctan2(whole, amplitude))
         deviation = np.hypot(whole, deviation)

@@ -54,7 +54,7 @@ def estimate_error_size(
     """
     from scipy.optimize import minimize
 
-    wrong = (rows.own_error > 0) | (rows.shared != 0).any(axis=1)
+    wrong = (rows.own_error > 0).any(axis=0) | (rows.shared != 0).any(axis=1)
     orders = np.unique(rows.order[wrong & used[rows.record]]).tolist()
     groups = [[order] for order in orders if order in _ALONE]
     groups += [others] if (others := [order for order in orders if order not in _ALONE]) else []

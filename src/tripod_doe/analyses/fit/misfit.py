@@ -7,7 +7,7 @@ For each prediction the nuisances take their best values (variable projection, G
 """
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,11 @@ class Rows:
     # across is infinite where only the real part counts
     along: FloatArray
     across: FloatArray
-    own_error: FloatArray  # standard deviation of the model's error in this row alone, N, shape (row,)
-    # changes of the prediction by errors of the model that records share, see `ModelError`, N, shape (row, nuisance)
+    # errors of the model, N, see `ModelError`: in this row alone, along its amplitude and across, shape (2, row); and
+    # changes of the prediction by errors that records share, shape (row, nuisance) each
+    own_error: FloatArray
     shared: ComplexArray
+    turning: FloatArray
     free_phase: NDArray[np.bool_]  # whether the angle of the marker is not known, shape (record,)
     free_sign: NDArray[np.bool_]  # whether the sign of the force is not known, shape (record,)
     scale_error: float = 0.0  # relative deviation of the force sensor's scale
@@ -45,7 +47,8 @@ class Rows:
 
     def with_errors_times(self, factor: FloatArray) -> Self:
         """The same orders with larger or smaller errors of the model, by a factor for each row."""
-        return replace(self, own_error=factor * self.own_error, shared=factor[:, None] * self.shared)
+        shared, turning = factor[:, None] * self.shared, factor[:, None] * self.turning
+        return replace(self, own_error=factor * self.own_error, shared=shared, turning=turning)
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,10 @@ class Misfit:
         size = np.abs(rows.measured)
         self._unit = np.where(size > 0, rows.measured / np.where(size > 0, size, 1), 1.0 + 0j)
         counts = used[rows.record]
-        along = np.where(counts, np.hypot(rows.along, rows.own_error), np.inf)
-        across = np.where(counts, np.hypot(rows.across, rows.own_error), np.inf)
-        self._weights = 1 / np.concatenate([along, across])
+        deviations = np.hypot([rows.along, rows.across], rows.own_error)
+        self._weights = np.where(counts, 1 / deviations, 0.0).ravel()
         self._size = size
-        self._changes = _independent(rows.shared)
+        self._changes, self._turning = _independent(rows.shared), _independent(rows.turning)
         self.data = int((self._weights > 0).sum())
         self._angles = np.flatnonzero(rows.free_phase & used)
         column = np.full(rows.records, -1)
@@ -96,14 +98,15 @@ class Misfit:
 
     @property
     def _nuisances(self) -> int:
-        """Shared nuisances: a real and an imaginary factor of each error, and the sensor's scale."""
-        return 2 * int(self._changes.shape[1]) + bool(self.rows.scale_error)
+        """Shared nuisances: two factors of each error with any phase, one of others, and the sensor's scale."""
+        return 2 * int(self._changes.shape[1]) + int(self._turning.shape[1]) + bool(self.rows.scale_error)
 
     def _shared_columns(self, turn: ComplexArray) -> FloatArray:
         """Changes of the whitened prediction by shared nuisances of deviation 1, shape (residual, nuisance)."""
         aligned = turn[:, None] * self._changes
+        turned = 1j * self._unit[:, None] * self._turning
         scale = (self.rows.scale_error * self._size * self._unit)[:, None]
-        return self._whitened(np.hstack([aligned, 1j * aligned, scale][: 3 if self.rows.scale_error else 2]))
+        return self._whitened(np.hstack([aligned, 1j * aligned, turned, scale][: 4 if self.rows.scale_error else 3]))
 
     def _whitened(self, values: ComplexArray) -> FloatArray:
         """Complex differences (row, ...) as whitened numbers, shape (2 rows, ...)."""
@@ -194,11 +197,11 @@ class Misfit:
         return sign, angle
 
 
-def _independent(shared: ComplexArray) -> ComplexArray:
+def _independent(shared: Any) -> Any:
     """The fewest changes that have the same covariance: no more than rows."""
     size, directions = np.linalg.eigh(shared @ shared.conj().T)
     kept = size > _LEAST_CHANGE**2 * size.max(initial=0.0)
-    return np.asarray(directions[:, kept] * np.sqrt(size[kept]), complex)
+    return directions[:, kept] * np.sqrt(size[kept])
 
 
 def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,8 @@ over the logarithm of the angle, of which a fit makes nuisances), and the rest i
   and their errors do not. It errs by a part of what each groove gives, and by a part of what the turning of its needles
   since the start has added: how fast needles turn is the least certain. The likelihood of these errors is e^40 times
   that of errors in proportion to the order itself.
+- Phases err by more than amplitudes, as far as that is on record: the third order of `kinetostatic` by 0.8 to 1 % of
+  itself across and 0.3 % along. That matters where the angle of the marker is known.
 
 A given error is taken as it is: alike in all records, and with half of its square in each alone. What a run reports of
 its own numerical error, and how its last two revolutions differ, is part of what is on record.
@@ -53,20 +55,28 @@ _AHEAD = np.exp(2j * np.radians(120) * np.arange(3))  # second order of equally 
 class ModelError:
     """Errors of the model at the points of the records, N."""
 
-    own: FloatArray  # deviation in one record alone, shape (record, order)
+    own: FloatArray  # deviation in one record alone, along the amplitude and across, shape (2, record, order)
     # changes of the complex orders by errors that records share, each by a factor of deviation 1 and any phase, shape
     # (record, order, nuisance)
     shared: ComplexArray
+    # further ones across the amplitude, as phases err by more, each by a real factor, shape (record, order, nuisance)
+    turning: FloatArray
     source: str  # in words, where it comes from
 
     @property
     def whole(self) -> FloatArray:
-        """Deviation of both together, shape (record, order)."""
-        return np.asarray(np.sqrt(self.own**2 + (np.abs(self.shared) ** 2).sum(axis=2)), float)
+        """Deviation of an amplitude, all errors together, shape (record, order)."""
+        return np.asarray(np.sqrt(self.own[0] ** 2 + (np.abs(self.shared) ** 2).sum(axis=2)), float)
+
+    def at(self, record: int) -> Self:
+        """The errors at one of the records."""
+        own, shared, turning = self.own[:, [record]], self.shared[[record]], self.turning[[record]]
+        return replace(self, own=own, shared=shared, turning=turning)
 
     def times(self, factors: FloatArray) -> Self:
         """The same errors, larger or smaller by a factor for each order, shape (order,)."""
-        return replace(self, own=factors * self.own, shared=factors[:, None] * self.shared)
+        shared, turning = factors[:, None] * self.shared, factors[:, None] * self.turning
+        return replace(self, own=factors * self.own, shared=shared, turning=turning)
 
 
 @dataclass(frozen=True)
@@ -97,8 +107,8 @@ def model_error(
     if setting != "recorded":
         whole = float(setting) * amplitude
         words = f"{100 * float(setting):g} % of each order, as given" if setting else "none, as given"
-        everywhere = np.ones((len(amplitude), 1))
-        return ModelError(whole / np.sqrt(2), _each_order(np.asarray(whole * unit, complex), everywhere), words)
+        shared = _each_order(np.asarray(whole * unit, complex), np.ones((len(amplitude), 1)))
+        return ModelError(np.stack([whole, whole]) / np.sqrt(2), shared, np.zeros((*amplitude.shape, 0)), words)
     relative, known = np.empty(amplitude.shape), np.ones(len(amplitude), bool)
     second, third = _second_and_third(simulator, columns)
     finest = np.array([str(model) == simulator.model_names[-1] for model in columns["model"]])
@@ -109,7 +119,7 @@ def model_error(
         else:
             usual = np.full(len(amplitude), _OTHER)
         relative[:, column] = np.where(finest, _FINEST.get(order, _FINEST_OTHER), usual)
-    others = _other_orders(simulator, columns, orders, amplitude)
+    others, across = _other_orders(simulator, columns, orders, amplitude)
     on_record = np.isfinite(others)
     whole = np.where(on_record, others / np.sqrt(3), relative * amplitude)
     recorded = np.zeros(len(amplitude), bool)  # whether the error of the second order is
@@ -120,6 +130,8 @@ def model_error(
         whole[recorded, at] = np.minimum(whole[recorded, at], _DEVIATION * missed[recorded])
     models = set(columns["model"].astype(str).tolist())
     alike = _alike(columns["joint_angle_deg"], max(_LENGTH.get(model, _USUAL_LENGTH) for model in models))
+    turned = np.sqrt(np.fmax(across**2 - 3 * whole**2, 0.0) / 3)  # as a part of the error in one record alone
+    turned[:, [order == 2 for order in orders]] = 0.0  # its complex errors are on record
     own, shared = whole.copy(), _each_order(np.sqrt(2) * whole * unit, alike)
     of_second = f"of order 2 at most {100 * _OTHER:g} %" if 2 in orders and recorded.all() else None
     if 2 in orders and needles is not None and models == {TURNING}:
@@ -136,25 +148,29 @@ def model_error(
             of_second = (
                 "of the second order, parts of what each groove gives and of what the turning of its needles adds"
             )
-    words = _origin(orders, bool(finest.all()), known, of_second, bool(on_record.any()))
-    return ModelError(own, shared, words)
+    words = _origin(orders, bool(finest.all()), known, of_second, bool(on_record.any()), bool(turned.any()))
+    turning = _each_order(np.sqrt(2) * turned, alike) if turned.any() else np.zeros((*amplitude.shape, 0))
+    return ModelError(np.stack([own, np.hypot(own, turned)]), shared, turning, words)
 
 
 def _other_orders(
     simulator: Simulator, columns: Mapping[str, NDArray[Any]], orders: Sequence[int], amplitude: FloatArray
-) -> FloatArray:
-    """Standard deviations on record of all orders but the third, N, shape (record, order); NaN where there are none.
+) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations on record, N, shape (record, order): of all orders but the third, and across, by the phases.
 
-    They are parts of the third order, too, so that none is known without it.
+    They are parts of the third order, too, so that none is known without it; NaN where none is.
     """
     if 3 not in orders:
-        return np.full(amplitude.shape, np.nan)
+        return np.full(amplitude.shape, np.nan), np.full(amplitude.shape, np.nan)
     every = np.zeros((len(amplitude), ORDERS.size))
     every[:, list(orders)] = amplitude
-    return deviations_of_orders(simulator, columns, every)[0][:, list(orders)]
+    sizes, phases = (each[:, list(orders)] for each in deviations_of_orders(simulator, columns, every))
+    return sizes, np.radians(phases) * amplitude
 
 
-def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None, recorded: bool) -> str:
+def _origin(
+    orders: Sequence[int], finest: bool, third: NDArray[np.bool_], second: str | None, recorded: bool, phases: bool
+) -> str:
     """Where the errors come from, in words.
 
     Args:
@@ -163,6 +179,7 @@ def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], secon
         third: Whether an error of the third order is on record, shape (record,).
         second: What is known of the second order, in words; None where nothing is.
         recorded: Whether the errors of other orders are on record.
+        phases: Whether phases err by more than amplitudes.
     """
     if finest:
         words, known, assumed = "from two implementations of this model", {*_FINEST}, _FINEST_OTHER
@@ -174,8 +191,9 @@ def _origin(orders: Sequence[int], finest: bool, third: NDArray[np.bool_], secon
                 f"; at {int((~third).sum())} of {third.size} records none is, and {_deviation(_ASSUMED)} is assumed"
             )
         words += f"; {second}" if second else ""
-        if rest := sorted(set(orders) - {3, 2 if second else 3}) if recorded else []:
-            words += f"; of order{'s' * (len(rest) > 1)} {numbers_in_words(rest)} from {SOURCE}"
+        rest = sorted(set(orders) - {3, 2 if second else 3}) if recorded else []
+        others_known = [f"order{'s' * (len(rest) > 1)} {numbers_in_words(rest)}"] * bool(rest) + ["phases"] * phases
+        words += f"; of {' and of '.join(others_known)} from {SOURCE}" if others_known else ""
     if others := sorted(set(orders) - known):
         which = f"order{'s' * (len(others) > 1)} {numbers_in_words(others)}"
         words += f"; of {which} none is, and {_deviation(assumed)} is assumed"
@@ -199,11 +217,11 @@ def _alike(angles: FloatArray, length: float) -> FloatArray:
     return np.asarray(weights / np.linalg.norm(weights, axis=1)[:, None], float)
 
 
-def _each_order(changes: ComplexArray, alike: FloatArray) -> ComplexArray:
+def _each_order(changes: Any, alike: FloatArray) -> Any:
     """Changes that records share in each order by itself, shape (record, order, order times node)."""
     width = changes.shape[1]
     by_node = changes[:, :, None, None] * np.eye(width)[:, :, None] * alike[:, None, None]
-    return np.asarray(by_node.reshape(len(changes), width, -1), complex)
+    return by_node.reshape(len(changes), width, -1)
 
 
 def turning_of(needles: Needles, initial: FloatArray) -> ComplexArray:

@@ -12,6 +12,7 @@ import numpy as np
 from tripod_doe.analyses.fit.fit import Solution
 from tripod_doe.analyses.fit.identifiability import covariance_of
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Value
 
@@ -24,8 +25,7 @@ class CandidateRows:
 
     prediction: ComplexArray  # at the fitted values, shape (order,)
     slope: ComplexArray  # its derivatives by the scalars, and by those of a new record alone, shape (order, scalar)
-    own_error: FloatArray  # of the model, N, shape (order,)
-    shared: ComplexArray  # of the model, in all records alike, see `ModelError`, shape (order, nuisance)
+    error: ModelError  # of the model in this record
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _variance(
     rows, old = problem.misfit.rows, problem.layout.count
     size = float(np.abs(candidate.prediction).max())
     along, across = noise * size
-    own = candidate.own_error / np.sqrt(count)
+    error = candidate.error
     free = bool(rows.free_phase.mean() > 0.5)
     more = replace(
         rows,
@@ -106,8 +106,9 @@ def _variance(
         measured=np.append(best_aligned(solution), candidate.prediction),
         along=np.append(rows.along, along / np.sqrt(count)),
         across=np.append(rows.across, across / np.sqrt(count)),
-        own_error=np.append(rows.own_error, own),
-        shared=np.vstack([rows.shared, candidate.shared]),
+        own_error=np.hstack([rows.own_error, error.own[:, 0] / np.sqrt(count)]),
+        shared=np.vstack([rows.shared, error.shared[0]]),
+        turning=np.vstack([rows.turning, error.turning[0]]),
         free_phase=np.append(rows.free_phase, free),
         free_sign=np.append(rows.free_sign, False),
     )
@@ -135,5 +136,5 @@ def _band(solution: Solution, candidate: CandidateRows) -> FloatArray:
     unit = candidate.prediction / np.where(size > 0, size, 1)
     slope = (np.conj(unit)[:, None] * candidate.slope).real[:, : solution.problem.layout.count]
     variance = np.einsum("ij,jk,ik->i", slope, solution.covariance, slope)
-    error = candidate.own_error**2 + (np.abs(candidate.shared) ** 2).sum(axis=1)
-    return np.asarray(np.sqrt(solution.allowed / solution.scatter) * np.sqrt(variance + error), float)
+    wide = np.sqrt(variance + candidate.error.whole[0] ** 2)
+    return np.asarray(np.sqrt(solution.allowed / solution.scatter) * wide, float)

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from tripod_doe.analyses.comparison.model_point import complex_orders
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match, speaking_of_keys
@@ -262,13 +263,13 @@ def deviations(parts: Sequence[MeasuredOrders]) -> FloatArray:
 
 
 def make_rows(
-    records: Sequence[RigRecord], orders: Sequence[int], own: FloatArray, shared: ComplexArray, scale_error: float
+    records: Sequence[RigRecord], orders: Sequence[int], error: ModelError, scale_error: float
 ) -> Rows:
     """All fitted orders of all records as rows, record by record.
 
     Args:
         records, orders: The records, and the orders of each that are fitted.
-        own, shared: The model's error, in one record alone and in all of them, see `ModelError`.
+        error: The errors of the model at the records.
         scale_error: Relative deviation of the force sensor's scale.
     """
     parts = [measured_orders(record, orders) for record in records]
@@ -279,8 +280,9 @@ def make_rows(
         measured=np.concatenate([part.mean for part in parts]),
         along=deviation[:, 0].ravel(),
         across=deviation[:, 1].ravel(),
-        own_error=own.ravel(),
-        shared=shared.reshape(count * len(orders), -1),
+        own_error=error.own.reshape(2, -1),
+        shared=error.shared.reshape(count * len(orders), -1),
+        turning=error.turning.reshape(count * len(orders), -1),
         free_phase=np.array([record.reference_angle_deg is None for record in records]),
         free_sign=np.array([record.sign is None for record in records]),
         scale_error=scale_error,

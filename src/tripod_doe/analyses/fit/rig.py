@@ -201,7 +201,7 @@ class RigFit:
 
     def rows(self, error: ModelError) -> Rows:
         """Measured orders with the errors of the model."""
-        return make_rows(self.records, self.orders, error.own, error.shared, self.file.records.force_scale_error)
+        return make_rows(self.records, self.orders, error, self.file.records.force_scale_error)
 
     def fit(self, points: Answers, tell: Callable[[str], None]) -> tuple[Solution, ModelError]:
         """Search, refine, and profile, with needles that turn and, where that may be, with skews that stay.
@@ -357,7 +357,7 @@ class RigFit:
             for which, unknown in enumerate(layout.unknowns):
                 scalar = layout.index[which, 0] if unknown.per == "all" else layout.count + new.index(which)
                 slope[:, scalar] = by_unknown[which]
-            rows.append(CandidateRows(chosen[0, at], slope, error.own[at], error.shared[at]))
+            rows.append(CandidateRows(chosen[0, at], slope, error.at(at)))
         return rows
 
 
