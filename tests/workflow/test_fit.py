@@ -21,7 +21,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.workflow.fit_plan import plan_fit
+from tripod_doe.workflow.fit_plan import evaluations, plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
 from tripod_doe.workflow.steps_file import found_sentences
 
@@ -400,6 +400,7 @@ def test_a_plan_prices_it(written, fitted, capsys):
     planned, points = plan_fit(file, timing=False), xr.open_dataset(fitted[0] / "fit.nc").attrs["points"]
     assert 6 < planned.seconds[1] < 15, "imports, page and looks cost more than the points"
     assert points / 1.4 < planned.search_points < 1.4 * points
+    assert planned.search_range[0] < points < planned.search_range[1]
     assert main(["run", str(file), "--out", "nowhere"]) == 2
     assert "tripod-doe fit" in capsys.readouterr().err
 
@@ -429,6 +430,17 @@ def test_a_search_without_reference_angle_begins_at_other_places_of_the_circle(w
     assert np.allclose(free.places_alike(place), [[0.15, 0.3], [0.65, 0.85]])
     known = RigFit(load_fit(written(HEAD + skews + RECORDS + "reference_angle_deg = 0\n")))
     assert not known.places_alike(place)
+
+
+def test_a_plan_counts_the_circle_and_both_kinds_of_needles(written):
+    """Regression: 241 evaluations were planned; 67 fits took these, in benchmarks/RESULTS.md."""
+    skews = "".join(f"[unknowns.initial_skew_{at}_deg]\nlow = -1\nhigh = 1\n" for at in (1, 2))
+    head = HEAD.replace("= 0\nstarts = 1", '= "recorded"').replace("equilibrium", "kinetostatic")
+    records = RECORDS.replace("[3]", "[2, 3]")
+    for known, measured in (("", (192, 240, 660, 1009)), ("reference_angle_deg = 0\n", (156, 198, 321))):
+        least, usual, most = evaluations(RigFit(load_fit(written(head + UNKNOWNS + skews + records + known))))
+        assert least < min(measured) and max(measured) < most
+        assert measured[1] / 2 < usual < 2 * measured[1]
 
 
 def test_records_at_one_operating_point_with_an_unknown_each_are_priced_each(tmp_path):

@@ -15,6 +15,11 @@ from tripod_doe.study.plan import RECORDED, Plan, plan
 _DESCENT = 2  # evaluations of all records for a start, its descents after both looks together, per squared unknown
 # evaluations of all records for the profile of a scalar: with one unknown, and for each further one
 _PROFILE, _PER_OTHER = 2, 6
+# what a fit takes of these, at least and usually: with a known angle of the marker, and where skews may change places
+_LEAST_USUAL, _LEAST_USUAL_IN_A_CIRCLE = (0.4, 0.8), (0.7, 2.0)
+_IN_A_CIRCLE = 3  # places from which a search begins
+_MOST, _MOST_OF_BOTH = 1.5, 2.0  # at most, with one kind of needles and with both
+_FEWEST_DESCENTS = 2  # of one start, with the first weights and with the next
 _CORRECTIONS = 3  # usual evaluations with the requested model
 # CPU time beside the points (benchmarks/RESULTS.md): imports, records and page; both looks at the interpolated model,
 # per unknown; an evaluation
@@ -28,6 +33,7 @@ class FitPlan:
     records: int  # number of records
     scalars: tuple[str, ...]  # fitted scalars, each with its record or group
     search_points: int  # usual number of points of the model of the search
+    search_range: tuple[int, int]  # its range
     asked_points: int  # usual number of points with the requested model, if it differs
     models: tuple[str, str]  # the requested model, and the model of the search
     plans: tuple[Plan, ...]  # plans of the points of all records, with the model of the search and the requested one
@@ -35,10 +41,11 @@ class FitPlan:
 
     def describe(self, workers: int = 2) -> str:
         """The plan as text, with the wall time on a number of workers."""
+        least, most = map("{:,}".format, self.search_range)
         lines = [
             f"records      {self.records}",
             f"unknowns     {count_of(len(self.scalars), 'number')}: {', '.join(self.scalars)}",
-            f"points       about {self.search_points:,} with {self.models[1]}",
+            f"points       about {self.search_points:,} with {self.models[1]} ({least} to {most})",
         ]
         if self.asked_points:
             lines[-1] += f", about {self.asked_points:,} with {self.models[0]}"
@@ -47,8 +54,8 @@ class FitPlan:
         else:
             low, mean, high = map(duration, self.seconds)
             timed = sum(each.timed for each in self.plans)
-            source = f"{text_range(low, high)}, from {timed} timed points" if timed else RECORDED
-            lines.append(f"CPU time     {mean} ({source})")
+            source = f"from {timed} timed points" if timed else RECORDED
+            lines.append(f"CPU time     {mean} ({text_range(low, high)}, {source})")
             lines.append(f"wall time    {duration(self.seconds[1] / max(workers, 1))} on {workers} workers, or more")
         lines += [f"model        {text.removeprefix('Model ')}" for each in self.plans for text in each.models]
         return "\n".join(lines + [f"warning      {text}" for each in self.plans for text in each.warnings])
@@ -67,24 +74,42 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
     """
     rig = RigFit(load_fit(file, untrusted))
     records, width, scalars = len(rig.records), len(rig.layout.unknowns), rig.layout.count
-    profiles = scalars * (_PROFILE + _PER_OTHER * (width - 1))
-    trials = place_count(rig.layout) + rig.file.fit.starts * _DESCENT * width**2 + profiles
-    search = trials * records + (width + 1) * len(rig.candidates)
+    trials = evaluations(rig)
+    search = [round(count * records + (width + 1) * len(rig.candidates)) for count in trials]
     models = list(dict.fromkeys([rig.cheap, rig.model]))
-    counts = [search, _CORRECTIONS * records][: len(models)]
+    asked = _CORRECTIONS * records if len(models) > 1 else 0
     plans = [plan(_one_of_each(rig, model), timing, recorded=True) for model in models]
     seconds = None
     if all(each.cpu_hours for each in plans):
         parts = [
-            [3600 * count / records * hours * _distinct(rig, model) / each.unique for hours in each.cpu_hours]
-            for each, count, model in zip(plans, counts, models, strict=True)
+            [
+                3600 * count / records * hours * _distinct(rig, model) / each.unique
+                for count, hours in zip(counts, each.cpu_hours, strict=True)
+            ]
+            for each, counts, model in zip(plans, (search, [asked] * 3), models, strict=False)
             if each.cpu_hours
         ]
-        beside = _START_SECONDS + _LOOK_SECONDS * width + _OWN_SECONDS * trials
-        low, mean, high = (sum(part) + beside for part in zip(*parts, strict=True))
+        beside = [_START_SECONDS + _LOOK_SECONDS * width + _OWN_SECONDS * count for count in trials]
+        low, mean, high = (sum(part) for part in zip(*parts, beside, strict=True))
         seconds = low, mean, high
-    asked = counts[1] if len(counts) > 1 else 0
-    return FitPlan(records, tuple(rig.layout.names()), search, asked, (rig.model, rig.cheap), tuple(plans), seconds)
+    least, usual, most = search
+    names, pair = tuple(rig.layout.names()), (rig.model, rig.cheap)
+    return FitPlan(records, names, usual, (least, most), asked, pair, tuple(plans), seconds)
+
+
+def evaluations(rig: RigFit) -> tuple[float, float, float]:
+    """Evaluations of all records that a fit takes: at least, usually, and at most but for rare ones.
+
+    Where the records do not say which trunnion is the first, the search begins at three places, and profiles go over
+    what they lead to. Where needles may keep their skew, both kinds may be fitted.
+    """
+    width = len(rig.layout.unknowns)
+    profiles = rig.layout.count * (_PROFILE + _PER_OTHER * (width - 1))
+    descents = max(rig.file.fit.starts, _FEWEST_DESCENTS) * _DESCENT * width**2
+    first, each = place_count(rig.layout), descents + profiles
+    circle, most = rig.skews_change_places, _MOST_OF_BOTH if rig.skews_may_stay else _MOST
+    least, usual = _LEAST_USUAL_IN_A_CIRCLE if circle else _LEAST_USUAL
+    return first + least * each, first + usual * each, first + most * (_IN_A_CIRCLE if circle else 1) * each
 
 
 def _distinct(rig: RigFit, model: str) -> int:

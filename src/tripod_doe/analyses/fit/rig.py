@@ -210,7 +210,7 @@ class RigFit:
             tell: Takes the name of each stage as it begins.
         """
         turning, error = self._fit(points, tell)
-        if not self._may_stay:
+        if not self.skews_may_stay:
             return turning, error
         tell("skews that stay")
         staying = self.with_initial_skews(points)
@@ -228,7 +228,7 @@ class RigFit:
         return likelier, error_of_other if likelier.problem is other.problem else error
 
     @property
-    def _may_stay(self) -> bool:
+    def skews_may_stay(self) -> bool:
         """Whether skews are fitted to orders of a model whose needles turn, with errors that are on record."""
         fitted = any(name in self.file.unknowns for name in _SKEWS) and set(self.orders) == {2, 3}
         return fitted and self.model == TURNING and self.file.fit.model_error == "recorded"
