@@ -73,7 +73,7 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
         InputError: If the file or a record cannot be used.
     """
     rig = RigFit(load_fit(file, untrusted))
-    records, width, scalars = len(rig.records), len(rig.layout.unknowns), rig.layout.count
+    records, width, _scalars = len(rig.records), len(rig.layout.unknowns), rig.layout.count
     trials = evaluations(rig)
     search = [round(count * records + (width + 1) * len(rig.candidates)) for count in trials]
     models = list(dict.fromkeys([rig.cheap, rig.model]))

@@ -262,9 +262,7 @@ def deviations(parts: Sequence[MeasuredOrders]) -> FloatArray:
     return np.asarray(np.sqrt(variance), float)
 
 
-def make_rows(
-    records: Sequence[RigRecord], orders: Sequence[int], error: ModelError, scale_error: float
-) -> Rows:
+def make_rows(records: Sequence[RigRecord], orders: Sequence[int], error: ModelError, scale_error: float) -> Rows:
     """All fitted orders of all records as rows, record by record.
 
     Args:
