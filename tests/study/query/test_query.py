@@ -294,6 +294,29 @@ def test_a_selection_that_nothing_can_meet_is_refused(select, told):
     assert query(cube, "f", ["order=7"])["f"].size == 0
 
 
+@pytest.mark.parametrize(
+    ("select", "told"),
+    [
+        ("angle=12,5", r"select='angle': no label is 12; angle is 5, 10 or 15; write 12\.5 with a decimal point"),
+        ("angle=10,12.5,5", r"no label is 12\.5; angle is 5, 10 or 15$"),
+        ({"angle": [5, 12]}, r"no label is 12; angle is 5, 10 or 15$"),
+        ("angle=1,200", r"no label is 1 or 200; .*write 1\.2 or 1200 with a decimal point"),
+        ("kind=a,c", "no label is c; kind is a, b,c or d$"),
+        ({"kind": ["a", "c"]}, "no label is c"),
+        ("point=1,7", "no label is 7"),
+    ],
+)
+def test_listed_values_that_no_label_has_are_refused(select, told):
+    """Regression: 12,5 for 12.5 answered with the point at 5, and said nothing of 12."""
+    labels = {"angle": ("point", [5.0, 10.0, 15.0]), "kind": ("point", ["a", "d", "b,c"]), "point": [0, 1, 2]}
+    cube = xr.Dataset({"f": ("point", np.arange(3.0))}, labels)
+    with pytest.raises(InputError, match=told):
+        query(cube, "f", [select] if isinstance(select, str) else select)
+    assert query(cube, "f", ["kind=b,c"])["f"].values.tolist() == [2]
+    assert query(cube, "f", ["angle=5,15", "kind=a"])["f"].values.tolist() == [0]  # 15 is elsewhere
+    assert query(cube, "f", ["angle=12,5"], nearest=True)["f"].values.tolist() == [0, 1]
+
+
 def test_headings_are_escaped_as_values_are():
     """Regression: the name of a stranger's variable was a formula of the spreadsheet, or a command of the terminal."""
     columns = {"=HYPERLINK(1)": np.array([1.0]), "a\x1b]0;x\x07": np.array([2.0])}

@@ -24,7 +24,7 @@ from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.memory import refuse_too_much_memory
 from tripod_doe.study.named_arrays import NamedArray
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
-from tripod_doe.study.query.selection import Chosen, Selection, labels_text, selections, taken
+from tripod_doe.study.query.selection import Chosen, Selection, labels_text, refuse_unmatched, selections, taken
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
 if TYPE_CHECKING:  # the command line answers without xarray
@@ -282,6 +282,7 @@ def _choose(
             raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
         rows[dim] = taken(labels, rows.get(dim), cube.sizes[dim], selection, nearest)
+        refuse_unmatched(labels, cube.sizes[dim], selection, nearest)
     return _Choice(cube, variable, shown, coordinates, rows)
 
 

@@ -13,7 +13,7 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
 from tripod_doe.study.query.arrays import Variable
-from tripod_doe.typed_numbers import number_or_text, typed_number
+from tripod_doe.typed_numbers import number_or_text, readings, typed_number
 
 _MATCH = 1e-9
 _STRETCH = 4_000_000  # labels that are compared together
@@ -31,7 +31,8 @@ class Selection:
     values: tuple[float | str, ...] = ()  # numbers if possible, else texts
     low: float = -math.inf
     high: float = math.inf
-    texts: tuple[str, ...] = ()  # allowed text labels: the selection as written, and its parts
+    texts: tuple[str, ...] = ()  # allowed text labels: the parts of the selection
+    written: str = ""  # all of it as written, another text label; empty where Python code selects
 
 
 def parse_selection(text: str) -> Selection:
@@ -44,14 +45,14 @@ def parse_selection(text: str) -> Selection:
     name = name.strip().replace("-", "_")
     if not equals or not name or not wanted:
         raise InputError(f"{option('select', text)}: write name=value, name=a,b,c or name=a:b")
-    texts = tuple(dict.fromkeys([wanted, *(part.strip() for part in wanted.split(","))]))
+    texts = tuple(part.strip() for part in wanted.split(","))
     if ":" in wanted:
         try:
             low, high = (typed_number(end) if end.strip() else None for end in wanted.split(":"))
         except ValueError:  # no range, but labels may be texts with such a sign
-            return Selection(name, (wanted,), texts=texts)
-        return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high, texts)
-    return Selection(name, tuple(number_or_text(part.strip()) for part in wanted.split(",")), texts=texts)
+            return Selection(name, (wanted,), texts=texts, written=wanted)
+        return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high, texts, wanted)
+    return Selection(name, tuple(map(number_or_text, texts)), texts=texts, written=wanted)
 
 
 def _end(given: Any, default: float) -> float:
@@ -97,6 +98,31 @@ def taken(labels: Variable, left: IntArray | None, count: int, selection: Select
     return np.concatenate([own[_matching(values, selection)] for own, values in stretches()])
 
 
+def refuse_unmatched(labels: Variable, count: int, selection: Selection, nearest: bool) -> None:
+    """Refuse a list with a value that no label has; a single value and a range may meet none.
+
+    Raises:
+        InputError: With these values, the labels, and the number that a decimal comma would have meant.
+    """
+    if len(selection.values) < 2:
+        return
+    missing = dict(zip(selection.texts, selection.values, strict=True))
+    for _, values in _stretches(labels, _around(selection, count) if labels.is_counted else None, count):
+        if values.dtype.kind in "fiub":
+            known = np.unique(values)
+            met = {text for text in missing if nearest or _matching(known, Selection("", (missing[text],))).any()}
+        else:
+            texts = set(values.astype(str).tolist())
+            met = {text for text in missing if text in texts or selection.written in texts}
+        missing = {text: value for text, value in missing.items() if text not in met}
+    if missing:
+        meant = " or ".join(f"{value:.12g}" for value in readings(selection.written))
+        raise InputError(
+            f"{option('select', selection.name)}: no label is {' or '.join([*missing][:_LISTED])}; {selection.name} "
+            f"{labels_text(labels, count)}" + f"; write {meant} with a decimal point, and no comma" * bool(meant)
+        )
+
+
 def _around(selection: Selection, count: int) -> IntArray:
     """Positions near the numbers that a selection names: where labels are positions, no others can meet it."""
     wanted = [value for value in selection.values if not isinstance(value, str)]
@@ -133,7 +159,7 @@ def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[An
 def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
     """Labels that meet a selection."""
     if values.dtype.kind not in "fiub":
-        return np.isin(values.astype(str), selection.texts)
+        return np.isin(values.astype(str), [*selection.texts, *filter(None, [selection.written])])
     _refuse_impossible(selection)
     if not selection.values:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
