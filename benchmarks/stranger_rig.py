@@ -138,9 +138,9 @@ def hide(joint: int) -> None:
     print(json.dumps(HIDDEN))
 
 
-def draw(kind: int, records: int) -> str:
+def draw(kind: int, records: int, variant: str) -> str:
     """Draw a joint of other geometry with its operating points; the text of a fit file with what its drawing states."""
-    dice = random.Random(f"drawing {kind}")
+    dice = random.Random(f"drawing {kind}{variant}")
     angles, torques, speeds, skew = KINDS[kind]
     pitch = round(dice.uniform(17, 30), 1)
     count, bearing = dice.randint(20, 33), round(0.82 * pitch, 2)
@@ -202,10 +202,11 @@ if __name__ == "__main__":
     parser.add_argument("--rate", type=float, default=5000.0, help="samples a second")
     parser.add_argument("--joint", type=int, help="another hidden joint, drawn by this number and printed")
     parser.add_argument("--drawing", type=int, choices=KINDS, help="another joint with its fit file")
+    parser.add_argument("--variant", default="", help="any text, for another joint of the same kind")
     given = parser.parse_args()
     if given.joint is not None:
         hide(given.joint)
     if given.drawing is not None:
         given.folder.mkdir(parents=True, exist_ok=True)
-        (given.folder / "fit.toml").write_text(draw(given.drawing, given.records))
+        (given.folder / "fit.toml").write_text(draw(given.drawing, given.records, given.variant))
     make(given.folder, given.model, given.records, given.seed, given.rate)
