@@ -11,6 +11,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.service.limits import Limits
+from tripod_doe.service.page.rendering import part
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.workers.worker_functions import base, plan
 from tripod_doe.study.cube.netcdf import write_dataset
@@ -92,8 +93,10 @@ def test_searches_have_a_price_beforehand(api):
     assert 0 < plan["cpu_seconds"]["mean"] < 60
     plan = api.post("/plans", fit_upload() | {"timing": False}).json()
     assert (plan["kind"], plan["records"]) == ("fit", 3)
-    assert plan["points"] > 3
+    least, most = plan["points_range"]
+    assert 3 < least < plan["points"] < most
     assert plan["unknowns"] == ["groove_sliding_friction"]
+    assert f"({least:,} to {most:,})" in part("price.html", plan=plan)
 
 
 @pytest.mark.slow

@@ -83,6 +83,7 @@ def _plan_fit(path: Path, limits: Limits, timing: bool) -> dict[str, Any]:
         "timed": sum(each.timed for each in plan.plans),
         "models": list(models),
         "warnings": list(dict.fromkeys(text for each in plan.plans for text in each.warnings)),
+        "points_range": [count + plan.asked_points for count in plan.search_range],
         "records": plan.records,
         "unknowns": list(plan.scalars),
     }
