@@ -279,14 +279,24 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
     )
 
 
+_COMPILED: set[str] = set()
+"""Methods whose runs this process has compiled."""
+
+
 def compile_joint(values: JointValues[float], method: str) -> None:
-    """Compile all that a run needs, by a step of a joint without needle bodies: its tables are of the same types."""
+    """Compile all that a run needs, by a step of a joint without needle bodies: its tables are of the same types.
+
+    Once per process: the step and its readings cost as much as the balances of some ten joints.
+    """
+    if method in _COMPILED:
+        return
     assembly = assemble(build_joint(values, needles=False))
     with first_compilation(f"models rollers and needles with {method}", seconds=45):
         result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
         groove_readings(assembly, result.positions, result.velocities)
         thrust_parts(assembly, result.times, result.positions, result.velocities, values)
         departure_matrices(assembly, [assembly.initial_state()], 1e-3)
+    _COMPILED.add(method)
 
 
 def _out_of_range(values: JointValues[float]) -> str:

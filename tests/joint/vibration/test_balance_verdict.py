@@ -64,6 +64,14 @@ def test_modules_that_the_first_look_loads_are_not_counted(monkeypatch):
     assert counted_time()[0] - counted < 0.05
 
 
+def test_kernels_are_loaded_once_per_process(monkeypatch):
+    """Price: every block of a study loaded them again, by a run that costs as much as ten joints."""
+    block = internal_values(points(joint_angle_deg=[12.0], groove_sliding_friction=[0.1]))
+    multibody_models.prepare_multibody(block, "adaptive-euler")
+    monkeypatch.setattr(multibody_run, "run", None)
+    multibody_models.prepare_multibody(block, "adaptive-euler")
+
+
 MAY = {"joint_angle_deg": [10.0, 12.0, 17.0], "groove_sliding_friction": [0.05, 0.12, 0.15]}
 """Joints like the first do not vibrate; of those like the others some do."""
 
