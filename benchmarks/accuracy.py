@@ -19,10 +19,12 @@ import numpy as np
 
 from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody.passes import FollowedJoint
+from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody.run_result import StoppedError
+from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.multibody_run import run_limits
+from tripod_doe.joint.orders import ahead, complex_amplitudes
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
@@ -76,6 +78,13 @@ def joint_of(values: JointValues[float], needles: bool, samples: int) -> Followe
     return FollowedJoint(assembly, values, METHOD, samples, run_limits(values, 1, METHOD.name))
 
 
+def orders_of(joint: FollowedJoint, motion: Motion) -> np.ndarray:
+    """Complex orders of the thrust, means over the sampled revolutions, shape (order,)."""
+    sampled = slice(-1 - motion.sampled * joint.samples, -1)
+    thrust = groove_thrust(joint.assembly, motion.result.positions[sampled], motion.result.velocities[sampled]).sum(0)
+    return complex_amplitudes(ahead(thrust.reshape(motion.sampled, joint.samples), motion.lag)).mean(0)
+
+
 def trial(values: JointValues[float], needles: bool, accuracy: float, finer: float, samples: int) -> Trial | None:
     """Refine a point and hold it against its truth; None where it stops on its way."""
     wanted, joint = OrderAccuracy({3: accuracy}), joint_of(values, needles, samples)
@@ -83,7 +92,8 @@ def trial(values: JointValues[float], needles: bool, accuracy: float, finer: flo
     if not motion.sampled:
         return None
     per_sample = motion.runs[-1].force_evaluations / (motion.runs[-1].times.size - 1)
-    found = joint.orders_of(motion).mean(0)[3]
+    orders = orders_of(joint, motion)
+    found = orders[3]
     cycles = round((motion.result.times.size - 1) / samples) - motion.sampled + 2
     same = joint_of(replace(values, cycles=cycles), needles, samples)
     try:
@@ -92,7 +102,7 @@ def trial(values: JointValues[float], needles: bool, accuracy: float, finer: flo
     except StoppedError:
         return None
     truth = true.orders.mean(0)[3]
-    size = float(wanted.sizes(np.abs(joint.orders_of(motion).mean(0)), values)[3])
+    size = float(wanted.sizes(np.abs(orders), values)[3])
     return Trial(
         not motion.missed,
         abs(abs(found) - abs(truth)) / size,
