@@ -22,6 +22,7 @@ _MANY = 20  # names above which only similar ones are listed
 _MOST_MEANT = 4
 _MOST_SIMILAR = 10
 _NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight; one or two in a word of four
+_MISSPELT = 0.9  # the same, of a name with a wrong letter or two
 _LONGEST_LINE = 4_000  # characters
 _MOST_LINES = 200
 _LONGEST_NAME = 100  # characters of a name for which near ones are looked for
@@ -155,6 +156,12 @@ def near_match(name: str, known: Iterable[str]) -> str:
         similar = difflib.get_close_matches(name[:_LONGEST_NAME], names, n=_MOST_SIMILAR, cutoff=0.0)
         return f"; the most similar of {len(names):,} names: {', '.join(similar)}"
     return f"{meant or ';'} allowed: {', '.join(names)}"
+
+
+def misspelt(name: str, known: Iterable[str]) -> str:
+    """The known name that a name, which need not be known, is but for a letter or two; else empty."""
+    near = difflib.get_close_matches(name[:_LONGEST_NAME], list(known), n=1, cutoff=_MISSPELT)
+    return near[0] if near and name not in known else ""
 
 
 def closest(name: str, known: Iterable[str]) -> str:

@@ -131,7 +131,7 @@ def test_a_measurement_is_compared_as_on_the_command_line(api, chain, settings, 
     from tripod_doe.cli import main
 
     (tmp_path / "measurement.csv").write_text(RUN_UP)
-    body = {"measurement": RUN_UP, "select": ["point=0"], "reference_angle": 0.0}
+    body = {"measurement": RUN_UP, "select": ["point=0"], "reference_angle": 0.0, "nearest": True}
     answer = api.post(f"/runs/{chain}/compare", body, params={"step": "switched"})
     cube = settings.folder / chain / "steps" / "switched"
     words = [
@@ -140,6 +140,7 @@ def test_a_measurement_is_compared_as_on_the_command_line(api, chain, settings, 
         str(tmp_path / "measurement.csv"),
         "--select",
         "point=0",
+        "--nearest",
         "--reference-angle",
         "0",
         "--format",

@@ -329,6 +329,21 @@ def test_an_empty_cell_of_the_table_is_what_the_record_states(written):
     assert plan_fit(file, timing=False).records == 8
 
 
+def test_a_value_that_other_records_have_is_not_assumed(written):
+    """Regression: an empty cell took the middle of the values of the other records."""
+    file = written(HEAD + UNKNOWNS + RECORDS)
+    table = file.with_name("records.csv")
+    rows = table.read_text().split()
+    for name, message in (
+        ("pitch_radius_mm", r"record_2\.csv: its pitch_radius_mm is not known, and other records have one"),
+        ("pitch_radus_mm", "pitch_radus_mm would be a label; write pitch_radius_mm"),
+    ):
+        cells = [name, "20", "", *["22"] * (len(rows) - 3)]
+        table.write_text("\n".join(map(",".join, zip(rows, cells, strict=True))))
+        with pytest.raises(InputError, match=message):
+            plan_fit(file, timing=False)
+
+
 @pytest.mark.slow
 def test_an_unknown_of_each_record(written, tmp_path):
     """Each record may have its own value: that of the groove comes out the same in all, within its interval."""

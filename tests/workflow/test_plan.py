@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+import xarray as xr
 from choosing_chain import CHAIN as CHOOSING_CHAIN
 
 import tripod_doe as td
@@ -12,8 +13,10 @@ from tripod_doe.cli import main
 from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.requests.plans import plan_upload
+from tripod_doe.study.definition.study_file import load_study
+from tripod_doe.study.designs import make_points
 from tripod_doe.workflow.plan import plan_workflow
-from tripod_doe.workflow.workflow import load_workflow
+from tripod_doe.workflow.workflow import fed_study, load_workflow
 
 CHAIN = """
 [workflow]
@@ -126,6 +129,18 @@ def test_a_choice_lists_the_points_of_the_study_that_it_names(chain):
         hashes |= {workflow.steps[name].hash for name in ("choice", "map")}
         assert plan_workflow(chain, timing=False).steps["map"].points == len(rows)
     assert len(hashes) == 4
+
+
+def test_a_step_with_the_points_of_another_keeps_accuracy_and_constraints(tmp_path):
+    """Regression: it dropped both without a word."""
+    text = COAST.split("[factors.needle_count]")[0].replace("equilibrium", "kinetostatic")
+    limits = '[design]\nconstraints = ["joint_angle_deg < 12"]\n[accuracy]\nthrust_amplitude_3 = 0.001\n'
+    (tmp_path / "study.toml").write_text(text + limits)
+    study = load_study(tmp_path / "study.toml")
+    fed = fed_study(study, xr.Dataset({"joint_angle_deg": ("point", [4.0, 13.0])}), "other")
+    assert fed.file.accuracy == study.file.accuracy
+    points = make_points(fed)
+    assert points.columns["joint_angle_deg"][points.allowed].tolist() == [4.0]
 
 
 TOLERANCE = """

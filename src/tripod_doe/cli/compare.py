@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tripod_doe.analyses.comparison.overview import ComparedRecord
+    from tripod_doe.analyses.comparison.record_comparison import ComparedRecord
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -83,7 +83,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.comparison import parse_speeds
-    from tripod_doe.analyses.comparison.overview import Reading, compare_record, compare_records, read_table
+    from tripod_doe.analyses.comparison.overview import compare_records, read_table
+    from tripod_doe.analyses.comparison.record_comparison import Reading, compare_record
     from tripod_doe.analyses.comparison.record_point import RecordRow
     from tripod_doe.measurements.headings import parse_column
     from tripod_doe.study.result_directory.open_cube import opened_cube

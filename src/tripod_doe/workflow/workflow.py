@@ -233,11 +233,11 @@ def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
                 "[design]", f"the table of step {name!r} has no column {factor}{near_match(factor, columns)}"
             )
     document: Any = tomlkit.parse(study.text)
-    for key in ("design", "factors", "accuracy"):
+    for key in ("design", "factors", *(("accuracy",) if study.auto_model else ())):  # a choice has the accuracy
         document.pop(key, None)
     document["base"] = dict(study.base)
     document["factors"] = {key: {"values": toml_array(values)} for key, values in columns.items()}
-    document["design"] = {"kind": "zip"}
+    document["design"] = {"kind": "zip", "constraints": study.file.design.constraints}
     return parse_study(tomlkit.dumps(document), study.origin, study.folder)
 
 

@@ -242,6 +242,18 @@ def test_the_difference_of_a_cube_and_itself_is_zero_and_of_others_refused(folde
         draw(cube, view, other)
 
 
+def test_unlike_points_and_units_are_not_subtracted(folders):
+    """Regression: points were paired by their numbers whatever their factors, newtons and kilonewtons subtracted."""
+    cube = td.open_cube(folders["list"])
+    view = view_of(cube, "kind=matrix&select=order=3")
+    draw(cube, view, cube)
+    with pytest.raises(InputError, match="the points of the other run differ in joint_angle_deg"):
+        draw(cube, view, cube.assign_coords(joint_angle_deg=cube["joint_angle_deg"] + 1))
+    thousand = cube.assign(thrust_amplitude=(cube["thrust_amplitude"] / 1000).assign_attrs(units="kN"))
+    with pytest.raises(InputError, match="thrust_amplitude is in N here, in kN in the other run"):
+        draw(cube, view, thousand)
+
+
 def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(folders):
     path, view = (
         str(folders["grid"]),

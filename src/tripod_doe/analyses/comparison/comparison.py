@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analyses.comparison.model_point import (
     common_speeds,
     complex_orders,
     model_orders,
-    model_point,
     model_uncertainty,
     model_waveform,
     orders_at_speeds,
@@ -37,7 +34,6 @@ from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.order_tracking import CELLS, resample, track_orders
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
-from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.typed_numbers import typed_number
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
@@ -60,38 +56,6 @@ VERDICTS = {
 """Verdicts in words: within the uncertainty of measurement and model together, beyond it, or none."""
 
 _LARGEST_ANGLE = 36_000.0  # degrees: a hundred turns; a larger angle has lost its digits, or was none
-
-
-class ComparisonSettings(BaseModel):
-    """Settings of a comparison as a step of a workflow."""
-
-    model_config = ConfigDict(extra="forbid")
-    measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
-    select: list[str] = Field([], description="name=value of each factor, so that one point is left")
-    nearest: bool = Field(False, description="take the nearest value where none matches")
-    pulses_per_revolution: int | None = Field(
-        None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
-    )
-    sign: Literal[1, -1] = Field(1, description="-1 where the force is positive away from the intermediate shaft")
-    columns: dict[str, str] = Field({}, description="headings of the file by our names of the columns")
-    reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
-    speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
-    confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
-
-
-@makes_kind("comparison")
-def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: StudyFolder) -> xr.Dataset:
-    """Compare a measurement's file with a point of the one cube that is given; see `compare`.
-
-    Raises:
-        InputError: If there is not one cube, or point and measurement cannot be compared.
-    """
-    if len(cubes) != 1:
-        raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
-    point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
-    path = folder.file(settings.measurement, "measurement")
-    measurement = read_measurement(path, settings.pulses_per_revolution, settings.columns, sign=settings.sign)
-    return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
 
 
 def parse_speeds(text: str | None) -> tuple[float, float] | None:

@@ -4,35 +4,19 @@ The operating point of a record stands in a table of records. A point that the c
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import xarray as xr
 
-from tripod_doe.analyses.comparison.comparison import NOT_COMPARED, VERDICTS, compare
-from tripod_doe.analyses.comparison.record_point import RecordRow, point_of_record, with_stated_values
+from tripod_doe.analyses.comparison.comparison import NOT_COMPARED, VERDICTS
+from tripod_doe.analyses.comparison.record_comparison import ComparedRecord, Reading, compare_record
+from tripod_doe.analyses.comparison.record_point import RecordRow
 from tripod_doe.csv_table import read_csv_table
-from tripod_doe.errors import CubeError, InputError, closest
+from tripod_doe.errors import CubeError, InputError, closest, misspelt
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.measurements.measurement import read_measurement
-
-
-@dataclass(frozen=True)
-class ComparedRecord:
-    """A record beside the model; a record that cannot be compared has the reason alone."""
-
-    row: RecordRow
-    comparison: xr.Dataset | None = None  # see `compare`
-    simulated: bool = False  # whether the cube lacks its point
-    replaced: str = ""  # what the nearest point has in place of the values of the record, as a sentence
-    problem: str = ""
-
-    @property
-    def name(self) -> str:
-        """Name of its file."""
-        return self.row.path.name
 
 
 @dataclass(frozen=True)
@@ -57,6 +41,9 @@ def read_table(path: Path) -> list[RecordRow]:
     header, lines = read_csv_table(path, str(path))
     if "file" not in header:
         raise InputError(f"{path}: no column 'file'{closest('file', header)}; it names the record of each row")
+    for column in header:
+        if meant := misspelt(column, JOINT_PARAMETERS):
+            raise InputError(f"{path}: the column {column} would be a label; write {meant}, or another word")
     rows = []
     for number, line in lines.items():
         if not any(line):  # as spreadsheets leave them
@@ -73,40 +60,6 @@ def read_table(path: Path) -> list[RecordRow]:
             raise InputError(f"{path}: line {number}: {error}") from error
         rows.append(RecordRow(file, values))
     return rows
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How records are read and aligned: what `read_measurement` and `compare` take."""
-
-    columns: Mapping[str, str] | None = None
-    pulses_per_revolution: int | None = None
-    pattern: str | None = None
-    sign: float = 1.0
-    reference_angle_deg: float | None = None
-    speeds_rpm: tuple[float, float] | None = None
-
-
-def compare_record(
-    cube: xr.Dataset, row: RecordRow, reading: Reading, select: Sequence[str] = (), nearest: bool = False
-) -> ComparedRecord:
-    """Compare one record with its point of a cube; see `compare_records`.
-
-    Raises:
-        InputError: If the record cannot be read or compared.
-    """
-    speed = row.values.get("speed_rpm")
-    known_speed = None if speed is None else float(speed)
-    measurement = read_measurement(
-        row.path, reading.pulses_per_revolution, reading.columns, reading.pattern, known_speed, reading.sign
-    )
-    row = with_stated_values(cube, row, measurement, select)
-    chosen = point_of_record(cube, row, select, nearest)
-    comparison = compare(measurement, chosen.point, reading.reference_angle_deg, reading.speeds_rpm)
-    place = ", ".join(f"{name} = {value:.6g}" for name, value in row.values.items() if isinstance(value, float | int))
-    lacking = f"The cube lacks the point of this record ({place}), which was simulated." if chosen.simulated else ""
-    remarks = "\n".join(filter(None, [lacking, chosen.replaced, str(comparison.attrs["remarks"])]))
-    return ComparedRecord(row, comparison.assign_attrs(remarks=remarks), chosen.simulated, chosen.replaced)
 
 
 def compare_records(

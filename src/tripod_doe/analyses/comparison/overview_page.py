@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, UNDECIDED, VERDICTS
-from tripod_doe.analyses.comparison.overview import ComparedRecord, OverviewRow, overview_rows
+from tripod_doe.analyses.comparison.overview import OverviewRow, overview_rows
 from tripod_doe.analyses.comparison.page import is_page, write_comparison
+from tripod_doe.analyses.comparison.record_comparison import ComparedRecord
 from tripod_doe.analyses.comparison.sentences import asymmetry_text, nothing_decided, orders_text, too_small_text
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable

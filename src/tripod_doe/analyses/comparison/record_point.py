@@ -21,6 +21,7 @@ from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.measurement import Measurement
+from tripod_doe.measurements.operating_point import differ
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.study.simulate import simulate
@@ -67,6 +68,18 @@ def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measuremen
         near = float(levels[np.argmin(np.abs(levels - value))])
         values[name] = near if abs(near - value) <= _SAME * abs(value) else value
     return replace(row, values={**values, **row.values}) if values else row
+
+
+def overruled(row: RecordRow, measurement: Measurement, select: Sequence[str]) -> str:
+    """What a record states of its operating point where the table or the selection says otherwise, as a sentence."""
+    asked, stated = {**_selected(select), **row.values}, {**measurement.operating, **_own_speed(measurement)}
+    parts = [
+        f"{_in_words(name, stated[name])}, where {with_unit(level(value), unit_text(JOINT_PARAMETERS[name].unit))} is "
+        "asked for"
+        for name, value in asked.items()
+        if name in stated and isinstance(value, int | float) and differ(value, stated[name])
+    ]
+    return f"The record says {listed(parts)}: what is asked for counts." if parts else ""
 
 
 def _own_speed(measurement: Measurement) -> dict[str, float]:

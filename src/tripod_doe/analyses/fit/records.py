@@ -14,7 +14,7 @@ from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
-from tripod_doe.errors import InputError, closest, near_match, speaking_of_keys
+from tripod_doe.errors import InputError, closest, misspelt, near_match, speaking_of_keys
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.operating_point import differ
 from tripod_doe.measurements.order_tracking import track_orders
@@ -75,9 +75,22 @@ def read_records(request: FitRequest, parameters: Mapping[str, Parameter]) -> li
                     wrong.append(f"{row.path}: the same record as {same}, which would count twice; remove one of them")
             except InputError as error:
                 wrong.append(str(error))
+    wrong += _unknown_values(request, records)
     if wrong:
         raise request.fail("[records]", "\n".join(wrong))
     return records
+
+
+def _unknown_values(request: FitRequest, records: Sequence[RigRecord]) -> list[str]:
+    """A complaint for each value that some records have and a record lacks: no other record says what it is there."""
+    named = dict.fromkeys(name for record in records for name in record.parameters)
+    return [
+        f"{record.name}: its {name} is not known, and other records have one: give it in the table of records, or "
+        "nowhere there"
+        for record in records
+        for name in named
+        if name not in record.parameters and name not in request.file.base
+    ]
 
 
 def _listed(request: FitRequest, parameters: Mapping[str, Parameter]) -> Iterator[_Asked]:
@@ -118,6 +131,8 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
             raise request.fail(where, f"{column} is also a base value; remove it from [base]")
         if column in request.file.unknowns:
             raise request.fail(where, f"{column} is also an unknown; remove one of them")
+        if meant := misspelt(column, parameters):
+            raise request.fail(where, f"the column {column} would be a label; write {meant}, or another word")
     for line, row in rows.items():
         if not any(row):  # as spreadsheets leave them
             continue
@@ -188,7 +203,7 @@ def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter
         labels=asked.labels,
         reference_angle_deg=settings["reference_angle_deg"],
         sign=None if sign == "free" else float(sign),
-        remarks=measured.remarks,
+        remarks=(*measured.remarks, *_overruled(asked, measured)),
         digest=measured.digest,
     )
 
@@ -216,6 +231,15 @@ def _stated(
                 'of the file, or in its name with pattern = "NAME" in [records]'
             )
     return own
+
+
+def _overruled(asked: _Asked, measured: Measurement) -> list[str]:
+    """Values that a record states where the table of records has another one, a sentence each."""
+    return [
+        f"It states {name} = {number(stated)}, the table of records {number(value)}, which counts."
+        for name, stated in measured.operating.items()
+        if isinstance(value := asked.parameters.get(name), int | float) and differ(value, stated)
+    ]
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.typed_numbers import number_or_text
 
 Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, Needles]]
 """Complex orders 0 to 12 of points, and what their runs say of needles; NaN where one failed."""
@@ -106,7 +107,7 @@ class RigFit:
             where = f"[next]: table = {table.table!r}"
             path = self.request.folder.file(table.table, "table")
             header, lines = read_csv_table(path, f"{self.request.origin}: {where}", _MOST_CANDIDATES)
-            rows = [dict(zip(header, map(_number, line), strict=True)) for line in lines.values()]
+            rows = [dict(zip(header, map(number_or_text, line), strict=True)) for line in lines.values()]
         else:
             where, names = "[next.at]", list(table.at)
             if (count := math.prod(len(table.at[name].values) for name in names)) > _MOST_CANDIDATES:
@@ -359,13 +360,6 @@ class RigFit:
                 slope[:, scalar] = by_unknown[which]
             rows.append(CandidateRows(chosen[0, at], slope, error.at(at)))
         return rows
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text.strip()
 
 
 def _middle(values: Sequence[Value]) -> Value:

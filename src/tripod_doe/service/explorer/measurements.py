@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.comparison.comparison import VERDICTS, compare, parse_speeds
-from tripod_doe.analyses.comparison.model_point import model_point
-from tripod_doe.analyses.comparison.record_point import RecordRow, with_stated_values
+from tripod_doe.analyses.comparison.comparison import VERDICTS, parse_speeds
+from tripod_doe.analyses.comparison.record_comparison import Reading, compare_record
+from tripod_doe.analyses.comparison.record_point import RecordRow
 from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
-from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.headings import OPERATING, ROLES, roles_of
-from tripod_doe.measurements.measurement import read_measurement
 from tripod_doe.measurements.record_file import read_table_of
 from tripod_doe.quantities import interval
 from tripod_doe.service.explorer.figures.lines import lines
@@ -42,7 +40,7 @@ def compared_upload(
     reference_angle: float | None,
     speeds: str | None,
 ) -> xr.Dataset:
-    """Compare an uploaded measurement with one point of a cube, or with the points over speed.
+    """Compare an uploaded measurement with its point of a cube, or with the points over speed.
 
     Args:
         measurement: Text of the table (CSV).
@@ -50,18 +48,16 @@ def compared_upload(
             compare``.
 
     Returns:
-        As `compare` gives it.
+        As `compare_record` gives it.
 
     Raises:
         InputError: If the table or the selection cannot be used.
     """
-    with uploaded(measurement) as file:
-        record = read_measurement(file, pulses_per_revolution, columns, sign=sign)
-        with opened_cube(path) as cube:
-            stated = with_stated_values(cube, RecordRow(file), record, select).values
-            own = [f"{name}={value}" for name, value in stated.items() if name in factors_of(cube)]
-            point = model_point(cube, [*own, *select], nearest).load()
-        return compare(record, point, reference_angle, parse_speeds(speeds))
+    reading = Reading(columns, pulses_per_revolution, None, sign, reference_angle, parse_speeds(speeds))
+    with uploaded(measurement) as file, opened_cube(path) as cube:
+        comparison = compare_record(cube, RecordRow(file), reading, select, nearest).comparison
+    assert comparison is not None
+    return comparison
 
 
 @contextmanager

@@ -87,7 +87,9 @@ def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -
     """The slice of `seen`, minus the same slice of another cube or of the level that the view subtracts."""
     data = seen(cube, view)
     if other is not None:
-        return _difference(data, _seen_of_other(other, view))
+        less = _seen_of_other(other, view)
+        _refuse_unlike(data, less)
+        return _difference(data, less)
     if level := view.minus_level:
         return _difference(data, seen(cube, _at_level(view, *level)))
     return data
@@ -159,6 +161,24 @@ def _limits(view: View, extremes: tuple[float, float] | None) -> tuple[float, fl
     low, high = extremes or (None, None)
     low, high = low if view.low is None else view.low, high if view.high is None else view.high
     return None if low is None or high is None else (low, high)
+
+
+def _refuse_unlike(data: xr.Dataset, other: xr.Dataset) -> None:
+    """Refuse to subtract another unit, or points of a list that have other values of a factor."""
+    first, second = (cells[str(shown(cells).name)] for cells in (data, other))
+    if (unit := first.attrs.get("units", "")) != (its := second.attrs.get("units", "")):
+        raise InputError(f"minus: {first.name} is in {unit or 'no unit'} here, in {its or 'no unit'} in the other run")
+    factors = [
+        {str(name) for name, one in cells.coords.items() if one.dims and name not in (*cells.dims, NUMBER)}
+        for cells in (data, other)
+    ]
+    for name in sorted(factors[0] | factors[1]):
+        if name not in factors[0] & factors[1] or not data[name].reset_coords(drop=True).equals(
+            other[name].reset_coords(drop=True)
+        ):
+            raise InputError(
+                f"minus: the points of the other run differ in {name}: compare the runs by tripod-doe diff"
+            )
 
 
 def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
