@@ -19,22 +19,22 @@ ALIKE = np.kron(np.eye(2), NEAR)  # each order by itself
 TURNING = 3 * ALIKE[:, 4:]  # phases of the third order err by more than its amplitudes
 
 
-def drawn(random, second, third):
+def drawn(random, second, third, phases=1.0):
     """Records whose model errs by multiples of what is on record: in each alone, and alike in neighbours."""
 
     def chance(count):
         return random.standard_normal(count) + 1j * random.standard_normal(count)
 
     factor = np.where(ORDER == 2, second, third)
-    turned = 1j * TURNING @ random.standard_normal(TURNING.shape[1])
-    error = factor * (0.1 * chance(ORDER.size) + ALIKE @ chance(ALIKE.shape[1]) + turned)
+    turned = phases * 1j * TURNING @ random.standard_normal(TURNING.shape[1])
+    error = factor * (0.1 * chance(ORDER.size) + ALIKE @ chance(ALIKE.shape[1])) + turned
     return Rows(
         record=np.tile(np.arange(RECORDS), 2),
         order=ORDER,
         measured=10 + SLOPE @ np.full(2, 0.5) + error + NOISE * chance(ORDER.size),
         along=np.full(ORDER.size, NOISE),
         across=np.full(ORDER.size, NOISE),
-        own_error=np.full((2, ORDER.size), 0.1),
+        own_error=np.stack([np.full(ORDER.size, 0.1), np.zeros(ORDER.size)]),
         shared=ALIKE.astype(complex),
         turning=TURNING,
         free_phase=np.zeros(RECORDS, bool),
@@ -42,14 +42,14 @@ def drawn(random, second, third):
     )
 
 
-@pytest.mark.parametrize(("second", "third"), [(3.0, 0.3), (0.3, 0.3)])
-def test_the_size_of_errors_comes_back_and_intervals_hold(second, third):
+@pytest.mark.parametrize(("second", "third", "phases"), [(3.0, 0.3, 0.7), (0.3, 0.3, 0.7)])
+def test_the_size_of_errors_comes_back_and_intervals_hold(second, third, phases):
     """Exact statistics: within a third, as the prior pulls, and 95 % intervals hold in at least 90 % of 32."""
     random, used, sizes, held = np.random.default_rng(7), np.ones(RECORDS, bool), [], []
     place = np.full(2, 0.5)
     best = Descent(place, 10 + SLOPE @ place, SLOPE, 0.0)
     for _ in range(16):
-        rows = drawn(random, second, third)
+        rows = drawn(random, second, third, phases)
         size = estimate_error_size(rows, used, PRIOR, best)
         misfit = Misfit(rows.with_errors_times(size.of(rows.order)), used, PRIOR)
         compared = misfit.compare(best.prediction, place)
@@ -59,14 +59,14 @@ def test_the_size_of_errors_comes_back_and_intervals_hold(second, third):
         scatter = max(((compared.residual - jacobian @ off) ** 2).sum() / freedom, 1.0)  # as a fit widens intervals
         half = t.ppf(0.975, min(size.freedom, freedom)) * np.sqrt(scatter * np.diag(covariance_of(jacobian)))
         held.append(np.abs(off) <= half)
-        sizes.append(size.of([2, 3]))
-    assert np.exp(np.mean(np.log(sizes), axis=0)) == pytest.approx([second, third], rel=0.33)
+        sizes.append([*size.of([2, 3])[0], size.phases])
+    assert np.exp(np.mean(np.log(sizes), axis=0)) == pytest.approx([second, third, phases], rel=0.33)
     assert np.mean(held) >= 0.9
 
 
 def test_known_errors_have_no_size():
     """Exact: without errors of the model there is nothing to estimate, and chance is normal."""
-    rows = drawn(np.random.default_rng(0), 0.0, 0.0).with_errors_times(np.zeros(ORDER.size))
+    rows = drawn(np.random.default_rng(0), 0.0, 0.0).with_errors_times(np.zeros((2, ORDER.size)))
     place = np.full(2, 0.5)
     size = estimate_error_size(rows, np.ones(RECORDS, bool), PRIOR, Descent(place, 10 + SLOPE @ place, SLOPE, 0.0))
     assert (size.factors, size.freedom) == ({}, np.inf)

@@ -3,7 +3,8 @@
 What is on record is typical of other joints. The errors of one joint may be a few times smaller or larger, those of one
 order by another factor than those of another, and its own records say so, as a fit leaves them over: a factor on the
 errors of each order is estimated by restricted maximum likelihood (Patterson and Thompson 1971), with what the record
-says of it as a prior. How well the records determine these factors gives the degrees of freedom of Student's
+says of it as a prior. So is one on what phases err by more than amplitudes: errors along and across have different sizes
+in one joint. How well the records determine these factors gives the degrees of freedom of Student's
 distribution for the intervals (Satterthwaite 1946).
 """
 
@@ -35,11 +36,13 @@ class ErrorSize:
     """Size of the model's errors in the records of a fit."""
 
     factors: Mapping[int, float] = field(default_factory=dict)  # on the errors on record, of each order
+    phases: float = 1.0  # on what phases err by more than amplitudes
     freedom: float = np.inf  # degrees of freedom with which they are known, of the unknown that they matter to the most
 
     def of(self, orders: Iterable[int]) -> FloatArray:
-        """Factors of some orders, 1 where none was estimated, shape (order,)."""
-        return np.array([self.factors.get(int(order), 1.0) for order in orders])
+        """Factors of some orders, 1 where none was estimated, and of their phases, shape (2, order)."""
+        own = np.array([self.factors.get(int(order), 1.0) for order in orders])
+        return np.stack([own, np.full(own.size, self.phases)])
 
 
 def estimate_error_size(
@@ -62,8 +65,9 @@ def estimate_error_size(
         return ErrorSize()
 
     def size_of(sizes: FloatArray) -> ErrorSize:
-        pairs = zip(groups, np.exp(sizes).tolist(), strict=True)
-        return ErrorSize({order: factor for group, factor in pairs for order in group})
+        factors = np.exp(sizes).tolist()
+        by_order = {order: factor for group, factor in zip(groups, factors, strict=False) for order in group}
+        return ErrorSize(by_order, *factors[len(groups) :])
 
     def misfit(sizes: FloatArray) -> Misfit:
         return Misfit(rows.with_errors_times(size_of(sizes).of(rows.order)), used, prior)
@@ -75,7 +79,8 @@ def estimate_error_size(
         own = misfit(sizes)
         return np.diag(covariance_of(own.jacobian(own.compare(best.prediction, best.place), best.slope)))
 
-    count = len(groups)
+    told = used & ~rows.free_phase  # by which records phases are known
+    count = len(groups) + bool(rows.turning[told[rows.record]].any())
     steps = _STEP * np.eye(count)
     options = {"xatol": _NEAR, "fatol": _NEAR, "initial_simplex": np.vstack([np.zeros(count), 2 * steps])}
     bounds = [(_LEAST, _MOST)] * count
@@ -94,7 +99,7 @@ def improbability(misfit: Misfit, best: Descent, size: ErrorSize) -> float:
         best: A minimum, with its derivatives.
     """
     groups = {order if order in _ALONE else 0: factor for order, factor in size.factors.items()}
-    return _improbability(misfit, best, np.log(list(groups.values())))
+    return _improbability(misfit, best, np.log([*groups.values(), size.phases]))
 
 
 def _improbability(misfit: Misfit, best: Descent, sizes: FloatArray) -> float:

@@ -31,7 +31,7 @@ class Rows:
     # across is infinite where only the real part counts
     along: FloatArray
     across: FloatArray
-    # errors of the model, N, see `ModelError`: in this row alone, along its amplitude and across, shape (2, row); and
+    # errors of the model, N, see `ModelError`: in this row alone, with any phase and more across, shape (2, row); and
     # changes of the prediction by errors that records share, shape (row, nuisance) each
     own_error: FloatArray
     shared: ComplexArray
@@ -46,8 +46,8 @@ class Rows:
         return self.free_phase.size
 
     def with_errors_times(self, factor: FloatArray) -> Self:
-        """The same orders with larger or smaller errors of the model, by a factor for each row."""
-        shared, turning = factor[:, None] * self.shared, factor[:, None] * self.turning
+        """The same orders with larger or smaller errors of the model: with any phase, and more across, shape (2, row)."""
+        shared, turning = factor[0][:, None] * self.shared, factor[1][:, None] * self.turning
         return replace(self, own_error=factor * self.own_error, shared=shared, turning=turning)
 
 
@@ -76,7 +76,9 @@ class Misfit:
         size = np.abs(rows.measured)
         self._unit = np.where(size > 0, rows.measured / np.where(size > 0, size, 1), 1.0 + 0j)
         counts = used[rows.record]
-        deviations = np.hypot([rows.along, rows.across], rows.own_error)
+        along = np.hypot(rows.along, rows.own_error[0])
+        across = np.hypot(np.hypot(rows.across, rows.own_error[0]), rows.own_error[1])
+        deviations = np.stack([along, across])
         self._weights = np.where(counts, 1 / deviations, 0.0).ravel()
         self._size = size
         self._changes, self._turning = _independent(rows.shared), _independent(rows.turning)

@@ -55,7 +55,7 @@ _AHEAD = np.exp(2j * np.radians(120) * np.arange(3))  # second order of equally 
 class ModelError:
     """Errors of the model at the points of the records, N."""
 
-    own: FloatArray  # deviation in one record alone, along the amplitude and across, shape (2, record, order)
+    own: FloatArray  # deviation in one record alone, with any phase and more across, shape (2, record, order)
     # changes of the complex orders by errors that records share, each by a factor of deviation 1 and any phase, shape
     # (record, order, nuisance)
     shared: ComplexArray
@@ -74,9 +74,9 @@ class ModelError:
         return replace(self, own=own, shared=shared, turning=turning)
 
     def times(self, factors: FloatArray) -> Self:
-        """The same errors, larger or smaller by a factor for each order, shape (order,)."""
-        shared, turning = factors[:, None] * self.shared, factors[:, None] * self.turning
-        return replace(self, own=factors * self.own, shared=shared, turning=turning)
+        """The same errors, larger or smaller by a factor for each order: with any phase, and more across, shape (2, order)."""
+        shared, turning = factors[0][:, None] * self.shared, factors[1][:, None] * self.turning
+        return replace(self, own=factors[:, None] * self.own, shared=shared, turning=turning)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,8 @@ def model_error(
         whole = float(setting) * amplitude
         words = f"{100 * float(setting):g} % of each order, as given" if setting else "none, as given"
         shared = _each_order(np.asarray(whole * unit, complex), np.ones((len(amplitude), 1)))
-        return ModelError(np.stack([whole, whole]) / np.sqrt(2), shared, np.zeros((*amplitude.shape, 0)), words)
+        own = np.stack([whole / np.sqrt(2), np.zeros_like(whole)])
+        return ModelError(own, shared, np.zeros((*amplitude.shape, 0)), words)
     relative, known = np.empty(amplitude.shape), np.ones(len(amplitude), bool)
     second, third = _second_and_third(simulator, columns)
     finest = np.array([str(model) == simulator.model_names[-1] for model in columns["model"]])
@@ -150,7 +151,7 @@ def model_error(
             )
     words = _origin(orders, bool(finest.all()), known, of_second, bool(on_record.any()), bool(turned.any()))
     turning = _each_order(np.sqrt(2) * turned, alike) if turned.any() else np.zeros((*amplitude.shape, 0))
-    return ModelError(np.stack([own, np.hypot(own, turned)]), shared, turning, words)
+    return ModelError(np.stack([own, turned]), shared, turning, words)
 
 
 def _other_orders(

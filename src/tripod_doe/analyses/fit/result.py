@@ -37,7 +37,10 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
     variables = _unknowns(layout, solution) | _records(solution, error, width)
     if solution.error_size.factors:
         meaning = _meaning("1", "size of the model's errors in these records, over those on record")
-        variables["model_error_factor"] = ("order", solution.error_size.of(rig.orders), meaning)
+        variables["model_error_factor"] = ("order", solution.error_size.of(rig.orders)[0], meaning)
+        if error.turning.any() and not solution.problem.misfit.rows.free_phase.all():
+            meaning = _meaning("1", "size of what phases err by more than amplitudes, over that on record")
+            variables["phase_error_factor"] = ((), solution.error_size.phases, meaning)
     if any(unknown.per != "all" for unknown in layout.unknowns):
         variables |= _by_record(layout, solution)
     unknown_names = [unknown.name for unknown in layout.unknowns]

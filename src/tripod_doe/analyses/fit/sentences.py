@@ -261,6 +261,8 @@ def _error_size(fit: xr.Dataset) -> str:
     for order, factor in zip(fit["order"].values.tolist(), fit["model_error_factor"].values.tolist(), strict=True):
         orders.setdefault(factor, []).append(order)
     parts = [f"{number(factor, 2)} times in order {numbers_in_words(own)}" for factor, own in orders.items()]
+    if "phase_error_factor" in fit:
+        parts.append(f"{number(float(fit['phase_error_factor']), 2)} times in phases")
     text = f" By what the fit leaves over, this error counts {', '.join(parts)}."
     if float(fit["model_error_factor"].max()) < _DOUBTFUL:
         return text
