@@ -3,8 +3,8 @@
 What is on record is typical of other joints. The errors of one joint may be a few times smaller or larger, those of one
 order by another factor than those of another, and its own records say so, as a fit leaves them over: a factor on the
 errors of each order is estimated by restricted maximum likelihood (Patterson and Thompson 1971), with what the record
-says of it as a prior. So is one on what phases err by more than amplitudes: errors along and across have different sizes
-in one joint. How well the records determine these factors gives the degrees of freedom of Student's
+says of it as a prior, and another on what phases err by more than amplitudes: errors along and across have different
+sizes in one joint. How well the records determine these factors gives the degrees of freedom of Student's
 distribution for the intervals (Satterthwaite 1946).
 """
 

@@ -46,7 +46,7 @@ class Rows:
         return self.free_phase.size
 
     def with_errors_times(self, factor: FloatArray) -> Self:
-        """The same orders with larger or smaller errors of the model: with any phase, and more across, shape (2, row)."""
+        """The same orders with other errors of the model, by factors: with any phase, and more across, (2, row)."""
         shared, turning = factor[0][:, None] * self.shared, factor[1][:, None] * self.turning
         return replace(self, own_error=factor * self.own_error, shared=shared, turning=turning)
 

@@ -74,7 +74,7 @@ class ModelError:
         return replace(self, own=own, shared=shared, turning=turning)
 
     def times(self, factors: FloatArray) -> Self:
-        """The same errors, larger or smaller by a factor for each order: with any phase, and more across, shape (2, order)."""
+        """The same errors, larger or smaller by factors: with any phase, and more across, shape (2, order)."""
         shared, turning = factors[0][:, None] * self.shared, factors[1][:, None] * self.turning
         return replace(self, own=factors[:, None] * self.own, shared=shared, turning=turning)
 
