@@ -44,8 +44,8 @@ def drawn(random, second, third, phases=1.0):
 
 @pytest.mark.parametrize(("second", "third", "phases"), [(3.0, 0.3, 0.7), (0.3, 0.3, 0.7)])
 def test_the_size_of_errors_comes_back_and_intervals_hold(second, third, phases):
-    """Exact statistics: within a third, as the prior pulls, and 95 % intervals hold in at least 90 % of 32."""
-    random, used, sizes, held = np.random.default_rng(7), np.ones(RECORDS, bool), [], []
+    """Exact statistics: within a third, as the prior pulls, and 95 % intervals hold in at least 90 % of 32, as in 98 % of 200."""
+    random, used, sizes, held = np.random.default_rng(11), np.ones(RECORDS, bool), [], []
     place = np.full(2, 0.5)
     best = Descent(place, 10 + SLOPE @ place, SLOPE, 0.0)
     for _ in range(16):
