@@ -21,10 +21,10 @@ from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
-from tripod_doe.joint.multibody.run_result import StoppedError
-from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
+from tripod_doe.joint.multibody.run_result import StoppedError, Wanted
+from tripod_doe.joint.multibody.sampled_signals import sampled_signals
 from tripod_doe.joint.multibody_run import run_limits
-from tripod_doe.joint.orders import ahead, complex_amplitudes
+from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
@@ -79,10 +79,9 @@ def joint_of(values: JointValues[float], needles: bool, samples: int) -> Followe
 
 
 def orders_of(joint: FollowedJoint, motion: Motion) -> np.ndarray:
-    """Complex orders of the thrust, means over the sampled revolutions, shape (order,)."""
-    sampled = slice(-1 - motion.sampled * joint.samples, -1)
-    thrust = groove_thrust(joint.assembly, motion.result.positions[sampled], motion.result.velocities[sampled]).sum(0)
-    return complex_amplitudes(ahead(thrust.reshape(motion.sampled, joint.samples), motion.lag)).mean(0)
+    """Complex orders of the thrust, extrapolated where runs do so, means over the sampled revolutions, shape (order,)."""
+    signals = sampled_signals(motion, joint.values, Wanted(joint.samples))
+    return complex_amplitudes(signals.groove_thrust.sum(1)).mean(0)
 
 
 def trial(values: JointValues[float], needles: bool, accuracy: float, finer: float, samples: int) -> Trial | None:
@@ -94,11 +93,12 @@ def trial(values: JointValues[float], needles: bool, accuracy: float, finer: flo
     per_sample = motion.runs[-1].force_evaluations / (motion.runs[-1].times.size - 1)
     orders = orders_of(joint, motion)
     found = orders[3]
-    cycles = round((motion.result.times.size - 1) / samples) - motion.sampled + 2
+    sampled = max(motion.sampled, 2)
+    cycles = round((motion.result.times.size - 1) / samples) - sampled + 2
     same = joint_of(replace(values, cycles=cycles), needles, samples)
     try:
         true = same.first(motion.setting / finer)
-        true = same.longer(true, motion.sampled) if motion.sampled > len(true.orders) else true
+        true = same.longer(true, sampled) if sampled > len(true.orders) else true
     except StoppedError:
         return None
     truth = true.orders.mean(0)[3]
