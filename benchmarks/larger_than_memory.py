@@ -84,7 +84,7 @@ resamples = 20"""
 def _steps(kind: str, analysis: str) -> Callable[[int], str]:
     """Designs of steps from each sample: one along each factor."""
     table = f"[analysis.{analysis}]\nmost_dropped = 0.5\nresamples = 20"
-    return lambda points: f'[design]\nkind = "{kind}"\nsamples = {points // 3}\nseed = 1\n{table}'
+    return lambda points: f'[design]\nkind = "{kind}"\nsamples = {points // 3}\n{table}'
 
 
 def _grid(points: int) -> str:

@@ -67,6 +67,18 @@ def test_a_workflow_costs_what_its_studies_cost(chain):
     assert quick.cpu_hours[1] < whole.cpu_hours[1]
 
 
+def test_another_kind_of_design_in_a_step_leaves_keys_of_the_first_one(chain):
+    """What grid does not read cannot be taken back by a step."""
+    ranges = COAST.replace("values = [3, 11, 19]", "low = 3\nhigh = 19").replace(
+        "values", "distribution = 'discrete'\nvalues"
+    )
+    (chain.parent / "coast.toml").write_text(f"{ranges}[design]\nkind = 'sobol'\nsamples = 8\nscramble = false\n")
+    chain.write_text(CHAIN.replace("60 }", "60 }\ndesign = { kind = 'latin-hypercube' }"))
+    assert {name: step.points for name, step in plan_workflow(chain, timing=False).steps.items()} == dict.fromkeys(
+        ("coast", "drive"), 8
+    )
+
+
 FED = (
     CHAIN
     + """

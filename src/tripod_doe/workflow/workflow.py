@@ -17,6 +17,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.study_tables import DESIGN_KEYS
 from tripod_doe.study.definition.toml_text import read_text, toml_array
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys
@@ -253,6 +254,10 @@ def _overridden(text: str, overrides: Overrides, where: str, suffix: str) -> str
         if factor not in document.get("factors", {}):
             hint = near_match(factor, document.get("factors", {}))
             raise InputError(f"{where}: factors.{factor}: this study does not vary it{hint}")
+    kind, own = given.get("design", {}).get("kind"), document.get("design", {})
+    if kind in DESIGN_KEYS and kind != own.get("kind", "grid"):  # keys of the other kind mean nothing to it
+        kept = {"factors", "constraints", "correlation", *DESIGN_KEYS[kind]}
+        document["design"] = {key: value for key, value in own.items() if key in kept}
     for table, entries in given.items():
         if entries:
             document.setdefault(table, tomlkit.table()).update(entries)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from dataclasses import replace
 
@@ -87,7 +88,10 @@ def test_tables_come_from_the_upload_alone(send, name):
 
 def test_an_uploaded_table_is_used(api):
     table = "joint_angle_deg,speed_rpm,bearing_radial_clearance_mm\n3,100,0.02\n14,2000,0.01\n8,900,0.03\n"
-    plan = api.post("/plans", {"study": TABLE.format("points.csv"), "files": {"points.csv": table}, "timing": False})
+    body = {"study": TABLE.format("points.csv"), "files": {"points.csv": table}, "timing": False}
+    refused = api.post("/plans", body).json()["errors"][0]["message"]
+    assert "[factors.joint_angle_deg]: the table has joint_angle_deg = 3.0; leave the keys" in refused
+    plan = api.post("/plans", body | {"study": re.sub("values = .*", "", body["study"])})
     assert plan.json()["points"] == 3
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.result_directory.stored_study import ResultFolder
 
 HEAD = '[study]\nname = "d"\n'
 FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
@@ -115,6 +118,48 @@ def test_names_that_are_wrong_are_told_with_what_is_wrong_in_form(wrong, complai
     assert form == f"mine.toml: {complaint}"
     assert base == "mine.toml: [base]: speed = 60: unknown parameter; did you mean 'speed_rpm'?"
     assert factor.startswith("mine.toml: [factors.torque]: unknown parameter; did you mean")
+
+
+GRID = "[factors]\njoint_angle_deg = {values = [5, 10]}\ntorque_n_m = {values = [200, 300]}\n"
+PRODUCT = f"{GRID}[design]\nkind = 'product'\nof = ['a', 'b']\n[design.b]\nfactors = ['torque_n_m']\n[design.a]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            f"{GRID}[design]\nsamples = 4\nsplit = {{a = 3}}\n",
+            r"samples, split: not used by kind = \"grid\"; leave it out",
+        ),
+        (f"{GRID}[design]\nfactors = ['joint_angle_deg']\n", r"factors leaves out torque_n_m; add it, or leave out"),
+        (f"{GRID}[design.c]\n", r"\[design.c\]: no design uses it: only kind = \"product\" has sub-designs"),
+        (f"{PRODUCT}factors = ['joint_angle_deg']\n[design.c]\n", r"\[design.c\]: no design uses it: add it to of"),
+        (
+            f"{PRODUCT}factors = ['joint_angle_deg']\nconstraints = ['joint_angle_deg < 7']\n",
+            r"\[design.a\]: constraints belong to all points; move them to \[design\]",
+        ),
+        (f"{PRODUCT}factors = ['joint_angle_deg']\nseed = 3\n", r"\[design.a\]: seed: not used by kind = \"grid\""),
+        (
+            "[factors]\ntorque_n_m = {values = [5], distribution = 'normal', mean = 9, std = 1}\n",
+            r"\[factors.torque_n_m\]: values and distribution, mean, std: give either levels or a distribution",
+        ),
+        ("[factors]\ntorque_n_m = {low = 5, high = 6, count = 3, std = 1}\n", r"\[factors.torque_n_m\]: count and std"),
+    ],
+)
+def test_what_no_design_reads_is_refused(text, told):
+    """Regression: other points than the file asks for, without a word."""
+    with pytest.raises(InputError, match=told):
+        parse_study(HEAD + text, "mine.toml")
+    assert parse_study(HEAD + text, folder=ResultFolder(Path(), False))  # it ran once
+
+
+def test_a_table_with_other_values_than_its_factors_is_refused(tmp_path):
+    """Regression: the values of [factors.PARAMETER] were dropped for those of the table."""
+    (tmp_path / "t.csv").write_text("torque_n_m\n50\n60\n")
+    for listed in ("values = [50, 70]", "low = 1, high = 99"):
+        text = f"{HEAD}[factors]\ntorque_n_m = {{{listed}}}\n[design]\nkind = 'table'\ntable = 't.csv'\n"
+        with pytest.raises(InputError, match=r"\[factors.torque_n_m\]: the table has torque_n_m = [56]0"):
+            make_points(parse_study(text, folder=StudyFolder(tmp_path)))
 
 
 def test_what_no_simulator_can_judge_is_told_by_its_form_alone():

@@ -35,6 +35,16 @@ def checked_factor(parameter: Parameter, table: FactorTable) -> Factor:
     return Factor(parameter, None, table)
 
 
+_OF_SAMPLES = {"distribution", "mean", "std", "mode", "weights"}
+
+
+def refuse_unread(table: FactorTable) -> None:
+    """Refuse a distribution beside levels, which no design would sample."""
+    listed = "count" if table.count else "values" if table.values and table.distribution != "discrete" else ""
+    if listed and (unread := sorted(table.model_fields_set & _OF_SAMPLES)):
+        raise InputError(f"{listed} and {', '.join(unread)}: give either levels or a distribution, not both")
+
+
 def _checked_values(parameter: Parameter, values: list[Scalar]) -> tuple[Value, ...]:
     if not values:
         raise InputError("values is empty; give at least one")

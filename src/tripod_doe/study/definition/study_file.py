@@ -11,13 +11,14 @@ from typing import Any
 from tripod_doe.errors import InputError, first_messages, near_match
 from tripod_doe.model_interface import NUMERICS, Accuracy, Outcome, Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel, check_accuracy, check_auto_model
-from tripod_doe.study.definition.factors import Factor, checked_factor
+from tripod_doe.study.definition.factors import Factor, checked_factor, refuse_unread
 from tripod_doe.study.definition.responses import check_responses, stored_outputs
 from tripod_doe.study.definition.retry_plan import check_retries
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.study_tables import (
+    DESIGN_KEYS,
     AccuracyTable,
     DesignTable,
     FactorTable,
@@ -62,6 +63,8 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
     _check_sources(origin, file, folder)
     _at(origin, "[design]", lambda: _check_parts(file))
+    if not folder.has_results:
+        _refuse_unread(origin, file)
     auto = file.base.get("model") == AUTO
     base = _base(origin, simulator, _given(file.base), file.factors)
     file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
@@ -230,6 +233,33 @@ def _check_parts(file: StudyFile) -> None:
         raise InputError(f"a product needs of = {example}, the names of two or more sub-designs{tables}")
     if unknown := [name for name in names if name not in known]:
         raise InputError(f"of: no sub-design [design.{unknown[0]}]{near_match(unknown[0], known)}")
+
+
+def _refuse_unread(origin: str, file: StudyFile) -> None:
+    """Refuse what the design would leave out in silence: keys, sub-designs and factors."""
+    design = file.design
+    _at(origin, "[design]", lambda: _refuse_unread_keys(design))
+    for name, part in file.designs.items():
+        where = f"[design.{name}]"
+        _at(origin, where, lambda p=part: _refuse_unread_keys(p))
+        if name not in design.of:
+            remedy = "add it to of" if design.kind == "product" else 'only kind = "product" has sub-designs'
+            raise InputError(f"{origin}: {where}: no design uses it: {remedy}, or leave it out")
+        if part.constraints:
+            raise InputError(f"{origin}: {where}: constraints belong to all points; move them to [design]")
+    for name, table in file.factors.items():
+        _at(origin, f"[factors.{name}]", lambda t=table: refuse_unread(t))
+        if design.factors is not None and name not in design.factors and design.kind != "ablation":
+            raise InputError(f"{origin}: [design]: factors leaves out {name}; add it, or leave out [factors.{name}]")
+
+
+def _refuse_unread_keys(design: DesignTable) -> None:
+    common = {"kind", "constraints", "correlation"} | ({"factors"} if design.kind != "product" else set())
+    if unread := sorted(design.model_fields_set - common - {*DESIGN_KEYS[design.kind]}):
+        kinds = ", ".join(kind for kind, keys in DESIGN_KEYS.items() if unread[0] in keys) or "sub-designs"
+        raise InputError(
+            f'{", ".join(unread)}: not used by kind = "{design.kind}"; leave it out ({unread[0]}: {kinds})'
+        )
 
 
 def _varied_around_base(file: StudyFile) -> set[str]:

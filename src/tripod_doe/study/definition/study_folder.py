@@ -33,6 +33,8 @@ class StudyFolder:
     trusted: bool = True  # whether functions, and files outside of the folder, may be named
     most_points: int | None = None  # of a study, and values of a factor; None without a limit
 
+    has_results = False  # whether results of the study are here: it ran, and is not refused for what it did not read
+
     @classmethod
     def of(cls, file: str | Path, untrusted: bool = False) -> Self:
         """The folder of a file; `untrusted` for one from a stranger."""

@@ -141,6 +141,32 @@ class DesignTable(Table):
     )
 
 
+_SAMPLED = ("samples", "seed")
+DESIGN_KEYS: Mapping[str, tuple[str, ...]] = {
+    "grid": (),
+    "zip": (),
+    "one-at-a-time": (),
+    "table": ("table",),
+    "sobol": (*_SAMPLED, "scramble"),
+    "halton": (*_SAMPLED, "scramble"),
+    "latin-hypercube": _SAMPLED,
+    "saltelli": (*_SAMPLED, "second_order"),
+    "morris": (*_SAMPLED, "levels"),
+    "fast": _SAMPLED,
+    "rbd-fast": _SAMPLED,
+    "finite-differences": ("samples",),
+    "full-factorial": ("levels",),
+    "fractional-factorial": ("resolution",),
+    "plackett-burman": (),
+    "central-composite": ("star",),
+    "box-behnken": (),
+    "multifidelity": (*_SAMPLED, "fidelity", "indices", "pilot", "most_points", "target", "split", "prices"),
+    "ablation": ("combinations", "halved"),
+    "product": ("of",),
+}
+"""Keys of [design] that each kind reads, besides kind, factors, constraints, and correlation with checks of its own."""
+
+
 class KeepTable(Table):
     """[keep]: the outputs in the cube."""
 

@@ -4,7 +4,8 @@ import math
 
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
-from tripod_doe.model_interface import Parameter, Value
+from tripod_doe.model_interface import Parameter, Value, is_set
+from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.designs.design_interface import Family, Made, Request
 from tripod_doe.typed_numbers import typed_number
 
@@ -36,8 +37,18 @@ def _table(request: Request) -> Made:
                 values.append(_cell(parameter, row[index]))
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
+        if name in study.factors and not study.folder.has_results:
+            _refuse_other_levels(study.factors[name], values)
         columns[name] = parameter.column(values)
     return Made(columns)
+
+
+def _refuse_other_levels(factor: Factor, column: list[Value]) -> None:
+    """Refuse [factors.PARAMETER] where it says otherwise than the table, which gives the values."""
+    known, name = set(factor.values or ()), factor.parameter.name
+    other = [value for value in column if is_set(value) and value not in known]
+    if factor.table.model_fields_set and other:
+        raise InputError(f"[factors.{name}]: the table has {name} = {other[0]}; leave the keys of [factors.{name}] out")
 
 
 def _cell(parameter: Parameter, text: str) -> Value:
