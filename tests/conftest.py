@@ -7,6 +7,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 # tests start a hundred processes: each would compile our modules to bytecode anew where the surroundings keep it from disk
@@ -29,6 +30,9 @@ for folder in ("explanation", "reference"):
     sys.path.append(str(Path(__file__).parents[1] / "docs" / folder))  # what makes parts of the documentation
 pytest_plugins = ["study_cubes"]
 
+
+hypothesis.settings.register_profile("any machine", deadline=None)  # a busy machine is no fault
+hypothesis.settings.load_profile("any machine")
 
 MODELS_OF_PROCESS = {
     "gw0": ("rollers", "equilibrium", "kinetostatic"),

@@ -13,12 +13,11 @@ from tripod_doe.analyses.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
-from tripod_doe.study.cube.file_checks import RESULTS_NUMBER
-from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+from tripod_doe.study.cube.netcdf import results_in_history, stamp_history, write_dataset
 from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
 
-_KEPT = ("Conventions", "institution", "source", "references", "study_hash", RESULTS_NUMBER)
+_KEPT = ("Conventions", "institution", "source", "references", "study_hash")
 """Attributes of a cube that its analyses have, too."""
 
 
@@ -132,6 +131,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
             continue
         kept = {key: cube.attrs[key] for key in _KEPT if key in cube.attrs}
         result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)
-        write_dataset(stamp_history(result, f"analysis {name}"), path_within(directory, "analysis", f"{name}.nc"))
+        result = stamp_history(result, f"analysis {name}", results_in_history(cube.attrs.get("history")))
+        write_dataset(result, path_within(directory, "analysis", f"{name}.nc"))
         reasons[name] = ""
     return reasons

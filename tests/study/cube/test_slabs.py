@@ -115,7 +115,7 @@ MEASURED = ["cpu_seconds", "wall_seconds"]
 
 
 def without_history(cube):
-    return cube.drop_vars(MEASURED).assign_attrs(history="", results_number="")
+    return cube.drop_vars(MEASURED).assign_attrs(history="")
 
 
 @pytest.mark.parametrize("text", [GRID, LIST], ids=["grid", "list"])

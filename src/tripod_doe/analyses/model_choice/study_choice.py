@@ -14,16 +14,16 @@ from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, ch
 from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
 from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points, pilot_study
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
+from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate
 from tripod_doe.quantities import duration, number
-from tripod_doe.study.cube.file_checks import results_attribute
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.execution.timing import time_points
 from tripod_doe.study.fingerprints import point_keys
-from tripod_doe.study.journal import PILOT
+from tripod_doe.study.journal import PILOT, journal_path
 from tripod_doe.study.plan import RECORDED
 from tripod_doe.study.result_directory.stored_choice import (
     CHOICE,
@@ -80,8 +80,10 @@ def make_choice(
         "source": f"pilot with simulator {study.simulator.name}",
         "references": "Angelopoulos et al., Conformal risk control, ICLR 2024",
     }
-    attrs |= results_attribute(directory)
-    write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / CHOICE)
+    choice = stamp_history(
+        choice.assign_attrs(attrs), "tripod-doe run: model chosen", number_in(journal_path(directory))
+    )
+    write_dataset(choice, directory / CHOICE)
     return choice
 
 

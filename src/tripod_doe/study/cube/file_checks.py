@@ -10,7 +10,7 @@ from tripod_doe.checksum_list import names_results, number_in, refuse_changed
 from tripod_doe.errors import CubeError
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
-from tripod_doe.study.cube.netcdf import opened_file, reading, remedy
+from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, results_in_history
 from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path
 
 MOST_CHECKED = 100_000_000
@@ -18,9 +18,6 @@ MOST_CHECKED = 100_000_000
 
 ANALYSES = "analysis"
 """Folder of a result directory with its analyses."""
-
-RESULTS_NUMBER = "results_number"
-"""Attribute of the files of a result directory: the random number of its journal."""
 
 _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
 _LISTED = ("cube.nc", "fit.nc", "front.nc", "candidates.nc")  # of a step, a fit and an optimisation
@@ -41,12 +38,6 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
     refuse_changed(path, unlisted=directory is None and path.name in _LISTED and names_results(path.parent))
     if directory is not None:
         _refuse_other_study(path, directory)
-
-
-def results_attribute(directory: Path) -> dict[str, str]:
-    """The attribute by which a file names the results of its directory; none outside of a result directory."""
-    number = number_in(journal_path(directory))
-    return {RESULTS_NUMBER: str(number)} if number else {}
 
 
 def analysis_files(directory: Path) -> dict[str, Path]:
@@ -80,7 +71,7 @@ def _refuse_other_study(path: Path, directory: Path) -> None:
     known, number = _origin(path)
     if expected is not None and known != expected and (known or path.parent.name == ANALYSES):
         raise CubeError(f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}")
-    if number and number != str(number_in(journal_path(directory))):
+    if number and number != number_in(journal_path(directory)):
         raise CubeError(f"{path}: its results are of another directory; {remedy(path)}")
 
 
@@ -94,17 +85,17 @@ def study_hash(path: Path) -> str:
     return _origin(path)[0]
 
 
-def _origin(path: Path) -> tuple[str, str]:
-    """Hash of the study and number of the results of a file; empty without them."""
+def _origin(path: Path) -> tuple[str, int]:
+    """Hash of the study and number of the results of a file; empty and 0 without them."""
     with reading(path):
         state = path.stat()
         return _stored_origin(path, (state.st_ino, state.st_size, state.st_mtime_ns))
 
 
 @lru_cache(maxsize=1000)
-def _stored_origin(path: Path, version: tuple[int, ...]) -> tuple[str, str]:
+def _stored_origin(path: Path, version: tuple[int, ...]) -> tuple[str, int]:
     with opened_file(path) as stored:
-        study, number = (
-            str(stored.getncattr(name)) if name in stored.ncattrs() else "" for name in ("study_hash", RESULTS_NUMBER)
+        study, history = (
+            str(stored.getncattr(name)) if name in stored.ncattrs() else "" for name in ("study_hash", "history")
         )
-        return study, number
+        return study, results_in_history(history)

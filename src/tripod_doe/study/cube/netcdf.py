@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -48,15 +49,28 @@ _LARGEST_CHUNK, _TEXTS = 128_000_000, 1_000_000_000
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
 
+_RESULTS = re.compile(r" \(results ([0-9]{1,10})\)$")
+
 _UNREADABLE = (OSError, RuntimeError, ValueError, KeyError, AttributeError, IndexError, TypeError)
 """Errors of netCDF4 and xarray for a damaged file."""
 
 
-def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
-    """Add a line with time and action to the history of a dataset."""
-    line = f"{datetime.now(UTC).isoformat(timespec='seconds')} {action}"
+def stamp_history(dataset: xr.Dataset, action: str, results: int = 0) -> xr.Dataset:
+    """Add a line with time and action to the history of a dataset.
+
+    Args:
+        results: The number of the results of its directory, which the line names; 0 for none. It stands there since the
+            other attributes of the same study are the same in each directory.
+    """
+    line = f"{datetime.now(UTC).isoformat(timespec='seconds')} {action}" + (f" (results {results})" if results else "")
     earlier = dataset.attrs.get("history")
     return dataset.assign_attrs(history=f"{line}\n{earlier}" if earlier else line)
+
+
+def results_in_history(history: object) -> int:
+    """The number of the results that the last line of a history names, which is its first; 0 if it names none."""
+    match = _RESULTS.search(str(history).partition("\n")[0])
+    return int(match[1]) if match else 0
 
 
 def write_dataset(dataset: xr.Dataset, path: Path, listed: bool = False) -> None:

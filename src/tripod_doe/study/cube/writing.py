@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tripod_doe.checksum_list import number_in
 from tripod_doe.study.cube.dataset import PlacedBlock, cf_points, design_coordinates, part_of_cube
-from tripod_doe.study.cube.file_checks import results_attribute
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
 from tripod_doe.study.cube.slab_file import cube_file
 from tripod_doe.study.cube.slabs import Slab, box, slabs
-from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.journal import FinishedBlock, journal_path
 from tripod_doe.study.study_points import StudyPoints
 
 _SLAB_BYTES = 32_000_000
@@ -70,10 +70,10 @@ def write_cube(
         StorageError: If they cannot be written; older ones stay.
     """
     study, points, models = asked.study, asked.points, ModelRecords(asked.study)
-    own = results_attribute(directory)
+    number = number_in(journal_path(directory))
 
     def stamped(data: xr.Dataset, attributes: Callable[..., dict[str, Any]]) -> xr.Dataset:
-        return stamp_history(data.assign_attrs(attributes(study, points, models) | own), action)
+        return stamp_history(data.assign_attrs(attributes(study, points, models)), action, number)
 
     lengths = box(points.shape, results.point_bytes + _OTHER_BYTES, _SLAB_BYTES)
     if lengths == points.shape:

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.cube.file_checks import results_attribute, study_hash
+from tripod_doe.study.cube.file_checks import study_hash
 from tripod_doe.study.journal import OUTDATED, SHOWN, STUDY_HASH, Journal, journal_path
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -150,7 +150,6 @@ def cube_so_far(path: Path) -> xr.Dataset:
             cube = _written_aside(asked, results)
         else:
             cube = _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
-    cube.attrs |= results_attribute(path)
     return cube
 
 
