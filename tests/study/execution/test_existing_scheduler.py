@@ -275,7 +275,7 @@ def test_a_scheduler_that_stays_away_ends_the_run_with_its_points_kept(case, tmp
 
         thread = meanwhile(end, lambda: sum(case.started().values()) >= 5)
         with pytest.raises(
-            TripodDoeError, match="no Dask scheduler has answered for 1 s: .*; finished points are kept"
+            TripodDoeError, match=r"no Dask scheduler has answered for 1 s: .*; finished points are kept"
         ):
             run(study, tmp_path / "out", scheduler=cluster.address, wait=1, progress=False)
         thread.join()
