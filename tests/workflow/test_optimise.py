@@ -580,6 +580,13 @@ order = 3
             ("[objectives", f"{AT}[scatter.torque_n_m]\nstd = 1\n[objectives"),
             r"\[at\]: torque_n_m is in \[scatter\], too",
         ),
+        (
+            (
+                "[objectives",
+                "[scatter.pitch_radius_mm]\ndistribution = 'log-uniform'\nlow = 21\nhigh = 23\n[objectives",
+            ),
+            "log-uniform does not scatter about a candidate",
+        ),
         (("[objectives", f"[base]\njoint_angle_deg = 9\n{SCATTER}[objectives"), "also a base value, which it replaces"),
     ],
 )

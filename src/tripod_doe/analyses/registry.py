@@ -268,7 +268,7 @@ def _of_result(place: str, result: xr.Dataset, *words: str) -> Any:
     """
     try:
         return _load(place)(result, *words)
-    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
         if kind_of(result) in MADE:  # the error is our own
             raise
         lacks = str(error.args[0]).partition(". ")[0] if error.args else "a name is missing"

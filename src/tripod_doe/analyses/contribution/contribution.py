@@ -41,6 +41,9 @@ _COPIES = 6  # of the complex amplitudes, which are in memory together
 _FLAGS = {0: "valid", 1: "zero_amplitude", 2: "point_missing"}
 
 
+_DEGREES = ("degree", "degrees", "deg", "1", "")  # a function's output may have no unit
+
+
 class ContributionSettings(BaseModel):
     """[analysis.NAME] of kind contribution."""
 
@@ -173,6 +176,8 @@ def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.Da
     if is_level(attributes) or ("wraps_at" in attributes and not settings.phase_name):
         kind = "a level" if is_level(attributes) else "a phase"
         raise InputError(f"output: {settings.output!r} is {kind}, of which mechanisms have no shares: zero is a choice")
+    if settings.phase_name and (unit := cube[settings.phase_name].attrs.get("units", "1")) not in _DEGREES:
+        raise InputError(f"phase: {settings.phase_name!r} is in {unit}; give it in degree")
     needed = _COPIES * 16 * cube[settings.output].size
     what = f"the contribution to {settings.output} at {cube.sizes['point']:,} points"
     refuse_too_much_memory(needed, what, "choose an output with fewer numbers, or fewer operating points")

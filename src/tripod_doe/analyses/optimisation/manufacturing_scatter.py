@@ -49,8 +49,11 @@ class Scatter:
 
 
 def _centre(table: FactorTable) -> float:
+    """The value of a distribution that a candidate takes: its centre, or the mean of listed values."""
     density = scatter_density(table)
-    return 0.0 if density is None else density.centre
+    return (
+        float(np.average(np.array(table.values, float), weights=table.weights)) if density is None else density.centre
+    )
 
 
 def make_scatter(
@@ -81,6 +84,8 @@ def make_scatter(
             table = table.model_copy(update={"mean": float(usual)})
             if name in relative and table.low is not None and table.high is not None and table.low > 0:
                 raise request.fail(where, "give a mean, or low and high as differences from the value of a candidate")
+        if name in relative and table.sampled_as == "log-uniform":
+            raise request.fail(where, "log-uniform does not scatter about a candidate: take uniform or triangular")
         own = replace(parameter, low=-np.inf, high=np.inf, low_open=False) if name in relative else parameter
         try:
             factor = checked_factor(own, table)

@@ -197,8 +197,11 @@ def _error(at: PointValues, over: str, weights: FloatArray, share: float, high: 
     """Half width: numerical and model error, and the error of the quantile by the sample, shape (candidate,).
 
     NaN where neither a numerical error nor one of the model is known, and nothing was sampled.
+
+    Args:
+        high: Whether large values are bad: the side of the quantile.
     """
-    worst = at.values if high else -at.values
+    worst = -at.values if over == "min" else at.values
     point = np.where(np.isfinite(worst), worst, -np.inf).argmax(axis=2)[:, :, None]
 
     def taken(error: FloatArray) -> FloatArray:
@@ -226,7 +229,7 @@ def _of_objective(
 ) -> tuple[FloatArray, FloatArray]:
     high = table.goal == "minimise"
     value = _quantile(_over(at.values, table.over, weights), quantile, high)
-    return value, _error(at, table.over, weights, quantile, table.over != "min")
+    return value, _error(at, table.over, weights, quantile, high)
 
 
 def limit_scale(table: ConstraintTable) -> float:
@@ -245,7 +248,7 @@ def _of_constraint(
         over = table.over or ("max" if high else "min")
         value = _quantile(_over(at.values, over, weights), quantile, high)
         far = (value - limit if high else limit - value) / limit_scale(table)
-        sides.append((value, _error(at, over, weights, quantile, over != "min"), far))
+        sides.append((value, _error(at, over, weights, quantile, high), far))
     if len(sides) == 1:
         return sides[0]
     upper = np.nan_to_num(sides[0][2], nan=-np.inf) >= np.nan_to_num(sides[1][2], nan=-np.inf)
