@@ -341,6 +341,9 @@ def test_a_cube_that_cannot_answer_says_so(ablate):
         contribution_shares(data)
     with pytest.raises(InputError, match="phase: 'p' is not in the cube"):
         contribution_shares(data, ContributionSettings(output="y", phase="p"))
+    in_rad = data.assign(p=data["y"].assign_attrs(units="rad"))
+    with pytest.raises(InputError, match="phase: 'p' is in rad; give it in degree"):
+        contribution_shares(in_rad, ContributionSettings(output="y", phase="p"))
     del data["a"].attrs["role"], data["b"].attrs["role"], data["c"].attrs["role"]
     with pytest.raises(InputError, match="needs the cube of an ablation"):
         contribution_shares(data, ContributionSettings(output="y"))
