@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tripod_doe.errors import TripodDoeError
+from tripod_doe.errors import InputError, TripodDoeError
 from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
@@ -18,6 +18,7 @@ from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
 from tripod_doe.study.definition.study_folder import table_copy
+from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.study.journal import journal_path
 
 _PERIOD = 2.0  # seconds between two looks
@@ -134,12 +135,27 @@ def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
 
 
 def _is_another_study(path: Path) -> bool:
-    """Whether the study of a directory, or a table of it, is another one than was submitted there."""
+    """Whether the study of a directory, or a table of it, is another one than was submitted there.
+
+    Variables by formula do not count: a run keeps those that were added before, which a later upload need not name.
+    """
     submitted = {file.name: file for file in (path / UPLOAD).glob("*")}
-    main = submitted.pop(main_file("study"), None)
-    pairs = [(file, table_copy(path, name)) for name, file in submitted.items()]
-    pairs += [(main, path / "study.toml")] if main else []
-    return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in pairs)
+    main, stored = submitted.pop(main_file("study"), None), path / "study.toml"
+    if main and stored.is_file():
+        ours, its = read_regular(main), read_regular(stored)
+        if ours != its and _without_responses(ours) != _without_responses(its):
+            return True
+    tables = [(file, table_copy(path, name)) for name, file in submitted.items()]
+    return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in tables)
+
+
+def _without_responses(study: bytes) -> dict[str, Any] | None:
+    """The tables of a study but for its variables by formula; None if they cannot be read."""
+    try:
+        tables = parse_toml(study.decode(errors="replace"), "study")
+    except InputError:
+        return None
+    return {name: table for name, table in tables.items() if name != "responses"}
 
 
 def _signature(path: Path) -> Signature | None:
