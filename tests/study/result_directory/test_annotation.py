@@ -15,7 +15,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.study.result_directory.annotation import FILE, Annotation, annotated, read_annotation, write_annotation
 
 LINE = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=30).map(str.strip)
-NAME = LINE.filter(lambda name: "/" not in name)
+NAME = LINE.filter(lambda name: "/" not in name and name not in (".", ".."))
 NOTE = st.lists(LINE).map("\n".join).map(str.strip)
 
 
