@@ -2,10 +2,11 @@
 
 import csv
 from collections import Counter
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from tripod_doe.checksum_list import refuse_changed
-from tripod_doe.errors import InputError, TooLargeError
+from tripod_doe.errors import InputError, TooLargeError, misspelt
 from tripod_doe.regular_files import refuse_irregular
 
 
@@ -45,3 +46,17 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         if len(row) != len(header):
             raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
     return header, rows
+
+
+def refuse_misspelt(header: Iterable[str], parameters: Collection[str], where: str) -> None:
+    """Refuse a column whose name is a parameter's but for a letter or two: it would be read as a label.
+
+    Args:
+        where: The file or key that names the table, for messages.
+
+    Raises:
+        InputError: For the first such column.
+    """
+    for column in header:
+        if meant := misspelt(column, parameters):
+            raise InputError(f"{where}: the column {column} would be a label; write {meant}, or another word")

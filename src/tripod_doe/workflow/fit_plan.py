@@ -1,6 +1,5 @@
 """Price of a fit before anything runs, from the number of its points and the time of a few points."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.quantities import count_of, duration, text_range
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.toml_text import toml_text
 from tripod_doe.study.plan import RECORDED, Plan, plan
 
 _DESCENT = 2  # evaluations of all records for a start, its descents after both looks together, per squared unknown
@@ -73,7 +73,7 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
         InputError: If the file or a record cannot be used.
     """
     rig = RigFit(load_fit(file, untrusted))
-    records, width, _scalars = len(rig.records), len(rig.layout.unknowns), rig.layout.count
+    records, width = len(rig.records), len(rig.layout.unknowns)
     trials = evaluations(rig)
     search = [round(count * records + (width + 1) * len(rig.candidates)) for count in trials]
     models = list(dict.fromkeys([rig.cheap, rig.model]))
@@ -120,9 +120,10 @@ def _distinct(rig: RigFit, model: str) -> int:
 
 def _one_of_each(rig: RigFit, model: str) -> Study:
     """A study of the points of all records, with the unknowns in the middle of their ranges."""
-    columns = rig.columns_at_middle(model)
-    lines = ["[study]", 'name = "points of the records"', "[base]"]
-    lines += [f"{name} = {json.dumps(value)}" for name, value in rig.base.items()]
-    for name, column in columns.items():
-        lines += [f"[factors.{name}]", f"values = {json.dumps(column.tolist())}"]
-    return parse_study("\n".join([*lines, "[design]", 'kind = "zip"', ""]), rig.request.origin, rig.request.folder)
+    content = {
+        "study": {"name": "points of the records"},
+        "base": rig.base,
+        "factors": {name: {"values": column} for name, column in rig.columns_at_middle(model).items()},
+        "design": {"kind": "zip"},
+    }
+    return parse_study(toml_text(content), rig.request.origin, rig.request.folder)

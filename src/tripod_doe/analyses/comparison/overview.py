@@ -13,8 +13,8 @@ import xarray as xr
 from tripod_doe.analyses.comparison.comparison import NOT_COMPARED, VERDICTS
 from tripod_doe.analyses.comparison.record_comparison import ComparedRecord, Reading, compare_record
 from tripod_doe.analyses.comparison.record_point import RecordRow
-from tripod_doe.csv_table import read_csv_table
-from tripod_doe.errors import CubeError, InputError, closest, misspelt
+from tripod_doe.csv_table import read_csv_table, refuse_misspelt
+from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 
@@ -41,9 +41,7 @@ def read_table(path: Path) -> list[RecordRow]:
     header, lines = read_csv_table(path, str(path))
     if "file" not in header:
         raise InputError(f"{path}: no column 'file'{closest('file', header)}; it names the record of each row")
-    for column in header:
-        if meant := misspelt(column, JOINT_PARAMETERS):
-            raise InputError(f"{path}: the column {column} would be a label; write {meant}, or another word")
+    refuse_misspelt(header, JOINT_PARAMETERS, str(path))
     rows = []
     for number, line in lines.items():
         if not any(line):  # as spreadsheets leave them

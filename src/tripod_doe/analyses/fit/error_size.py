@@ -79,8 +79,8 @@ def estimate_error_size(
         own = misfit(sizes)
         return np.diag(covariance_of(own.jacobian(own.compare(best.prediction, best.place), best.slope)))
 
-    told = used & ~rows.free_phase  # by which records phases are known
-    count = len(groups) + bool(rows.turning[told[rows.record]].any())
+    aligned = used & ~rows.free_phase  # records whose phases are known
+    count = len(groups) + bool(rows.turning[aligned[rows.record]].any())
     steps = _STEP * np.eye(count)
     options = {"xatol": _NEAR, "fatol": _NEAR, "initial_simplex": np.vstack([np.zeros(count), 2 * steps])}
     bounds = [(_LEAST, _MOST)] * count

@@ -13,8 +13,8 @@ from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.csv_table import read_csv_table
-from tripod_doe.errors import InputError, closest, misspelt, near_match, speaking_of_keys
+from tripod_doe.csv_table import read_csv_table, refuse_misspelt
+from tripod_doe.errors import InputError, closest, near_match, speaking_of_keys
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.operating_point import differ
 from tripod_doe.measurements.order_tracking import track_orders
@@ -131,8 +131,7 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
             raise request.fail(where, f"{column} is also a base value; remove it from [base]")
         if column in request.file.unknowns:
             raise request.fail(where, f"{column} is also an unknown; remove one of them")
-        if meant := misspelt(column, parameters):
-            raise request.fail(where, f"the column {column} would be a label; write {meant}, or another word")
+    refuse_misspelt(header, parameters, f"{request.origin}: {where}")
     for line, row in rows.items():
         if not any(row):  # as spreadsheets leave them
             continue

@@ -51,9 +51,9 @@ class Scatter:
 def _centre(table: FactorTable) -> float:
     """The value of a distribution that a candidate takes: its centre, or the mean of listed values."""
     density = scatter_density(table)
-    return (
-        float(np.average(np.array(table.values, float), weights=table.weights)) if density is None else density.centre
-    )
+    if density is not None:
+        return density.centre
+    return float(np.average(np.array(table.values, float), weights=table.weights))
 
 
 def make_scatter(

@@ -173,9 +173,8 @@ def _refuse_unlike(data: xr.Dataset, other: xr.Dataset) -> None:
         for cells in (data, other)
     ]
     for name in sorted(factors[0] | factors[1]):
-        if name not in factors[0] & factors[1] or not data[name].reset_coords(drop=True).equals(
-            other[name].reset_coords(drop=True)
-        ):
+        here, there = (cells[name].reset_coords(drop=True) if name in cells else None for cells in (data, other))
+        if here is None or there is None or not here.equals(there):
             raise InputError(
                 f"minus: the points of the other run differ in {name}: compare the runs by tripod-doe diff"
             )
