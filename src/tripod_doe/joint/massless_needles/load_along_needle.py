@@ -1,4 +1,4 @@
-"""Load distribution along needles on trunnion and bore: eight needles at a time (`simd_lanes`).
+"""Load distribution along needles on trunnion and bore: eight needles of each trunnion at a time (`simd_lanes`).
 
 A needle's sphere at the station x is pressed by d + (b - h x) x, with its depth d, lean b, and the drop h of its crown
 and of its skew; depth and lean balance the load and its moment about the middle. One Newton step per time step updates
@@ -8,14 +8,14 @@ them.
 from __future__ import annotations
 
 from tripod_doe.joint.massless_needles.load_sharing import EXPONENT, station
-from tripod_doe.mechanics.arithmetic.simd_lanes import exponential, load, logarithm, select, spread, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import exponential, load_three, logarithm, select, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, inner_kernel
 from tripod_doe.mechanics.laws.contact import contact_secant
 
 FARTHEST = 0.35
 """Place of a load along a needle over its length, at most."""
 PLACE, SKEW, TRUNNION, BORE, STOP, SIDE = 0, 1, 2, 5, 8, 9
-"""Rows of the state of eight needles: along the trunnion from the middle in mm, psi in rad, contacts, the force of the
+"""Rows of the state of eight needles of each trunnion: along the trunnion from the middle in mm, psi in rad, contacts, the force of the
 outer stop in N, negative at the inner one, and 1 at the outer stop, -1 at the inner one, 0 between them."""
 DEPTH, LEAN, VARIANCE = range(3)
 """Rows of a contact: compression in the middle and its slope, and <(x - x_f)^2> of the stations."""
@@ -37,11 +37,11 @@ def load_centre(c, offset, place):
 
 
 @inner_kernel
-def _follow(c, state, first, carried, centre, drop, most):
-    """One step towards the spread of the loads `carried` in the contacts from row `first` on."""
-    depth, lean = load(state, first + DEPTH), load(state, first + LEAN)
-    total, first_moment, second = spread(0.0), spread(0.0), spread(0.0)
-    rise, rise_1, rise_2 = spread(0.0), spread(0.0), spread(0.0)
+def _follow(c, state, first, carried, centre, drop, most, changes):
+    """One step towards the spread of the loads `carried` in the contacts from row `first` on; see `follow_spread`."""
+    depth, lean = load_three(state, first + DEPTH), load_three(state, first + LEAN)
+    total = 0.0 * depth
+    first_moment, second, rise, rise_1, rise_2 = total, total, total, total, total
     for i in range(int(c.spheres)):
         at = station(c, i)
         compressed = depth + (lean - drop * at) * at
@@ -58,19 +58,26 @@ def _follow(c, state, first, carried, centre, drop, most):
     leaning = select(several, (rise * moment - rise_1 * missing) * scale, 0.0)  # one sphere gives no lean
     some = total > 0.0
     steepest = 2.0 / c.length * most
-    mean = first_moment / total
-    store(state, first + DEPTH, select(some, depth + min(max(deeper, -most), most), most))
-    store(state, first + LEAN, select(some, lean + min(max(leaning, -steepest), steepest), 0.0))
-    store(state, first + VARIANCE, select(some, second / total - mean * mean, load(state, first + VARIANCE)))
+    mean, before = first_moment / total, load_three(state, first + VARIANCE)
+    deeper = select(some, depth + min(max(deeper, -most), most), most)
+    leaning = select(some, lean + min(max(leaning, -steepest), steepest), 0.0)
+    variance = select(some, second / total - mean * mean, before)
+    change = changes > 0.0
+    store(state, first + DEPTH, select(change, deeper, depth))
+    store(state, first + LEAN, select(change, leaning, lean))
+    store(state, first + VARIANCE, select(change, variance, before))
 
 
 @inner_kernel
-def follow_spread(c, state, carried, offset, deep):
-    """One step towards the spread of the loads `carried` on trunnion and bore; `deep` is their depth by `deepest`."""
-    skew = load(state, SKEW)
+def follow_spread(c, state, carried, offset, deep, changes):
+    """One step towards the spread of the loads `carried` on trunnion and bore; `deep` is their depth by `deepest`.
+
+    `changes` is positive for needles that take the step; others stay as they are.
+    """
+    skew = load_three(state, SKEW)
     bend = 0.5 / c.pitch_radius * (skew * skew)
-    centre = load_centre(c, offset, load(state, PLACE))
+    centre = load_centre(c, offset, load_three(state, PLACE))
     most = c.spheres**0.9 * deep  # depth of a sphere that carries all
     for contact in range(2):
         first, bent = TRUNNION + contact * (BORE - TRUNNION), (1.0 - 2.0 * contact) * bend
-        _follow(c, state, first, carried, centre, c.drop + bent, most)
+        _follow(c, state, first, carried, centre, c.drop + bent, most, changes)

@@ -15,7 +15,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.massless_needles.needle_constants import needle_constants_of
-from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, everywhere, load, select, spread, store
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, clear, everywhere, load, select, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.laws.contact import contact_secant
@@ -25,6 +25,8 @@ MOST_NEEDLES = 100
 """Of a trunnion."""
 EXPONENT = 10.0 / 9.0
 """Of Eq. 2 for needles."""
+SPIN, PLUNGE, OFFSET, YAW, RUBBING = range(5)
+"""Rows of `NeedleSteps.motion`; the last is tanh of the slip of a needle's end on its stop over v_sn."""
 _LEAST_STEPS = 360
 """Fewest steps of a revolution."""
 _NEWTON = 60
@@ -59,7 +61,7 @@ class NeedleSteps(ByReference):
 
     parts: int  # steps of a sample
     steps: int  # of a revolution
-    motion: FloatArray  # values of `RollerMotions` at every step in the order of `STEP`, shape (3, steps, 8)
+    motion: FloatArray  # values at every step in the order of `SPIN` and so on, shape (steps, 5, 3)
     bearing_loads: FloatArray  # N
     shifts: FloatArray  # D, mm
     # cosines, sines: of the angle from the load to the nearest needle
@@ -81,7 +83,7 @@ class NeedleSteps(ByReference):
         steps = samples * parts
         shape = (3, -(-steps // WIDTH), WIDTH)
         reals, wholes = (lambda: np.zeros(shape)), (lambda: np.zeros(shape, np.int64))
-        motion, around = np.zeros((3, steps, WIDTH)), np.zeros((MOST_NEEDLES // 2 + 1, 2))
+        motion, around = np.zeros((steps, RUBBING + 1, 3)), np.zeros((MOST_NEEDLES // 2 + 1, 2))
         return cls(
             parts,
             steps,
@@ -102,7 +104,7 @@ class NeedleSteps(ByReference):
 
 @dataclass(frozen=True, eq=False)
 class NeedleLoads(ByReference):
-    """Loads of all loaded needles; arrays of shape (3, blocks, steps, 8), indexed by the needle's number."""
+    """Loads of all loaded needles, eight of each trunnion after the other; arrays of shape (blocks, steps, 24)."""
 
     blocks: int
     loads: FloatArray  # N
@@ -113,11 +115,7 @@ class NeedleLoads(ByReference):
     @classmethod
     def for_blocks(cls, blocks: int, steps: int) -> NeedleLoads:
         """Memory for `blocks` blocks of eight needles that carry."""
-        return cls(blocks, *(np.zeros((3, blocks, steps, WIDTH)) for _ in range(3)))
-
-
-SPIN, PLUNGE, OFFSET, YAW, RUBBING = range(5)
-"""Columns of `NeedleSteps.motion`; the last is tanh of the slip of a needle's end on its stop over v_sn."""
+        return cls(blocks, *(np.zeros((blocks, steps, 3 * WIDTH)) for _ in range(3)))
 
 
 @inlined_kernel
@@ -213,11 +211,11 @@ def _walk(c, roller, at, k):
         turning = _at_step((roller.turns, samples), k, sample, share)
         turned += (0.5 * c.bore_radius / c.pitch_radius * spin + turning - creep) * duration
         if step < at.steps:
-            motion = at.motion[k, step]
-            motion[SPIN], motion[PLUNGE] = spin, _at_step((roller.plunges, samples), k, sample, share)
-            motion[OFFSET] = _at_step((roller.offsets, samples), k, sample, share)
-            motion[YAW] = _at_step((roller.yaws, samples), k, sample, share)
-            motion[RUBBING] = hyperbolic_tangent(0.5 * c.bore_radius * spin / c.transition)
+            motion = at.motion[step]
+            motion[SPIN, k], motion[PLUNGE, k] = spin, _at_step((roller.plunges, samples), k, sample, share)
+            motion[OFFSET, k] = _at_step((roller.offsets, samples), k, sample, share)
+            motion[YAW, k] = _at_step((roller.yaws, samples), k, sample, share)
+            motion[RUBBING, k] = hyperbolic_tangent(0.5 * c.bore_radius * spin / c.transition)
 
 
 @kernel
@@ -257,10 +255,8 @@ def press_needles(row, roller, at):
 def load_needles(c, at, needles):
     """Write the loads of all needles into `needles`, a `NeedleLoads`, from the shifts in `at`, a `NeedleSteps`."""
     slots, eight = WIDTH * needles.blocks, at.found
+    clear(needles.loads)
     for k in range(3):
-        for b in range(needles.blocks):
-            for j in range(at.steps):
-                store(needles.loads[k, b], j, spread(0.0))
         for i in range(at.shifts.shape[1]):
             shift, cosine, sine = load(at.shifts[k], i), load(at.cosines[k], i), load(at.sines[k], i)
             for n in range(WIDTH):
@@ -286,12 +282,12 @@ def _put(at, needles, place, number, slots):
     """Write the load of the n-th needle from the nearest one at a step."""
     k, i, n = place
     number += at.nearest[k, i, n]
-    slot, step = number % slots, WIDTH * i + n
-    block, lane = slot // WIDTH, slot % WIDTH
-    if at.found[0, n] > needles.loads[k, at.most[k, i, n] % slots // WIDTH, step, at.most[k, i, n] % slots % WIDTH]:
+    slot, most, step = number % slots, at.most[k, i, n] % slots, WIDTH * i + n
+    block, lane = slot // WIDTH, WIDTH * k + slot % WIDTH
+    if at.found[0, n] > needles.loads[most // WIDTH, step, WIDTH * k + most % WIDTH]:
         at.most[k, i, n] = number
-    needles.loads[k, block, step, lane] = at.found[0, n]
-    needles.cosines[k, block, step, lane] = at.found[1, n]
-    needles.sines[k, block, step, lane] = at.found[2, n]
+    needles.loads[block, step, lane] = at.found[0, n]
+    needles.cosines[block, step, lane] = at.found[1, n]
+    needles.sines[block, step, lane] = at.found[2, n]
     at.first[k, i, n], at.last[k, i, n] = min(at.first[k, i, n], number), max(at.last[k, i, n], number)
     at.carried[k, i, n] += at.found[0, n]

@@ -19,8 +19,8 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.massless_needles.load_along_needle import SKEW
 from tripod_doe.joint.massless_needles.load_sharing import load_needles
 from tripod_doe.joint.massless_needles.needle_constants import needle_constants_of
-from tripod_doe.joint.massless_needles.needle_motion import PLACED, record_needles, start_needles, step_on
-from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, pick
+from tripod_doe.joint.massless_needles.needle_motion import FORCE, MOMENT, SKEWED, record_needles, start_needles, step_on
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load_three, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 
@@ -69,11 +69,9 @@ def _clear(found, revolution):
 @kernel_part
 def _remember(ring, needles):
     """Note the skews at the end of a revolution."""
-    for k in range(3):
-        for b in range(needles.blocks):
-            for lane in range(WIDTH):
-                ring.past[k, b, 1, lane] = ring.past[k, b, 0, lane]
-                ring.past[k, b, 0, lane] = ring.state[k, b, SKEW, lane]
+    for b in range(needles.blocks):
+        store(ring.past[b], 1, load_three(ring.past[b], 0))
+        store(ring.past[b], 0, load_three(ring.state[b], SKEW))
 
 
 @inlined_kernel
@@ -91,23 +89,23 @@ def _left_over(ring, needles, k):
     """Remaining changes of the skews of trunnion k over the limit: mean magnitude, weighted with the needles' loads."""
     over, carried, skewed = 0.0, 0.0, 0.0
     for b in range(needles.blocks):
-        for lane in range(WIDTH):
-            now, weight = ring.state[k, b, SKEW, lane], needles.loads[k, b, 0, lane]
-            left = _left(now - ring.past[k, b, 0, lane], ring.past[k, b, 0, lane] - ring.past[k, b, 1, lane])
+        for lane in range(WIDTH * k, WIDTH * (k + 1)):
+            now, weight = ring.state[b, SKEW, lane], needles.loads[b, 0, lane]
+            left = _left(now - ring.past[b, 0, lane], ring.past[b, 0, lane] - ring.past[b, 1, lane])
             over, carried, skewed = over + weight * abs(left), carried + weight, skewed + weight * abs(now)
     return over / (_SMALL * carried + _SMALL_SHARE * skewed)
 
 
 @kernel_part
-def _hasten(ring, needles, k):
-    """Move the skews of trunnion k to their extrapolated values."""
+def _hasten(ring, needles):
+    """Move all skews to their extrapolated values."""
     for b in range(needles.blocks):
-        for lane in range(WIDTH):
-            now = ring.state[k, b, SKEW, lane]
-            last = now - ring.past[k, b, 0, lane]
-            left = _left(last, ring.past[k, b, 0, lane] - ring.past[k, b, 1, lane])
+        for lane in range(3 * WIDTH):
+            now = ring.state[b, SKEW, lane]
+            last = now - ring.past[b, 0, lane]
+            left = _left(last, ring.past[b, 0, lane] - ring.past[b, 1, lane])
             most = min(_SHARE * abs(now) + _SMALL, _AHEAD * abs(last))
-            ring.state[k, b, SKEW, lane] = now + min(max(left, -most), most)
+            ring.state[b, SKEW, lane] = now + min(max(left, -most), most)
 
 
 @kernel
@@ -148,23 +146,21 @@ def follow_rollers(row, skew, tilt, at, needles, ring, found, skews, records):
             _clear(found, revolution)
         for step in range(at.steps):
             i, n, sample = step // WIDTH, step % WIDTH, step // at.parts
+            step_on(c, tilt, at, needles, ring, step, duration)
+            if step % at.parts > 0:
+                continue
             for k in range(3):
-                sums = step_on(c, tilt, at, needles, ring, k, step, duration)
-                place = pick(sums, 0) / at.carried[k, i, n]
-                ring.roller[k, PLACED] = place
-                if step % at.parts > 0:
-                    continue
-                most = at.most[k, i, n] % slots
-                skews[k, cycle * samples + sample] = ring.state[k, most // WIDTH, SKEW, most % WIDTH]
+                most, lane = at.most[k, i, n] % slots, WIDTH * k
+                skews[k, cycle * samples + sample] = ring.state[most // WIDTH, SKEW, lane + most % WIDTH]
                 if cycle >= cycles - 2 and not waits and records.size > 0:
                     at_sample = (cycle - cycles + 2) * samples + sample
-                    record_needles(c, at, needles, ring.state[k], k, step, records[k, at_sample])
+                    record_needles(c, at, needles, ring.state, k, step, records[k, at_sample])
                 if revolution >= 0:
                     over = 1.0 / at.bearing_loads[k, i, n]
-                    found.forces[revolution, k, sample] = over * pick(sums, 2)
-                    found.moments[revolution, k, sample] = over * pick(sums, 3)
-                    found.places[revolution, k, sample] = place
-                    found.skews[revolution, k] += pick(sums, 1) / at.carried[k, i, n] / samples
+                    found.forces[revolution, k, sample] = over * ring.sums[1, lane + FORCE]
+                    found.moments[revolution, k, sample] = over * ring.sums[1, lane + MOMENT]
+                    found.places[revolution, k, sample] = ring.placed[0, k]
+                    found.skews[revolution, k] += ring.sums[0, lane + SKEWED] / at.carried[k, i, n] / samples
         turned += 1
         if waits and cycle == cycles - 2:
             since += 1
@@ -175,8 +171,7 @@ def follow_rollers(row, skew, tilt, at, needles, ring, found, skews, records):
                 found.history[1] = 1.0 if over <= 1.0 else 0.0
                 waits = over > 1.0 and turned < _MOST
                 if waits:
-                    for k in range(3):
-                        _hasten(ring, needles, k)
+                    _hasten(ring, needles)
         else:
             cycle += 1
         _remember(ring, needles)

@@ -75,20 +75,20 @@ from tripod_doe.joint.massless_needles.load_along_needle import (
 from tripod_doe.joint.massless_needles.load_sharing import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, station
 from tripod_doe.mechanics.arithmetic.simd_lanes import (
     WIDTH,
-    everywhere,
+    across,
+    clear,
     exponential,
-    load,
+    exponentials,
+    load_three,
     logarithm,
     row_of_sums,
     select,
     sine_cosine,
-    spread,
     store,
 )
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws.contact import contact_secant
-from tripod_doe.mechanics.laws.friction import relative_tangent
 
 RECORD = np.dtype([(name, float) for name in ("load", "angle", "place", "skew", "stop", "line")])
 """Recorded state of a needle: its angle from the load, largest load per length on the trunnion, and others."""
@@ -98,8 +98,10 @@ _REFRESHED = 4
 changes more with the load, and with it all resistance to yaw."""
 _FIRST_LOOKS = 3
 """Newton steps for the load distribution of a newly loaded needle."""
-_MOST_SLIP = 300.0
-"""Limit of a needle's slip over its transition velocity: larger values overflow the exponential."""
+_MOST_SLIP = 200.0
+"""Limit of a needle's slip over its transition velocity: products of larger exponentials overflow."""
+_LITTLE_SLIP = 1e-2
+"""Slip over its transition velocity below which friction is a power series."""
 _HOLDS = 1e-6
 """Least resistance to yaw over its largest possible value; below it the resistance counts as zero."""
 
@@ -108,54 +110,77 @@ _HOLDS = 1e-6
 def _free_slip(c, total, slope):
     """Slip of free needles on the trunnion: they slip by `total` on both, in a gap that narrows outward by `slope`.
 
-    tanh u - tanh v = 2 sinh(u - v) / (cosh(u + v) + cosh(u - v)), a quadratic equation for exp(|u - v|).
+    With u and v, the slips on trunnion and bore over the transition velocity, tanh u - tanh v = 2 sinh(u - v) /
+    (cosh(u + v) + cosh(u - v)), a quadratic equation for exp(|u - v|). Returned are the slip, exp(u + v), and this.
     """
     both = min(max(total * (1.0 / c.transition), -_MOST_SLIP), _MOST_SLIP)
     held = min(abs(slope * (1.0 / c.sliding)), 1.0)
-    growth = exponential(both)
-    spread = 0.25 * held * (growth + 1.0 / growth)
+    growth, decay = exponentials(both)
+    spread = 0.25 * held * (growth + decay)
     root = math.sqrt(spread * spread + 1.0 - 0.25 * held * held)
-    apart = c.transition * logarithm((spread + root) / (1.0 - 0.5 * held))
-    return 0.5 * (total + select(slope > 0.0, -apart, apart))
+    apart = (spread + root) * (1.0 / (1.0 - 0.5 * held))
+    difference = c.transition * logarithm(apart)
+    return 0.5 * (total + select(slope > 0.0, -difference, difference)), growth, apart
+
+
+@inlined_kernel
+def _little(slip):
+    """tanh(u) / u of little slip."""
+    square = slip * slip
+    return 1.0 - square * (1 / 3 - square * (2 / 15 - square * (17 / 315)))
+
+
+@inlined_kernel
+def _grips(slips, tops, bottoms):
+    """tanh(u) / u of two slips, of which exp(2 u) is top over bottom: one division for both."""
+    (u, v), (top_u, top_v), (bottom_u, bottom_v) = slips, tops, bottoms
+    little_u, little_v = abs(u) < _LITTLE_SLIP, abs(v) < _LITTLE_SLIP
+    under_u, under_v = (top_u + bottom_u) * select(little_u, 1.0, u), (top_v + bottom_v) * select(little_v, 1.0, v)
+    over = 1.0 / (under_u * under_v)
+    grip_u, grip_v = (top_u - bottom_u) * (under_v * over), (top_v - bottom_v) * (under_u * over)
+    return select(little_u, _little(u), grip_u), select(little_v, _little(v), grip_v)
 
 
 @kernel_part
 def _move(c, state, carried, motion, gap, turned, duration):
-    """Move eight needles of a trunnion on by a step: their forces along it on the roller, and moments about it.
+    """Move eight needles of each trunnion on by a step: their forces along it on the roller, and moments about it.
 
     `motion` is spin, plunging of the bore, place of the load, and rubbing; `gap` the roller's tilt and yaw and their
     rates; `turned` cosine and sine of the needles' angles. Centrifugal force counts as a widening gap.
     """
     spin, plunge, offset, rubs = motion
     tilt, yaw, tilting, yawing = gap
-    place, skew = load(state, PLACE), load(state, SKEW)
-    on_t, on_b = load(state, TRUNNION + VARIANCE), load(state, BORE + VARIANCE)
+    place, skew = load_three(state, PLACE), load_three(state, SKEW)
+    on_t, on_b = load_three(state, TRUNNION + VARIANCE), load_three(state, BORE + VARIANCE)
     sine, cosine = sine_cosine(skew)
     bore = plunge - c.bore_radius * (tilting * (1.0 - turned[0]) - yawing * turned[1])
     turning = 0.5 * c.lever * spin * sine
     total = bore * cosine - 2.0 * turning
     # limited to what friction on trunnion and bore can hold
     slope = tilt * turned[0] + yaw * turned[1] - min(c.thrown / max(carried, 1e-30), 2.0 * c.sliding)
-    free = _free_slip(c, total, slope)
-    moved = (free + turning) / cosine * duration
+    free, growth, apart = _free_slip(c, total, slope)
+    moved = (free + turning) * (duration / cosine)
     wanted = place + moved
     reach = c.reach + 0.5 * c.length * (1.0 - cosine)
     stopped = abs(wanted) > reach
-    side = select(wanted > 0.0, spread(1.0), spread(-1.0))
+    side = select(wanted > 0.0, 1.0, -1.0)
     # part of a step with the needle at its stop: in the step of arrival, the part after it
     rest = min((abs(wanted) - reach) / max(abs(moved), 1e-30), 1.0)
-    share = select(stopped, select(side * load(state, SIDE) > 0.0, 1.0, rest), 0.0)
+    share = select(stopped, select(side * load_three(state, SIDE) > 0.0, 1.0, rest), 0.0)
     store(state, SIDE, select(stopped, side, 0.0))
     new_place = select(stopped, side * reach, wanted)
-    on_trunnion = select(stopped, -turning, free)
-    steepest = 1.0 / c.transition
-    over_t, over_b = steepest * on_trunnion, steepest * (total - on_trunnion)
-    hold_t, hold_b = relative_tangent(abs(over_t)), relative_tangent(abs(over_b))
-    drag_t, drag_b = c.sliding * over_t * hold_t, c.sliding * over_b * hold_b
-    yields = on_t * hold_t + on_b * hold_b
-    if not everywhere(share * (1.0 - share) <= 0.0):
-        hold_t, hold_b = relative_tangent(abs(steepest * free)), relative_tangent(abs(steepest * (total - free)))
-        yields = share * yields + (1.0 - share) * (on_t * hold_t + on_b * hold_b)
+    steepest, narrows, product = 1.0 / c.transition, slope > 0.0, growth * apart
+    free_t, free_b = steepest * free, steepest * (total - free)
+    tops, bottoms = (growth, product), (apart, 1.0)
+    tops = select(narrows, tops[0], tops[1]), select(narrows, tops[1], tops[0])
+    bottoms = select(narrows, bottoms[0], bottoms[1]), select(narrows, bottoms[1], bottoms[0])
+    hold_t, hold_b = _grips((free_t, free_b), tops, bottoms)
+    over_t, over_b = -steepest * turning, steepest * (total + turning)
+    turns = exponential(min(max(2.0 * over_t, -_MOST_SLIP), _MOST_SLIP))
+    stop_t, stop_b = _grips((over_t, over_b), (turns, growth * growth), (1.0 + 0.0 * turns, turns))
+    yields = share * (on_t * stop_t + on_b * stop_b) + (1.0 - share) * (on_t * hold_t + on_b * hold_b)
+    drag_t = c.sliding * select(stopped, over_t * stop_t, free_t * hold_t)
+    drag_b = c.sliding * select(stopped, over_b * stop_b, free_b * hold_b)
     stop = select(stopped, max(side * (drag_b - drag_t - slope), 0.0), 0.0)
     store(state, STOP, side * stop * carried)
     stop = share * stop
@@ -177,102 +202,130 @@ def _move(c, state, carried, motion, gap, turned, duration):
 
 @dataclass(frozen=True, eq=False)
 class NeedleRing(ByReference):
-    """State of the needles of three trunnions."""
+    """State of the needles of three trunnions; rows of 24 lanes have eight needles of each."""
 
-    state: FloatArray  # rows of `needle_contact` of all needles that carry, shape (3, blocks, `ROWS`, 8)
-    # roller, shape (3, 3): its tilt and yaw a step ago, and the mean place of its needles
-    roller: FloatArray
+    state: FloatArray  # rows of `load_along_needle` of all needles that carry, shape (blocks, `ROWS`, 24)
+    roller: FloatArray  # tilt and yaw of each roller a step ago, shape (2, 24)
+    placed: FloatArray  # mean place of each roller's needles, shape (1, 3)
+    # sums over the needles of each roller in the order of `PLACED` and so on, shape (2, 24)
+    sums: FloatArray
+    entered: FloatArray  # 1 where a needle of a trunnion has come under load in this step, shape (1, 3)
     carrying: IntArray  # outermost needles that carried a step ago, shape (3, 2)
-    past: FloatArray  # skews of all needles one and two revolutions ago, shape (3, blocks, 2, 8)
+    past: FloatArray  # skews of all needles one and two revolutions ago, shape (blocks, 2, 24)
 
     @classmethod
     def for_blocks(cls, blocks: int) -> NeedleRing:
         """Memory for `blocks` blocks of eight needles that carry."""
-        state, past = np.zeros((3, blocks, ROWS, WIDTH)), np.zeros((3, blocks, 2, WIDTH))
-        return cls(state, np.zeros((3, 3)), np.zeros((3, 2), np.int64), past)
+        state, past = np.zeros((blocks, ROWS, 3 * WIDTH)), np.zeros((blocks, 2, 3 * WIDTH))
+        rows, each = (lambda: np.zeros((2, 3 * WIDTH))), (lambda: np.zeros((1, 3)))
+        return cls(state, rows(), each(), rows(), each(), np.zeros((3, 2), np.int64), past)
 
 
-TILTED, YAWED, PLACED = range(3)
-"""Columns of `NeedleRing.roller`."""
+TILTED, YAWED = range(2)
+"""Rows of `NeedleRing.roller`."""
+PLACED, SKEWED = range(2)
+"""Sums of places and skews times loads, in the first row of `NeedleRing.sums`."""
+FORCE, MOMENT = range(2)
+"""Sums of forces along the trunnion and moments about it, in its second row."""
 
 
 @inlined_kernel
-def _come_under_load(c, state, deep, slots, number, other):
-    """Put a needle at its outer stop, along the one next to it."""
-    block, lane, of = number % slots // WIDTH, number % slots % WIDTH, other % slots
-    state[block, PLACE, lane], state[block, SKEW, lane] = c.reach, state[of // WIDTH, SKEW, of % WIDTH]
-    state[block, SIDE, lane] = 1.0
-    state[block, TRUNNION + DEPTH, lane] = state[block, BORE + DEPTH, lane] = deep
-    state[block, TRUNNION + LEAN, lane] = state[block, BORE + LEAN, lane] = 0.0
+def _come_under_load(c, state, deep, k, slots, number, other):
+    """Put a needle of trunnion k at its outer stop, along the one next to it."""
+    slot, of = number % slots, other % slots
+    one, lane = state[slot // WIDTH], WIDTH * k + slot % WIDTH
+    one[PLACE, lane], one[SKEW, lane] = c.reach, state[of // WIDTH, SKEW, WIDTH * k + of % WIDTH]
+    one[SIDE, lane] = 1.0
+    one[TRUNNION + DEPTH, lane] = one[BORE + DEPTH, lane] = deep
+    one[TRUNNION + LEAN, lane] = one[BORE + LEAN, lane] = 0.0
 
 
 @kernel_part
 def _admit(c, state, needles, k, step, carrying, first, last):
     """Start newly loaded needles in their unloaded state, along their neighbours; returns whether there are any."""
-    slots = WIDTH * needles.blocks
-    if first >= carrying[0] and last <= carrying[1]:
-        carrying[0], carrying[1] = first, last
-        return False
-    for number in range(carrying[1] + 1, last + 1):
-        slot = number % slots
-        deep = deepest(c, needles.loads[k, slot // WIDTH, step, slot % WIDTH])
-        _come_under_load(c, state, deep, slots, number, number - 1)
-    for number in range(carrying[0] - 1, first - 1, -1):
-        slot = number % slots
-        deep = deepest(c, needles.loads[k, slot // WIDTH, step, slot % WIDTH])
-        _come_under_load(c, state, deep, slots, number, number + 1)
+    slots, new = WIDTH * needles.blocks, first < carrying[0] or last > carrying[1]
+    if new:
+        for number in range(carrying[1] + 1, last + 1):
+            slot = number % slots
+            deep = deepest(c, needles.loads[slot // WIDTH, step, WIDTH * k + slot % WIDTH])
+            _come_under_load(c, state, deep, k, slots, number, number - 1)
+        for number in range(carrying[0] - 1, first - 1, -1):
+            slot = number % slots
+            deep = deepest(c, needles.loads[slot // WIDTH, step, WIDTH * k + slot % WIDTH])
+            _come_under_load(c, state, deep, k, slots, number, number + 1)
     carrying[0], carrying[1] = first, last
-    return True
+    return new
 
 
 @kernel_part
-def step_on(c, tilt, at, needles, ring, k, step, duration):
-    """Move all needles of a trunnion that carry load on by a step.
-
-    Returns sums over needles: place times load, skew times load, force along and moment about the trunnion.
-    """
-    i, n, state, roller = step // WIDTH, step % WIDTH, ring.state[k], ring.roller[k]
-    new = _admit(c, state, needles, k, step, ring.carrying[k], at.first[k, i, n], at.last[k, i, n])
-    motion = at.motion[k, step]
-    offset, yaw = motion[OFFSET], motion[YAW]
-    lean = tilt * (offset - roller[PLACED])
-    gap = (lean, yaw, (lean - roller[TILTED]) / duration, (yaw - roller[YAWED]) / duration)
-    roller[TILTED], roller[YAWED] = lean, yaw
-    looks = _FIRST_LOOKS if new else 1 if c.drop > 0.0 or step % _REFRESHED == 0 else 0
-    placed, skewed, force, moment = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+def _look(c, needles, ring, step, offset, new):
+    """Follow the spread of loads along the needles where it is time to, and along newly loaded ones."""
+    usual = 1 if c.drop > 0.0 or step % _REFRESHED == 0 else 0
+    looks = _FIRST_LOOKS if new else usual
+    if looks == 0:
+        return
     for b in range(needles.blocks):
-        carried = load(needles.loads[k, b], step)
-        place, skew = load(state[b], PLACE), load(state[b], SKEW)
-        placed, skewed = placed + carried * place, skewed + carried * skew
-        if looks > 0:
-            deep = deepest(c, carried)
-            for _ in range(looks):
-                follow_spread(c, state[b], carried, offset, deep)
-        turned = load(needles.cosines[k, b], step), load(needles.sines[k, b], step)
-        acting = (motion[SPIN], motion[PLUNGE], offset, c.sliding * motion[RUBBING])
-        along, about = _move(c, state[b], carried, acting, gap, turned, duration)
+        carried = load_three(needles.loads[b], step)
+        deep = deepest(c, carried)
+        for look in range(looks):
+            changes = across(ring.entered, 0) + (1.0 if look < usual else 0.0)
+            follow_spread(c, ring.state[b], carried, offset, deep, changes)
+
+
+@kernel_part
+def step_on(c, tilt, at, needles, ring, step, duration):
+    """Move all needles that carry load on by a step; `ring` receives their sums and mean places."""
+    i, n, new = step // WIDTH, step % WIDTH, False
+    for k in range(3):
+        entered = _admit(c, ring.state, needles, k, step, ring.carrying[k], at.first[k, i, n], at.last[k, i, n])
+        ring.entered[0, k] = 1.0 if entered else 0.0
+        new = new or entered
+    motion, pace = at.motion[step], 1.0 / duration
+    offset, yaw = across(motion, OFFSET), across(motion, YAW)
+    lean = tilt * (offset - across(ring.placed, 0))
+    tilting, yawing = pace * (lean - load_three(ring.roller, TILTED)), pace * (yaw - load_three(ring.roller, YAWED))
+    store(ring.roller, TILTED, lean)
+    store(ring.roller, YAWED, yaw)
+    placed, force = 0.0 * yaw, 0.0 * yaw
+    skewed, moment = placed, force
+    for b in range(needles.blocks):
+        carried = load_three(needles.loads[b], step)
+        placed = placed + carried * load_three(ring.state[b], PLACE)
+        skewed = skewed + carried * load_three(ring.state[b], SKEW)
+    store(ring.sums, 0, row_of_sums(placed, skewed, 0.0, 0.0, 0.0, 0.0))
+    for k in range(3):
+        ring.placed[0, k] = ring.sums[0, WIDTH * k + PLACED] / at.carried[k, i, n]
+    _look(c, needles, ring, step, offset, new)
+    acting = (across(motion, SPIN), across(motion, PLUNGE), offset, c.sliding * across(motion, RUBBING))
+    for b in range(needles.blocks):
+        turned = load_three(needles.cosines[b], step), load_three(needles.sines[b], step)
+        carried = load_three(needles.loads[b], step)
+        along, about = _move(c, ring.state[b], carried, acting, (lean, yaw, tilting, yawing), turned, duration)
         force, moment = force + along, moment + about
-    return row_of_sums(placed, skewed, force, moment, 0.0, 0.0)
+    store(ring.sums, 1, row_of_sums(force, moment, 0.0, 0.0, 0.0, 0.0))
 
 
 @kernel_part
 def start_needles(c, skews, tilt, at, needles, ring):
     """Put all needles in the middle, at their initial skews."""
+    motion = at.motion[0]
+    offset = across(motion, OFFSET)
+    store(ring.roller, TILTED, tilt * offset)
+    store(ring.roller, YAWED, across(motion, YAW))
     for k in range(3):
-        for b in range(needles.blocks):
-            deep, state = deepest(c, load(needles.loads[k, b], 0)), ring.state[k, b]
-            for at_row in range(ROWS):
-                store(state, at_row, spread(0.0))
-            store(state, SKEW, spread(skews[k]))
-            store(state, TRUNNION + DEPTH, deep)
-            store(state, BORE + DEPTH, deep)
-        motion, roller = at.motion[k, 0], ring.roller[k]
-        roller[TILTED], roller[YAWED], roller[PLACED] = tilt * motion[OFFSET], motion[YAW], 0.0
+        ring.placed[0, k], ring.entered[0, k] = 0.0, 1.0
         ring.carrying[k, 0], ring.carrying[k, 1] = at.first[k, 0, 0], at.last[k, 0, 0]
-        for b in range(needles.blocks):
-            for _ in range(2 * _FIRST_LOOKS):
-                carried = load(needles.loads[k, b], 0)
-                follow_spread(c, ring.state[k, b], carried, motion[OFFSET], deepest(c, carried))
+    clear(ring.state)
+    for b in range(needles.blocks):
+        state, carried = ring.state[b], load_three(needles.loads[b], 0)
+        deep = deepest(c, carried)
+        for k in range(3):
+            for lane in range(WIDTH * k, WIDTH * (k + 1)):
+                state[SKEW, lane] = skews[k]
+        store(state, TRUNNION + DEPTH, deep)
+        store(state, BORE + DEPTH, deep)
+        for _ in range(2 * _FIRST_LOOKS):
+            follow_spread(c, state, carried, offset, deep, across(ring.entered, 0))
 
 
 @kernel_part
@@ -295,10 +348,10 @@ def record_needles(c, at, needles, state, k, step, records):
     turned = math.atan2(at.sines[k, i, n], at.cosines[k, i, n])
     for number in range(first, first + count):
         one, like = records[number % count], min(number, last) % slots
-        block, lane = like // WIDTH, like % WIDTH
+        block, lane = like // WIDTH, WIDTH * k + like % WIDTH
         one.angle = turned + 2.0 * math.pi / count * (number - nearest)
         one.skew, one.place = state[block, SKEW, lane], c.reach
         one.load, one.stop, one.line = 0.0, 0.0, 0.0
         if number <= last:
-            one.load, one.stop = needles.loads[k, block, step, lane], state[block, STOP, lane]
+            one.load, one.stop = needles.loads[block, step, lane], state[block, STOP, lane]
             one.place, one.line = state[block, PLACE, lane], _line_load(c, state, block, lane)

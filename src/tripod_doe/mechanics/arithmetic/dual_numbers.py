@@ -15,7 +15,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, register_model
 
-from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, Lanes, LanesModel, Mask, call, define, spread_lanes
+from tripod_doe.mechanics.arithmetic.simd_lanes import MASK, WIDTH, Lanes, LanesModel, call, define, spread_lanes
 
 DIRECTIONS = WIDTH - 1
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
@@ -92,7 +92,7 @@ for _function, _count, _make in (
 ):
     define(_function, _count, _KIND, _make, _KIND)
 for _function, _sign in ((operator.gt, ">"), (operator.lt, "<"), (operator.le, "<=")):
-    define(_function, 2, Mask(), _compared(_sign), _KIND)
+    define(_function, 2, MASK, _compared(_sign), _KIND)
 
 
 @intrinsic

@@ -3,12 +3,16 @@
 Lanes and floats share operators and mix, so that one law or vector formula serves both. Arithmetic follows IEEE 754,
 without contraction (which gains nothing), so that symmetric terms cancel. The compiler's own vectorisation of loops
 over eight was tried: it is three to five times slower on products of blocks.
+
+Twenty-four numbers (`LANES_OF_THREE`) are three registers with the same operators. Where every operation waits for the
+one before it, they cost little more than one.
 """
 
 from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -24,9 +28,10 @@ _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
 
 
 class Lanes(types.Type):
-    """Type of eight floats in one register."""
+    """Type of eight floats in one register, or of several registers."""
 
-    def __init__(self, name: str = "lanes") -> None:
+    def __init__(self, name: str = "lanes", registers: int = 1) -> None:
+        self.registers = registers
         super().__init__(name=name)
 
     def lift(self, builder: Any, kind: Any, value: Any) -> Any:
@@ -35,27 +40,62 @@ class Lanes(types.Type):
 
 
 class Mask(types.Type):
-    """Type of eight truth values."""
+    """Type of a truth value for each of some lanes."""
 
-    def __init__(self) -> None:
-        super().__init__(name="lanes_mask")
+    def __init__(self, lanes: Lanes) -> None:
+        self.registers = lanes.registers
+        super().__init__(name=f"{lanes.name}_mask")
 
 
-LANES, _MASK = Lanes(), Mask()
+LANES, LANES_OF_THREE = Lanes(), Lanes("lanes_of_three", 3)
+_MASKS = {kind: Mask(kind) for kind in (LANES, LANES_OF_THREE)}
+MASK = _MASKS[LANES]
+
+
+def _several(register: Any, count: int) -> Any:
+    return register if count == 1 else ir.ArrayType(register, count)
 
 
 @register_model(Lanes)
 class LanesModel(models.PrimitiveModel):
-    """One register."""
+    """One register or several."""
 
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, _several(_VECTOR, kind.registers))
 
 
 @register_model(Mask)
 class _MaskModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, ir.VectorType(ir.IntType(1), WIDTH))
+        super().__init__(manager, kind, _several(ir.VectorType(ir.IntType(1), WIDTH), kind.registers))
+
+
+def _registers(builder: Any, value: Any, count: int) -> list[Any]:
+    """The registers of a value; a single one or a float stands for all."""
+    if not isinstance(value.type, ir.ArrayType):
+        return [value] * count
+    return [builder.extract_value(value, k) for k in range(count)]
+
+
+def _joined(builder: Any, registers: list[Any]) -> Any:
+    """One value of several registers."""
+    whole = ir.Constant(ir.ArrayType(registers[0].type, len(registers)), ir.Undefined)
+    for k, register in enumerate(registers):
+        whole = builder.insert_value(whole, register, k)
+    return whole
+
+
+def _by_register(make: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a function that makes a register from others make several from several."""
+
+    def made(builder: Any, *values: Any) -> Any:
+        count = max((value.type.count for value in values if isinstance(value.type, ir.ArrayType)), default=1)
+        if count == 1:
+            return make(builder, *values)
+        each = zip(*(_registers(builder, value, count) for value in values), strict=True)
+        return _joined(builder, [make(builder, *one) for one in each])
+
+    return made
 
 
 def spread_lanes(builder: Any, kind: Any, value: Any) -> Any:
@@ -81,10 +121,11 @@ def define(function: Any, count: int, result: Any, make: Any, own: Lanes = LANES
     mixtures = [(own,)] if count == 1 else [(own, own), (own, types.float64), (types.float64, own)]
     cases = [signature(result, *kinds) for kinds in mixtures]
     infer_global(function)(type("Mixtures", (ConcreteTemplate,), {"cases": cases}))
+    whole = _by_register(make)
     for kinds in mixtures:
 
         def lower(_: Any, builder: Any, sign: Any, values: Any) -> Any:
-            return make(builder, *(own.lift(builder, kind, v) for kind, v in zip(sign.args, values, strict=True)))
+            return whole(builder, *(own.lift(builder, kind, v) for kind, v in zip(sign.args, values, strict=True)))
 
         lower_builtin(function, *kinds)(lower)
 
@@ -97,21 +138,22 @@ def _comparison(sign: str) -> Any:
     return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
 
 
-for _function, _name in (
-    (operator.add, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.truediv, "fdiv"),
-):
-    define(_function, 2, LANES, _pairwise(_name))
-for _function, _sign in ((operator.gt, ">"), (operator.lt, "<"), (operator.le, "<=")):
-    define(_function, 2, _MASK, _comparison(_sign))
-define(max, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
-define(min, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
-define(operator.pow, 2, LANES, lambda builder, a, b: call(builder, "llvm.pow.v8f64", _VECTOR, a, b))
-define(operator.neg, 1, LANES, lambda builder, a: builder.fneg(a))
-define(abs, 1, LANES, lambda builder, a: call(builder, "llvm.fabs.v8f64", _VECTOR, a))
-define(math.sqrt, 1, LANES, lambda builder, a: call(builder, "llvm.sqrt.v8f64", _VECTOR, a))
+for _kind, _mask in _MASKS.items():
+    for _function, _name in (
+        (operator.add, "fadd"),
+        (operator.sub, "fsub"),
+        (operator.mul, "fmul"),
+        (operator.truediv, "fdiv"),
+    ):
+        define(_function, 2, _kind, _pairwise(_name), _kind)
+    for _function, _sign in ((operator.gt, ">"), (operator.lt, "<"), (operator.le, "<=")):
+        define(_function, 2, _mask, _comparison(_sign), _kind)
+    define(max, 2, _kind, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a), _kind)
+    define(min, 2, _kind, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a), _kind)
+    define(operator.pow, 2, _kind, lambda builder, a, b: call(builder, "llvm.pow.v8f64", _VECTOR, a, b), _kind)
+    define(operator.neg, 1, _kind, lambda builder, a: builder.fneg(a), _kind)
+    define(abs, 1, _kind, lambda builder, a: call(builder, "llvm.fabs.v8f64", _VECTOR, a), _kind)
+    define(math.sqrt, 1, _kind, lambda builder, a: call(builder, "llvm.sqrt.v8f64", _VECTOR, a), _kind)
 
 
 @intrinsic
@@ -121,11 +163,12 @@ def select(_, condition, a, b):
         kind = types.float64
         return kind(condition, kind, kind), lambda _, builder, __, values: builder.select(*values)
 
-    own = next((kind for kind in (a, b) if isinstance(kind, Lanes)), LANES)
+    mixed = next(kind for kind, mask in _MASKS.items() if mask == condition)
+    own = next((kind for kind in (a, b) if isinstance(kind, Lanes)), mixed)
 
     def lower(_, builder, sign, values):
         a, b = (own.lift(builder, kind, value) for kind, value in zip(sign.args[1:], values[1:], strict=True))
-        return builder.select(values[0], a, b)
+        return _by_register(lambda builder, *of: builder.select(*of))(builder, values[0], a, b)
 
     return own(condition, a, b), lower
 
@@ -135,8 +178,11 @@ def everywhere(_, condition):
     """Whether a condition on lanes holds in all of them."""
 
     def lower(_, builder, sign, values):
-        byte = ir.IntType(WIDTH)
-        return builder.icmp_unsigned("==", builder.bitcast(values[0], byte), ir.Constant(byte, 2**WIDTH - 1))
+        byte, count = ir.IntType(WIDTH), sign.args[0].registers
+        first, *others = (builder.bitcast(one, byte) for one in _registers(builder, values[0], count))
+        for other in others:
+            first = builder.and_(first, other)
+        return builder.icmp_unsigned("==", first, ir.Constant(byte, 2**WIDTH - 1))
 
     return types.boolean(condition), lower
 
@@ -145,8 +191,7 @@ def everywhere(_, condition):
 def root_guess(_, x, order, offset):
     """First guess of a root of x > 0, by dividing the bits of its logarithm: bits(x) / order + offset, as a float."""
 
-    def lower(_, builder, sign, values):
-        value, order, offset = values
+    def guess(builder, value, order, offset):
         kind = value.type
         whole = ir.VectorType(_INTEGER, WIDTH) if kind == _VECTOR else _INTEGER
         # a division of integers has no vector form; as floats the bits lose nothing that a guess needs
@@ -156,7 +201,7 @@ def root_guess(_, x, order, offset):
         scaled = builder.fadd(builder.fmul(scaled, order), offset)
         return builder.bitcast(builder.fptosi(scaled, whole), kind)
 
-    return x(x, types.float64, types.float64), lower
+    return x(x, types.float64, types.float64), lambda _, builder, __, values: _by_register(guess)(builder, *values)
 
 
 def _bits(builder: Any, value: Any) -> tuple[Any, Any]:
@@ -176,7 +221,7 @@ def fused(_, a, b, c):
         if own is not types.float64:
             values = [own.lift(builder, kind, value) for kind, value in zip(sign.args, values, strict=True)]
         name = "llvm.fmuladd.v8f64" if own is not types.float64 else "llvm.fmuladd.f64"
-        return call(builder, name, values[0].type, *values)
+        return _by_register(lambda builder, *of: call(builder, name, of[0].type, *of))(builder, *values)
 
     return own(a, b, c), lower
 
@@ -185,36 +230,36 @@ def fused(_, a, b, c):
 def _scaled(_, y, shifted):
     """Product of y and 2^k, with k + 1.5 2^52 as `shifted`: shifts and sums of integers, which all machines have."""
 
-    def lower(_, builder, sign, values):
+    def scaled(builder, *values):
         (whole, _), (power, constant) = (_bits(builder, value) for value in values)
         return builder.bitcast(builder.add(whole, builder.shl(power, constant(52))), values[0].type)
 
-    return y(y, y), lower
+    return y(y, y), lambda _, builder, __, values: _by_register(scaled)(builder, *values)
 
 
 @intrinsic
 def _exponent(_, x):
     """The exponent k of x = 2^k m > 0, 1 <= m < 2."""
 
-    def lower(_, builder, sign, values):
-        whole, constant = _bits(builder, values[0])
+    def exponent(builder, value):
+        whole, constant = _bits(builder, value)
         number = builder.or_(builder.lshr(whole, constant(52)), constant(0x433 << 52))  # 2^52 + 1023 + k
-        shift = builder.bitcast(constant(0x433 << 52 | 1023), values[0].type)
-        return builder.fsub(builder.bitcast(number, values[0].type), shift)
+        shift = builder.bitcast(constant(0x433 << 52 | 1023), value.type)
+        return builder.fsub(builder.bitcast(number, value.type), shift)
 
-    return x(x), lower
+    return x(x), lambda _, builder, __, values: _by_register(exponent)(builder, *values)
 
 
 @intrinsic
 def _mantissa(_, x):
     """The mantissa m of x = 2^k m > 0, 1 <= m < 2."""
 
-    def lower(_, builder, sign, values):
-        whole, constant = _bits(builder, values[0])
+    def mantissa(builder, value):
+        whole, constant = _bits(builder, value)
         number = builder.or_(builder.and_(whole, constant(2**52 - 1)), constant(1023 << 52))
-        return builder.bitcast(number, values[0].type)
+        return builder.bitcast(number, value.type)
 
-    return x(x), lower
+    return x(x), lambda _, builder, __, values: _by_register(mantissa)(builder, *values)
 
 
 @intrinsic
@@ -278,6 +323,11 @@ def _row_pointer(context: Any, builder: Any, kind: Any, value: Any, row: Any) ->
     return builder.gep(array.data, [builder.mul(row, columns)])
 
 
+def _register_pointers(builder: Any, start: Any, count: int) -> list[Any]:
+    """Addresses of registers that follow each other."""
+    return [builder.bitcast(builder.gep(start, [_INDEX(WIDTH * k)]), _VECTOR.as_pointer()) for k in range(count)]
+
+
 @intrinsic
 def load(_, array, row):
     """First eight numbers of a row of a contiguous array, shape (any, 8 or more)."""
@@ -290,12 +340,37 @@ def load(_, array, row):
 
 
 @intrinsic
-def store(_, array, row, lanes):
-    """Write the first eight numbers of a row of a contiguous array, shape (any, 8 or more)."""
+def load_three(_, array, row):
+    """First 24 numbers of a row of a contiguous array, shape (any, 24 or more)."""
 
     def lower(context, builder, sign, values):
-        pointer = _row_pointer(context, builder, sign.args[0], *values[:2])
-        builder.store(values[2], builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
+        pointer = _row_pointer(context, builder, sign.args[0], *values)
+        return _joined(builder, [builder.load(one, align=8) for one in _register_pointers(builder, pointer, 3)])
+
+    return LANES_OF_THREE(array, types.int64), lower
+
+
+@intrinsic
+def across(_, array, row):
+    """First three numbers of a row of a contiguous array, shape (any, 3 or more): each in all lanes of a register."""
+
+    def lower(context, builder, sign, values):
+        pointer = _row_pointer(context, builder, sign.args[0], *values)
+        numbers = [builder.load(builder.gep(pointer, [_INDEX(k)])) for k in range(3)]
+        return _joined(builder, [spread_lanes(builder, types.float64, number) for number in numbers])
+
+    return LANES_OF_THREE(array, types.int64), lower
+
+
+@intrinsic
+def store(_, array, row, lanes):
+    """Write lanes to the first numbers of a row of a contiguous array, shape (any, as many or more)."""
+
+    def lower(context, builder, sign, values):
+        pointer, count = _row_pointer(context, builder, sign.args[0], *values[:2]), sign.args[2].registers
+        places = _register_pointers(builder, pointer, count)
+        for register, place in zip(_registers(builder, values[2], count), places, strict=True):
+            builder.store(register, place, align=8)
         return context.get_dummy_value()
 
     return types.void(array, types.int64, lanes), lower
@@ -318,11 +393,11 @@ def clear(_, array):
 
 @intrinsic
 def row_of_sums(_, a, b, c, d, e, f):
-    """Lanes that hold the sums of six lanes, and two zeros."""
+    """Lanes that hold the sums of six lanes, and two zeros; of each register alone."""
+    own = next((kind for kind in (a, b, c, d, e, f) if isinstance(kind, Lanes)), LANES)
 
-    def lower(_, builder, sign, values):
-        left = [spread_lanes(builder, kind, value) for kind, value in zip(sign.args, values, strict=True)]
-        left += [ir.Constant(_VECTOR, [0.0] * WIDTH)] * 2
+    def sums(builder, *values):
+        left = [*values, *[ir.Constant(_VECTOR, [0.0] * WIDTH)] * 2]
         # neighbours are added in pairs, then pairs of pairs: seven additions for eight sums
         even, odd = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
         left = [_add_shuffled(builder, left[k], left[k + 1], even, odd) for k in range(0, 8, 2)]
@@ -331,7 +406,11 @@ def row_of_sums(_, a, b, c, d, e, f):
         even, odd = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
         return _add_shuffled(builder, left[0], left[1], even, odd)
 
-    return LANES(a, b, c, d, e, f), lower
+    def lower(_, builder, sign, values):
+        lifted = (own.lift(builder, kind, value) for kind, value in zip(sign.args, values, strict=True))
+        return _by_register(sums)(builder, *lifted)
+
+    return own(a, b, c, d, e, f), lower
 
 
 def _add_shuffled(builder: Any, a: Any, b: Any, first: list[int], second: list[int]) -> Any:
@@ -371,6 +450,21 @@ def exponential(x):
     middle = fused(1 / 120, r, 1 / 24) + q * fused(1 / 5040, r, 1 / 720)
     high = fused(1 / 362880, r, 1 / 40320) + q * fused(1 / 39916800, r, 1 / 3628800)
     return _scaled(fused(q2, fused(q2, high + q2 * (1 / 479001600), middle), low), shifted)
+
+
+@inlined_kernel
+def exponentials(x):
+    """exp(x) and exp(-x) as by `exponential`, for little more than one: even and odd terms are the same."""
+    shifted = x * 1.4426950408889634 + _MAGIC
+    k = shifted - _MAGIC
+    r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10
+    q = r * r
+    q2 = q * q
+    even = fused(q, fused(q, 1 / 720, 1 / 24) + q2 * fused(q, 1 / 3628800, 1 / 40320), 0.5)
+    even = fused(q2 * q2 * q2, 1 / 479001600, even * q)  # but for 1
+    odd = fused(q, fused(q, 1 / 5040, 1 / 120) + q2 * fused(q, 1 / 39916800, 1 / 362880), 1 / 6)
+    odd = fused(odd * q, r, r)
+    return _scaled((1.0 + odd) + even, shifted), _scaled((1.0 - odd) + even, 2.0 * _MAGIC - shifted)
 
 
 @inlined_kernel

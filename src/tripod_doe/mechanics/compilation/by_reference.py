@@ -141,4 +141,9 @@ def _field(context: Any, builder: Any, kind: Any, pointer: Any, name: str) -> An
     start = builder.gep(pointer, [_WORD(sum(_words_of(before) for _, before in kind.fields[:place]))])
     if isinstance(field, _Reference):
         return start
-    return builder.load(builder.bitcast(start, context.get_value_type(field).as_pointer()))
+    value = builder.load(builder.bitcast(start, context.get_value_type(field).as_pointer()))
+    if isinstance(field, types.Array):
+        # numba releases the owner of every array and slice; a constant tells the compiler that there is none: the calls
+        # were a quarter of a balance's time
+        value = builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
+    return value
