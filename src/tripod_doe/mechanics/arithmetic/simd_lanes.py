@@ -417,20 +417,40 @@ def _add_shuffled(builder: Any, a: Any, b: Any, first: list[int], second: list[i
     return builder.fadd(_shuffle(builder, a, b, first), _shuffle(builder, a, b, second))
 
 
-_BITS_OF_ONE = (1023.0 - 0.045) * 2.0**52
+_BITS_OF_ONE = (1023.0 - 0.05) * 2.0**52
 """The bits of 1.0 read as an integer, minus the correction that minimises the error of `root`'s guess."""
 
 
 @inlined_kernel
 def root(x, order):
-    """Third or ninth root of x >= 0, a float or lanes, to 1e-15 relative: three steps of Halley from a bit trick."""
-    x = max(x, 1e-250)
-    y = root_guess(x, 1.0 / order, (1.0 - 1.0 / order) * _BITS_OF_ONE)
-    for _ in range(3):  # the guess is good to 4 %, a step leaves at most 7 times the cube of an error
-        cube = y * y * y
-        power = cube if order == 3 else cube * cube * cube
-        y = y * (((order - 1.0) * power + (order + 1.0) * x) / ((order + 1.0) * power + (order - 1.0) * x))
-    return y
+    """Third or ninth root of x >= 0, a float or lanes, to 1e-15 relative and without a division.
+
+    A bit trick guesses y = x^(-1/n) so well that 1 - x y^n is between -0.29 and 0.25; two power series follow.
+    """
+    x, part, other = max(x, 1e-250), 1.0 / order, 1.0 - 1.0 / order
+    y = root_guess(x, -part, (1.0 + part) * _BITS_OF_ONE)
+    wrong = 1.0 - _last_power(x, y, order) * y
+    y = y * _series(part, wrong)
+    nearly = _last_power(x, y, order)
+    return nearly * _series(other, 1.0 - nearly * y)
+
+
+@inlined_kernel
+def _last_power(x, y, order):
+    """x y^(n - 1)."""
+    square = y * y
+    if order == 3:
+        return x * square
+    square = square * square
+    return x * (square * square)
+
+
+@inlined_kernel
+def _series(power, x):
+    """(1 - x)^-power to the fourth order."""
+    third = power * (power + 1.0) * (power + 2.0) / 6.0
+    fourth = third * (power + 3.0) / 4.0
+    return fused(x, fused(x, fused(x, fused(x, fourth, third), 0.5 * power * (power + 1.0)), power), 1.0)
 
 
 _MAGIC = 1.5 * 2.0**52
