@@ -8,11 +8,14 @@ from numba.core.errors import TypingError
 
 from tripod_doe.mechanics.arithmetic.rotations import cross
 from tripod_doe.mechanics.arithmetic.simd_lanes import (
+    across,
     clear,
     everywhere,
     exponential,
+    exponentials,
     fused,
     load,
+    load_three,
     logarithm,
     pick,
     ramp,
@@ -89,11 +92,49 @@ def test_lanes_are_numpy():
     np.testing.assert_allclose(out, np.array(expected), rtol=1e-14, atol=1e-15)
 
 
+@kernel
+def _evaluate_three(numbers, out):
+    x = load_three(numbers, 0)
+    grown, fallen = exponentials(10.0 * x)
+    results = (
+        select(x > 0.0, x, -1.0) + across(numbers, 0),
+        row_of_sums(x, x * x, 0.0, 1.0, 0.0, 0.0),
+        math.sqrt(abs(x)) / max(min(-x, 2.0), 0.5),
+        root(abs(x), 9),
+        fused(x, 2.0, logarithm(grown)),
+        grown,
+        fallen,
+        sine_cosine(0.2 * x)[0],
+    )
+    for i in range(len(results)):
+        store(out, i, results[i])
+    return everywhere(x < 10.0), everywhere(x < numbers[0, 20])
+
+
+def test_three_registers_are_numpy():
+    numbers, out = np.random.default_rng(1).normal(size=(1, 24)), np.empty((8, 24))
+    assert _evaluate_three(numbers, out) == (True, False)
+    x = numbers[0]
+    sums = np.zeros((3, 8))
+    sums[:, 0], sums[:, 1], sums[:, 3] = x.reshape(3, 8).sum(1), (x * x).reshape(3, 8).sum(1), 8.0
+    expected = [
+        np.where(x > 0, x, -1) + np.repeat(x[:3], 8),
+        sums.ravel(),
+        np.sqrt(abs(x)) / np.clip(-x, 0.5, 2),
+        abs(x) ** (1 / 9),
+        12 * x,
+        np.exp(10 * x),
+        np.exp(-10 * x),
+        np.sin(0.2 * x),
+    ]
+    np.testing.assert_allclose(out, np.array(expected), rtol=1e-14, atol=1e-15)
+
+
 def test_roots_are_those_of_numpy_over_all_sizes():
-    x = np.geomspace(1e-30, 1e6, 4000)
-    for order in (3, 9):
+    x = np.geomspace(1e-240, 1e200, 40_000)
+    for order, exact in ((3, np.cbrt(x)), (9, np.cbrt(np.cbrt(x)))):
         ours = np.array([root(value, order) for value in x])
-        np.testing.assert_allclose(ours, x ** (1 / order), rtol=3e-15)
+        np.testing.assert_allclose(ours, exact, rtol=1e-15)
     assert contact_force(1e5, 10 / 9, 0.0) == 0.0
 
 

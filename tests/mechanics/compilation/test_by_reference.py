@@ -53,6 +53,17 @@ def write(bundle, value):
     bundle.rows[0].number = 9
 
 
+@numba.njit
+def sum_of_slices(bundle):
+    total = 0.0
+    for plane in range(bundle.cube.shape[0]):
+        for row in range(bundle.cube.shape[1]):
+            numbers = bundle.cube[plane, row]
+            for value in numbers[1:]:
+                total += value
+    return total
+
+
 EXPECTED = (2.0, 7, 5.0, 0.25, 4, 6)
 
 
@@ -95,3 +106,11 @@ def test_a_copy_in_another_process_lays_out_its_own_memory():
 def test_an_array_that_is_not_contiguous_is_refused_by_name():
     with pytest.raises(ValueError, match="values: not contiguous"):
         Inner(1, np.zeros((4, 4))[:, ::2])
+
+
+def test_slices_have_no_owner_to_release():
+    """Calls that release one took a quarter of the price of a run: none is left in the machine code."""
+    assert sum_of_slices(bundle()) == 0.0
+    for code in sum_of_slices.inspect_llvm().values():
+        body = code[code.index("define") : code.index("\n}\n")]
+        assert "NRT_decref" not in body

@@ -19,7 +19,14 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.massless_needles.load_along_needle import SKEW
 from tripod_doe.joint.massless_needles.load_sharing import load_needles
 from tripod_doe.joint.massless_needles.needle_constants import needle_constants_of
-from tripod_doe.joint.massless_needles.needle_motion import FORCE, MOMENT, SKEWED, record_needles, start_needles, step_on
+from tripod_doe.joint.massless_needles.needle_motion import (
+    FORCE,
+    MOMENT,
+    SKEWED,
+    record_needles,
+    start_needles,
+    step_on,
+)
 from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, load_three, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part

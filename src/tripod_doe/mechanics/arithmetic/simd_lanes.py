@@ -437,7 +437,7 @@ def root(x, order):
 
 @inlined_kernel
 def _last_power(x, y, order):
-    """x y^(n - 1)."""
+    """X y^(n - 1)."""
     square = y * y
     if order == 3:
         return x * square

@@ -143,7 +143,7 @@ def _field(context: Any, builder: Any, kind: Any, pointer: Any, name: str) -> An
         return start
     value = builder.load(builder.bitcast(start, context.get_value_type(field).as_pointer()))
     if isinstance(field, types.Array):
-        # numba releases the owner of every array and slice; a constant tells the compiler that there is none: the calls
-        # were a quarter of a balance's time
+        # a constant says that the array has no owner: else every slice of it ends with a call that releases one, before
+        # which all registers are saved (a quarter of the price of the model `rollers`)
         value = builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
     return value
