@@ -6,25 +6,21 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from tripod_doe.mechanics.arithmetic.elementary_functions import exponential, exponentials, logarithm, root, sine_cosine
 from tripod_doe.mechanics.arithmetic.rotations import cross
 from tripod_doe.mechanics.arithmetic.simd_lanes import (
     across,
     clear,
     everywhere,
-    exponential,
-    exponentials,
     fused,
     load,
     load_three,
-    logarithm,
     pick,
     ramp,
     replace,
-    root,
     row,
     row_of_sums,
     select,
-    sine_cosine,
     spread,
     store,
 )

@@ -8,15 +8,16 @@ them.
 from __future__ import annotations
 
 from tripod_doe.joint.massless_needles.load_sharing import EXPONENT, station
-from tripod_doe.mechanics.arithmetic.simd_lanes import exponential, load_three, logarithm, select, store
+from tripod_doe.mechanics.arithmetic.elementary_functions import exponential, logarithm
+from tripod_doe.mechanics.arithmetic.simd_lanes import load_three, select, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, inner_kernel
 from tripod_doe.mechanics.laws.contact import contact_secant
 
 FARTHEST = 0.35
 """Place of a load along a needle over its length, at most."""
 PLACE, SKEW, TRUNNION, BORE, STOP, SIDE = 0, 1, 2, 5, 8, 9
-"""Rows of the state of eight needles of each trunnion: along the trunnion from the middle in mm, psi in rad, contacts, the force of the
-outer stop in N, negative at the inner one, and 1 at the outer stop, -1 at the inner one, 0 between them."""
+"""Rows of the state of eight needles of each trunnion: along the trunnion from the middle in mm, psi in rad, contacts,
+the force of the outer stop in N, negative at the inner one, and 1 at the outer stop, -1 at the inner one, 0 between."""
 DEPTH, LEAN, VARIANCE = range(3)
 """Rows of a contact: compression in the middle and its slope, and <(x - x_f)^2> of the stations."""
 ROWS = 10

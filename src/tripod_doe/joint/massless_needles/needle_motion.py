@@ -73,19 +73,8 @@ from tripod_doe.joint.massless_needles.load_along_needle import (
     load_centre,
 )
 from tripod_doe.joint.massless_needles.load_sharing import EXPONENT, OFFSET, PLUNGE, RUBBING, SPIN, YAW, station
-from tripod_doe.mechanics.arithmetic.simd_lanes import (
-    WIDTH,
-    across,
-    clear,
-    exponential,
-    exponentials,
-    load_three,
-    logarithm,
-    row_of_sums,
-    select,
-    sine_cosine,
-    store,
-)
+from tripod_doe.mechanics.arithmetic.elementary_functions import exponential, exponentials, logarithm, sine_cosine
+from tripod_doe.mechanics.arithmetic.simd_lanes import WIDTH, across, clear, load_three, row_of_sums, select, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws.contact import contact_secant

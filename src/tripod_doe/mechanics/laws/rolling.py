@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.arithmetic.simd_lanes import root
+from tripod_doe.mechanics.arithmetic.elementary_functions import root
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel
 
 
