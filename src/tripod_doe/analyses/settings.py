@@ -2,7 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
+
+from tripod_doe.study.definition.study_tables import Table
 
 SHARES = [at / 200 for at in range(1, 200)]
 """Probabilities of the quantiles that draw a distribution, besides the requested quantiles."""
@@ -19,11 +21,14 @@ Probabilities = Annotated[
 ]
 """Probabilities of the quantiles that an analysis computes, in ascending order and each once."""
 
+Precision = Annotated[
+    float, Field(gt=0, description="half width of an interval that is narrow enough, over the largest index")
+]
 
-class PointSettings(BaseModel):
+
+class PointSettings(Table):
     """What every analysis of points with intervals asks: of which outputs, how sure, and what if points failed."""
 
-    model_config = ConfigDict(extra="forbid")
     outputs: list[str] = Field([], description="outputs to analyse; all kept ones if omitted")
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the confidence intervals")
     holes: Literal["drop", "rest", "refuse"] = Field(
@@ -39,6 +44,4 @@ class SensitivitySettings(PointSettings):
 
     resamples: int = Field(100, ge=10, le=10_000, description="resamples of the confidence intervals")
     seed: int = Field(0, ge=0, description="seed of the resampling")
-    precision: float = Field(
-        0.05, gt=0, description="half width of an interval that is narrow enough, over the largest index"
-    )
+    precision: Precision = 0.05

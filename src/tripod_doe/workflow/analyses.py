@@ -1,6 +1,5 @@
 """Analyses that a study requests: checked before anything runs, then computed from its cube."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from tripod_doe.names import path_within
 from tripod_doe.study.cube.netcdf import results_in_history, stamp_history, write_dataset
 from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.toml_text import shown
 
 _KEPT = ("Conventions", "institution", "source", "references", "study_hash")
 """Attributes of a cube that its analyses have, too."""
@@ -71,28 +71,17 @@ def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseMo
     Raises:
         InputError: If a key is unknown, with the nearest known one, or missing, or its value is refused.
     """
-    if key := next((key for key, value in table.items() if not _is_finite(value)), None):
-        raise InputError(f"{key} = {table[key]!r}: numbers must be finite")
     try:
         return model.model_validate(table)
     except ValidationError as error:
         # an unknown key first: if it is a typing error, it explains the missing key
         item = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
-        key = str(item["loc"][0])
+        key = ".".join(map(str, item["loc"]))
         if item["type"] == "extra_forbidden":
             raise InputError(f"unknown key {key!r}{near_match(key, model.model_fields)}") from error
         if item["type"] == "missing":
             raise InputError(f"{key} is missing") from error
-        raise InputError(f"{key} = {item['input']!r}: {said_of(item, key)}") from error
-
-
-def _is_finite(value: object) -> bool:
-    """Whether all numbers in a value of a TOML file, also within lists and tables, are finite."""
-    if isinstance(value, Mapping):
-        value = list(value.values())
-    return (
-        all(map(_is_finite, value)) if isinstance(value, list) else not isinstance(value, float) or math.isfinite(value)
-    )
+        raise InputError(f"{key} = {shown(item['input'])}: {said_of(item, key)}") from error
 
 
 def analysis_of(study: Study, name: str) -> tuple[Analysis, BaseModel]:

@@ -1,23 +1,24 @@
 """The paper's claims over the skews that are chosen for its cases, since it does not print them."""
 
 from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.claims.verdicts import VERDICT_FLAGS, ClaimsSettings, Verdict, check_claims
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.errors import InputError
+from tripod_doe.study.definition.study_tables import Table
 
 
-class ClaimsOverSkewSettings(BaseModel):
+class ClaimsOverSkewSettings(Table):
     """Settings of the claims over skew as a step of a workflow."""
 
-    model_config = ConfigDict(extra="forbid")
     title: str = Field("Claims over the chosen skews", description="heading on a report page")
     model: str = Field("needles", description="model whose points decide the claims")
-    skews_deg: list[float] = Field(
+    skews_deg: list[Annotated[float, Field(gt=0)]] = Field(
         min_length=2, description="skews of cases 2, 3 and 4, evaluated one after the other; case 1 has half of each"
     )
 

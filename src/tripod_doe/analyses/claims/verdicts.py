@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import Evidence, Measured, MissingPointError
 from tripod_doe.analyses.claims.rules import RULES, Rule
 from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.study.definition.study_tables import Table
 
 
 class Verdict(IntEnum):
@@ -37,10 +38,9 @@ VERDICT_FLAGS = {
 """CF attributes of verdicts."""
 
 
-class ClaimsSettings(BaseModel):
+class ClaimsSettings(Table):
     """Settings of the claims as a step of a workflow."""
 
-    model_config = ConfigDict(extra="forbid")
     model: str = Field("needles", description="model whose points decide the claims")
     small_skew_deg: float = Field(0.2, gt=0, description="skew of case 1, signs + - +; not printed in the paper")
     large_skew_deg: float = Field(0.4, gt=0, description="skew of cases 2, 3 and 4; not printed in the paper")

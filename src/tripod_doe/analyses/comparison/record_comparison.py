@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.comparison.record_point import RecordRow, overruled, point_of_record, with_stated_values
@@ -13,6 +13,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.measurement import read_measurement
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.study_tables import Table
 
 
 @dataclass(frozen=True)
@@ -69,10 +70,9 @@ def compare_record(
     return ComparedRecord(row, comparison.assign_attrs(remarks=remarks), chosen.simulated, chosen.replaced)
 
 
-class ComparisonSettings(BaseModel):
+class ComparisonSettings(Table):
     """Settings of a comparison as a step of a workflow."""
 
-    model_config = ConfigDict(extra="forbid")
     measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
     select: list[str] = Field([], description="name=value of each factor, so that one point is left")
     nearest: bool = Field(False, description="take the nearest value where none matches")
@@ -82,7 +82,9 @@ class ComparisonSettings(BaseModel):
     sign: Literal[1, -1] = Field(1, description="-1 where the force is positive away from the intermediate shaft")
     columns: dict[str, str] = Field({}, description="headings of the file by our names of the columns")
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
-    speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
+    speeds_rpm: Annotated[tuple[float, float], Field(strict=False)] | None = Field(
+        None, description="range of the speeds that are compared"
+    )
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.contribution.ablation import (
     OperatingPoints,
@@ -30,6 +30,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.responses import ERROR
+from tripod_doe.study.definition.study_tables import Table
 from tripod_doe.study.memory import refuse_too_much_memory
 
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}
@@ -44,10 +45,9 @@ _FLAGS = {0: "valid", 1: "zero_amplitude", 2: "point_missing"}
 _DEGREES = ("degree", "degrees", "deg", "1", "")  # a function's output may have no unit
 
 
-class ContributionSettings(BaseModel):
+class ContributionSettings(Table):
     """[analysis.NAME] of kind contribution."""
 
-    model_config = ConfigDict(extra="forbid")
     output: str = Field(
         "thrust_amplitude", description="amplitude, effective value or real output to split into shares"
     )

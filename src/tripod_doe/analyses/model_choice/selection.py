@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.analyses.kinds import makes_kind
@@ -44,15 +44,14 @@ from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.study_tables import Table
 from tripod_doe.study.designs import make_points
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
 
 
-class ChooseSettings(BaseModel):
+class ChooseSettings(Table):
     """Settings of the analysis ``choose``."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     study: str = Field(
         description='study file with model = "auto" for whose points the model is chosen, relative to the workflow file'

@@ -12,7 +12,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.sensitivity.morris import shorter_way, values_in_blocks
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import Precision, SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import IntArray
 
@@ -20,7 +20,7 @@ from tripod_doe.array_types import IntArray
 class DgsmSettings(SensitivitySettings):
     """[analysis.NAME] of kind dgsm."""
 
-    precision: float = 0.1
+    precision: Precision = 0.1
 
 
 def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:

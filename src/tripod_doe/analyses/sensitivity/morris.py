@@ -13,7 +13,7 @@ from tripod_doe.analyses.bootstrap import bootstrap_weights, studentised_half_wi
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import Precision, SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import factor_groups
@@ -24,7 +24,7 @@ _RESAMPLES = 1000  # least, for quantiles of them
 class MorrisSettings(SensitivitySettings):
     """[analysis.NAME] of kind morris."""
 
-    precision: float = 0.1
+    precision: Precision = 0.1
 
 
 def values_in_blocks(sample: Sample, table: OutputTable, components: IntArray) -> FloatArray:

@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.speed_accuracy.timed_runs import BY_ACCURACY, QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
+from tripod_doe.study.definition.study_tables import Table
 
 
 class Known(IntEnum):
@@ -52,10 +53,9 @@ _KNOWN_MEANINGS = (
 _SURE = (Known.INTERPOLATED, Known.AT_MOST, Known.LIMITED)
 
 
-class SpeedAccuracySettings(BaseModel):
+class SpeedAccuracySettings(Table):
     """Settings of speed-accuracy as a step of a workflow."""
 
-    model_config = ConfigDict(extra="forbid")
     target: float = Field(0.005, gt=0, lt=1, description="relative error at which prices are compared")
 
 

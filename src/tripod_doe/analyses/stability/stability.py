@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray, IntArray
@@ -31,7 +31,7 @@ from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.scenes import load_simulator
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_tables import Table, parse_file
 
 _NUMERICS = ("step_s", "relative_tolerance")
 _RATES = ("friction_rate_per_s", "contact_rate_per_s", "secant_lag_rate_per_s")
@@ -68,10 +68,9 @@ class Agreement(IntEnum):
     NOT_DECIDED = 2
 
 
-class StabilitySettings(BaseModel):
+class StabilitySettings(Table):
     """[analysis.NAME] of kind stability."""
 
-    model_config = ConfigDict(extra="forbid")
     output: str = Field(description="output that is compared with the reference")
     select: dict[str, float] = Field({}, description="component of the output, for instance order = 3")
     limit: float = Field(0.02, gt=0, lt=1, description="relative error up to which a run is right")

@@ -62,6 +62,7 @@ _EXPECTED = {
     "string_type": "expected text in quotes",
     "string_too_short": "must not be empty",
     "string_too_long": "must have at most {max_length:,} characters",
+    "dict_type": "expected a table",
     "bool_type": "expected true or false",
     "bool_parsing": "expected true or false",
     "float_type": "expected a number",
@@ -84,7 +85,7 @@ def said_of(complaint: ErrorDetails, key: str) -> str:
     Args:
         key: The key as a file has it.
     """
-    if complaint["type"] == "list_type":
+    if complaint["type"] in ("list_type", "tuple_type"):
         return f"expected a list, as {key} = [{shown(complaint['input'])}]"
     if complaint["type"] in _EXPECTED:
         return _EXPECTED[complaint["type"]].format(**complaint.get("ctx", {}))
