@@ -561,6 +561,7 @@ order = 3
         (("order = 3", "order = 3\n[constraints.size]\noutput = 'pitch_radius_mm'"), r"\[constraints.size\]: give low"),
         (("order = 3", "order = 3\n[at.torque]\nvalues = [1]"), r"\[at\]: torque: unknown parameter; did you mean"),
         (("order = 3", "order = 3\n[at.torque_n_m]\nvalue = [1]"), r"\[at\]: torque_n_m: unknown key 'value'"),
+        (("order = 3", "order = 3\n[at]\nweights = [true]\ntorque_n_m.values = [1]"), "weights: a list of numbers"),
         (("order = 3", "order = 3\n[search]\nconfirm = 'needle'"), r"confirm = 'needle': .* did you mean 'needles'"),
         (("order = 3", "order = 3\n[search]\nevaluation = 3"), "unknown key 'evaluation'; did you mean 'evaluations'"),
         (("order = 3", "order = 3\n[scatter.model]\nvalues = [1]"), r"\[scatter.model\]"),

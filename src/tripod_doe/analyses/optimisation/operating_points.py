@@ -96,7 +96,7 @@ def _checked(row: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dic
 def _weights(given: Any, count: int) -> FloatArray:
     if given is None:
         return np.full(count, 1 / count)
-    if not isinstance(given, list) or not all(isinstance(each, int | float) for each in given):
+    if not isinstance(given, list) or not all(type(each) in (int, float) for each in given):
         raise InputError("weights: a list of numbers, or the name of a column of the table")
     weights = np.array(given, float)
     total = sum(weights.tolist())

@@ -55,31 +55,47 @@ def parse_selection(text: str) -> Selection:
     return Selection(name, tuple(map(number_or_text, texts)), texts=texts, written=wanted)
 
 
-def _end(given: Any, default: float) -> float:
-    return default if given is None else float(given)
-
-
 def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list[Selection]:
     """Selections from texts (``"order=3"``) or by name (``{"order": 3, "torque_n_m": slice(20, 60)}``).
 
     Raises:
-        InputError: If a text has another form, or a range other ends than numbers.
+        InputError: If a text has another form, a range other ends than numbers, or what is chosen is no value.
     """
-    if not isinstance(select, Mapping):
-        return [parse_selection(item) if isinstance(item, str) else item for item in select]
-    parsed = []
-    for name, wanted in select.items():
-        if isinstance(wanted, slice):
-            try:
-                low, high = _end(wanted.start, -math.inf), _end(wanted.stop, math.inf)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"select={select!r}: a range of {name} is two numbers, slice(a, b)") from error
-            parsed.append(Selection(name, (), low, high))
-        else:
-            several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
-            numbers = tuple(one if isinstance(one, str) else float(one) for one in several)
-            parsed.append(Selection(name, numbers, texts=tuple(map(str, several))))
+    if isinstance(select, Mapping):
+        return [_selected(name, wanted) for name, wanted in select.items()]
+    parsed = [parse_selection(item) if isinstance(item, str) else item for item in select]
+    if wrong := [item for item in parsed if not isinstance(item, Selection)]:
+        raise InputError(f"select: {wrong[0]!r}: write 'name=value', 'name=a,b,c' or 'name=a:b'")
     return parsed
+
+
+def _selected(name: Any, wanted: Any) -> Selection:
+    """The selection that Python code asks for by the name of a coordinate."""
+    try:
+        if isinstance(wanted, slice):
+            ends = [
+                -math.inf if wanted.start is None else wanted.start,
+                math.inf if wanted.stop is None else wanted.stop,
+            ]
+            if wanted.step is None and not any(isinstance(end, str | bool) for end in ends):
+                return Selection(name, (), *map(float, ends))
+        elif isinstance(name, str) and not isinstance(wanted, Mapping):
+            several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
+            if several:
+                return Selection(name, tuple(map(_value, several)), texts=tuple(map(str, several)))
+    except (TypeError, ValueError, OverflowError):  # no numbers
+        pass
+    raise InputError(
+        f"select: {name!r}: {wanted!r}: give the name of a coordinate and a value, a list of values, or slice(a, b) "
+        "with two numbers"
+    )
+
+
+def _value(given: Any) -> float | str:
+    """A value as selections hold it; a truth stays one, since it is no number but may be a label."""
+    if isinstance(given, bool | np.bool_):
+        return bool(given)
+    return given if isinstance(given, str) else float(given)
 
 
 def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:
@@ -165,9 +181,11 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
         return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
     keep = np.zeros(values.size, bool)
+    place = option("select", selection.name)
     for wanted in selection.values:
+        if isinstance(wanted, bool) and values.dtype.kind != "b":
+            raise InputError(f"{place}: {wanted} is no number")
         if isinstance(wanted, str):
-            place = option("select", selection.name)
             if ":" in wanted:
                 raise InputError(f"{place}: {wanted!r}: a range is two numbers, a:b")
             raise InputError(f"{place}: {wanted!r} is not a number; select each coordinate by an argument of its own")
