@@ -206,6 +206,22 @@ def test_a_number_on_one_side_alone_is_no_equality(runs):
     assert "thrust_amplitude, order 3: a number on one side alone at 1 point" in diff_text(found)
 
 
+def test_results_of_other_units_are_not_compared(runs):
+    """Regression: their numbers stood side by side, both in the unit of A."""
+    cube = td.open_cube(runs / "a")
+    other = cube.assign(thrust_amplitude=cube["thrust_amplitude"] / 1000)
+    other["thrust_amplitude"].attrs["units"] = "kN"
+    for wanted in ((), ["thrust_amplitude"]):
+        found = diff_cubes(cube, other, wanted)
+        assert (found.results, found.equal) == ([], [])
+        lines = diff_text(found).splitlines()
+        assert lines[0] == "units, which differ, so that these results are not compared"
+        assert "  thrust_amplitude: N -> kN" in lines
+        assert "no result has" not in diff_text(found)
+        assert "unit,thrust_amplitude,,N,kN,," in diff_csv(found).splitlines()
+        assert json.loads(diff_json(found))["units"] == [{"key": "thrust_amplitude", "a": "N", "b": "kN"}]
+
+
 def test_a_variable_that_is_asked_for_and_equal_is_named(runs):
     """Regression: nothing was printed for it beside one that differs."""
     cube = td.open_cube(runs / "a")

@@ -82,6 +82,7 @@ class Diff:
     study: list[KeyDifference]
     parameters: list[KeyDifference] = field(default_factory=list)  # of one value in each cube, set by no study file
     program: list[KeyDifference] = field(default_factory=list)
+    units: list[KeyDifference] = field(default_factory=list)  # of variables that are not compared for them
     points: dict[str, int] = field(default_factory=dict)  # numbers of points: a, b, shared
     outcomes: list[OutcomeDifference] = field(default_factory=list)
     results: list[ResultDifference] = field(default_factory=list)  # the largest first
@@ -131,10 +132,12 @@ def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], vari
     parameters = parameter_differences(a, b, [one.key.removeprefix("base.") for one in study])
     program = program_differences(a, b)
     names, others = _compared_variables(a, b, variables)
+    units = [KeyDifference(name, _unit(a, name), _unit(b, name)) for name in names if _unit(a, name) != _unit(b, name)]
+    names = [name for name in names if name not in {one.key for one in units}]
     try:
         at, rows_a, rows_b = shared_points(a, b)
     except InputError as error:
-        return Diff(study, parameters, program, note=str(error))
+        return Diff(study, parameters, program, units, note=str(error))
     points = {"a": a["outcome"].size, "b": b["outcome"].size, "shared": len(at)}
     outcomes = _outcome_differences(a, b, at, rows_a, rows_b)
     one_sided: list[OneSided] = []
@@ -144,7 +147,7 @@ def _with_results(a: xr.Dataset, b: xr.Dataset, study: list[KeyDifference], vari
     counts = {name: [part.compared for part in parts if part.variable == name] for name in names if name not in differ}
     equal = [EqualVariable(name, len(own), min(own)) for name, own in counts.items() if own]
     note = "" if len(at) else "No point of A has the same factor values as a point of B."
-    return Diff(study, parameters, program, points, outcomes, changed, one_sided, equal, names, others, note)
+    return Diff(study, parameters, program, units, points, outcomes, changed, one_sided, equal, names, others, note)
 
 
 def _compared_variables(a: xr.Dataset, b: xr.Dataset, wanted: Collection[str]) -> tuple[list[str], list[str]]:
@@ -165,6 +168,10 @@ def _compared_variables(a: xr.Dataset, b: xr.Dataset, wanted: Collection[str]) -
 def _is_output(cube: xr.Dataset, name: str) -> bool:
     array = cube[name]
     return name != "outcome" and array.dtype.kind in "fiu" and set(cube["outcome"].dims) <= set(array.dims)
+
+
+def _unit(cube: xr.Dataset, name: str) -> str:
+    return str(cube[name].attrs.get("units") or "1")
 
 
 def _by_point(cube: xr.Dataset, name: str, rows: IntArray) -> tuple[FloatArray, list[dict[str, Any]]]:
@@ -197,7 +204,7 @@ def _parts(
     column = {tuple(part.items()): k for k, part in enumerate(others)}
     shared = [(k, column[tuple(part.items())]) for k, part in enumerate(labels) if tuple(part.items()) in column]
     largest = float(np.nanmax(np.abs(np.concatenate([first.ravel(), second.ravel()])), initial=0.0))
-    unit = str(a[name].attrs.get("units", "1"))
+    unit = _unit(a, name)
     parts = []
     for k, other in shared:
         change = second[:, other] - first[:, k]

@@ -25,6 +25,7 @@ def diff_text(found: Diff) -> str:
         ("study", found.study),
         ("values that neither study file sets", found.parameters),
         ("program", found.program),
+        ("units, which differ, so that these results are not compared", found.units),
     ):
         if differences:
             lines += [title, *(f"  {one.key}: {_change(one)}" for one in differences)]
@@ -48,7 +49,7 @@ def _points_lines(found: Diff) -> list[str]:
         lines.append("largest differences of results at shared points, A -> B")
         lines += _first((f"  {_result(one)}" for one in found.results), len(found.results))
     lines += _first((_equal(one, counts["shared"]) for one in found.equal), len(found.equal))
-    if not (found.results or found.equal or found.one_sided):
+    if not (found.results or found.equal or found.one_sided or found.units):
         lines.append("no result has a number on both sides")
     lines += _first(
         (
@@ -134,7 +135,8 @@ def diff_csv(found: Diff) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(["kind", "key", "at", "a", "b", "difference", "relative"])
-    for kind, differences in (("study", found.study), ("parameter", found.parameters), ("program", found.program)):
+    keys = {"study": found.study, "parameter": found.parameters, "program": found.program, "unit": found.units}
+    for kind, differences in keys.items():
         for key in differences:
             writer.writerow(map(csv_cell, [kind, key.key, "", _cell(key.a), _cell(key.b), "", ""]))
     for outcome in found.outcomes:
