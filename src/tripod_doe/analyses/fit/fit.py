@@ -15,7 +15,7 @@ from scipy.stats import chi2, t
 from tripod_doe.analyses.fit.error_size import ErrorSize, estimate_error_size
 from tripod_doe.analyses.fit.exploration import explore, first_places, interpolated
 from tripod_doe.analyses.fit.identifiability import FOUND, Combination, combinations, covariance_of, verdict
-from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct
+from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct, is_same
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
 from tripod_doe.analyses.fit.profile_likelihood import BetterMinimum, Profile, profile
 from tripod_doe.analyses.fit.unknowns import Layout
@@ -32,6 +32,7 @@ _LOOKS = 16  # descents on the interpolated model
 _WEIGHINGS = 2  # by the errors of the model at the minimum so far
 _REACH = 30.0  # of chi squared, where an interval ends at 3.84: what new weights may gain, and some more
 _RESTARTS = 6  # from better minima
+_INSIDE = 0.02  # of an interval: another one that ends so little beyond it, by derivatives, is inside
 _CORRECTIONS = 5  # of the cheap model by the one asked for
 _STAYS = 0.1  # of the standard deviation: a minimum that moves less by a correction stays
 
@@ -79,6 +80,7 @@ def solve(
     robust: bool = True,
     weigh: Callable[[Descent], Rows] | None = None,
     alike: Callable[[FloatArray], list[FloatArray]] = lambda place: [],
+    same: Callable[[FloatArray], list[FloatArray]] = lambda place: [],
     sized: bool = False,
     tell: Callable[[str], None] = lambda stage: None,
 ) -> Solution:
@@ -90,6 +92,8 @@ def solve(
         robust: Whether records that do not fit the others are left out.
         weigh: Gives the rows with the errors of the model at a minimum.
         alike: Gives places that may fit nearly as well as a minimum, from which the search begins, too.
+        same: Gives places that are the same joint as a minimum, so that no record tells them apart whatever the model
+            says there; intervals reach over them.
         sized: Whether the size of these errors is estimated.
         tell: Takes the name of each stage as it begins.
 
@@ -138,7 +142,7 @@ def solve(
     if finer is not None:
         tell("refinement")
         plain, descents, corrections, at_rest = _corrected(plain, descents, predict, finer)
-    fitted = _with_profiles(plain, descents, bad, failed, size, tell)
+    fitted = _with_profiles(plain, descents, bad, failed, size, same, tell)
     return replace(fitted, corrections=corrections, at_rest=at_rest)
 
 
@@ -200,10 +204,12 @@ def _with_profiles(
     bad: NDArray[np.bool_],
     failed: int,
     size: ErrorSize,
+    same: Callable[[FloatArray], list[FloatArray]],
     tell: Callable[[str], None],
 ) -> Solution:
     """Intervals and verdicts at the best minimum, again from a better one where a profile comes upon it."""
     for left in range(_RESTARTS, -1, -1):
+        descents, twins = _with_same_joint(problem, descents, same)
         best = replace(descents[0], slope=problem.slopes(descents[0].place, descents[0].prediction))
         compared = problem.compare(best.prediction, best.place)
         jacobian = problem.misfit.jacobian(compared, best.slope)
@@ -225,8 +231,11 @@ def _with_profiles(
                 raise
             tell("a better minimum")
             descents = distinct([problem.descend(better.descent), *descents])
-    others = tuple(each for each in descents[1:] if each.cost - best.cost < allowed)
-    profiles = [_with_other_minima(problem, best, own, others, allowed) for own in profiles]
+    # growth that other minima leave; all at those of the same joint, whose chi squared differs by the model's error
+    growth_left = [allowed - max(each.cost - best.cost, 0.0) for each in descents[1:]]
+    others = [(each, left) for each, left in zip(descents[1:], growth_left, strict=True) if left > 0]
+    others = [(each, allowed) for each in twins] + [each for each in others if all(each[0] is not twin for twin in twins)]
+    profiles = [_with_other_minima(problem, own, others) for own in profiles]
     solution = Solution(
         problem,
         best,
@@ -240,12 +249,12 @@ def _with_profiles(
         (),
         (),
         bad,
-        others,
+        tuple(other for other, _ in others),
         0,
         True,
         failed,
     )
-    return with_verdicts(solution, tuple(profiles), [other.place for other in others])
+    return with_verdicts(solution, tuple(profiles), [other.place for other, _ in others])
 
 
 def with_verdicts(solution: Solution, profiles: tuple[Profile, ...], others: list[FloatArray]) -> Solution:
@@ -261,22 +270,35 @@ def with_verdicts(solution: Solution, profiles: tuple[Profile, ...], others: lis
     return replace(solution, profiles=profiles, verdicts=verdicts, combinations=tuple(known))
 
 
-def _with_other_minima(
-    problem: Problem, best: Descent, own: Profile, others: tuple[Descent, ...], allowed: float
-) -> Profile:
-    """A profile whose interval reaches over further minima that fit nearly as well."""
-    for other in others:
+def _with_same_joint(
+    problem: Problem, descents: list[Descent], same: Callable[[FloatArray], list[FloatArray]]
+) -> tuple[list[Descent], list[Descent]]:
+    """Minima with those of the same joint as the best one, and the latter alone."""
+    for _ in range(_RESTARTS):
+        states = [state for place in same(descents[0].place) if (state := problem.begin(place))]
+        own, before = [problem.descend(state) for state in states], descents[0]
+        descents = distinct([*descents, *own])
+        if descents[0] is before:
+            break
+    return descents, [each for each in descents[1:] if any(is_same(each, twin) for twin in own)]
+
+
+def _with_other_minima(problem: Problem, own: Profile, others: list[tuple[Descent, float]]) -> Profile:
+    """A profile whose interval reaches over further minima, by the growth of chi squared that each may have."""
+    for other, left in others:
         place = float(other.place[own.scalar])
-        if own.low <= place <= own.high:
-            continue
-        left = allowed - (other.cost - best.cost)
         jacobian = problem.misfit.jacobian(problem.compare(other.prediction, other.place), other.slope)
+        covariance = covariance_of(jacobian)
+        half = float(np.sqrt(left * covariance[own.scalar, own.scalar]))
+        margin = _INSIDE * (own.high - own.low)
+        if own.low - margin <= max(place - half, 0.0) and min(place + half, 1.0) <= own.high + margin:
+            continue
         try:
-            beyond = profile(problem, other, own.scalar, max(left, 0.01), covariance_of(jacobian))
+            beyond = profile(problem, other, own.scalar, max(left, 0.01), covariance)
         except BetterMinimum:
             continue
-        if place < own.low:
+        if beyond.low < own.low:
             own = replace(own, low=beyond.low, open_low=beyond.open_low)
-        else:
+        if beyond.high > own.high:
             own = replace(own, high=beyond.high, open_high=beyond.open_high)
     return own

@@ -64,16 +64,19 @@ def verdict(profile: Profile, jacobian: FloatArray, allowed: float) -> str:
     return NOT_IDENTIFIED if profile.open_low and profile.open_high else ONE_SIDED
 
 
-def skews_alike(skews: list[float], known: list[bool]) -> list[list[float]]:
+def skews_alike(skews: list[float], known: list[bool], either_sign: bool = False) -> list[list[float]]:
     """Other skews of trunnions 1, 2 and 3 that give nearly the same records, where the trunnions are not known apart.
 
     The trunnions change places in a circle, and what all three have in common hardly counts: it is chosen so that a
-    skew that is known stays as it is.
+    skew that is known stays as it is. Where the sign of the force is not known, the opposite skews are alike, too: a
+    force with the opposite sign is one whose third order has turned by 60 deg, and its second order by 60 deg back.
 
     Args:
         skews, known: Skews of the trunnions, and whether each is known, not fitted; one at most.
+        either_sign: Whether the sign of the force is not known.
     """
-    turned = [skews[at:] + skews[:at] for at in (1, 2)]
+    opposite = [[-one for one in skews[at:] + skews[:at]] for at in (0, 1, 2)] if either_sign else []
+    turned = [skews[at:] + skews[:at] for at in (1, 2)] + opposite
     common = [[new - old for new, old, fixed in zip(each, skews, known, strict=True) if fixed] for each in turned]
     return [[one - sum(shift) for one in each] for each, shift in zip(turned, common, strict=True)]
 

@@ -191,6 +191,11 @@ def distinct(descents: list[Descent]) -> list[Descent]:
     """Minima by growing cost, each place once."""
     kept: list[Descent] = []
     for each in sorted(descents, key=lambda descent: descent.cost):
-        if all(np.abs(each.place - other.place).max() > _SAME for other in kept):
+        if not any(is_same(each, other) for other in kept):
             kept.append(each)
     return kept
+
+
+def is_same(one: Descent, other: Descent) -> bool:
+    """Whether both are one minimum."""
+    return bool(np.abs(one.place - other.place).max() <= _SAME)

@@ -137,7 +137,8 @@ def model_error(
     of_second = f"of order 2 at most {100 * _OTHER:g} %" if 2 in orders and recorded.all() else None
     if 2 in orders and needles is not None and models == {TURNING}:
         initial = np.stack([columns[f"initial_skew_{at}_deg"] for at in (1, 2, 3)], axis=1)
-        parts = np.stack([needles.second, turning_of(needles, initial)], axis=1)  # (point, 2, groove)
+        of_turning = second_of_skews(needles, needles.skew - initial)
+        parts = np.stack([needles.second, of_turning], axis=1)  # (point, 2, groove)
         if np.isfinite(parts).all():
             at = list(orders).index(2)
             own[:, at] = np.sqrt(((np.abs(parts) * _OWN_PARTS[:, None]) ** 2).sum(axis=(1, 2)))
@@ -225,16 +226,17 @@ def _each_order(changes: Any, alike: FloatArray) -> Any:
     return by_node.reshape(len(changes), width, -1)
 
 
-def turning_of(needles: Needles, initial: FloatArray) -> ComplexArray:
-    """What the turning of needles since the start has added to the second order at each groove, shape (point, groove).
+def second_of_skews(needles: Needles, skews: FloatArray) -> ComplexArray:
+    """The second order at each groove by needles with some skews, in proportion to them, shape (point, groove).
 
     Args:
-        initial: Skews at the start, deg, shape (point, groove).
+        needles: What the model says of its own; each deg of skew gives the same.
+        skews: Their skews, deg, shape (point, groove).
     """
     skew, ahead = needles.skew, _AHEAD
     size = (skew**2).sum(axis=1)
     each = np.divide((needles.second * np.conj(ahead) * skew).sum(axis=1), size, out=0j * size, where=size != 0)
-    return np.asarray(each[:, None] * ahead * (skew - initial), complex)
+    return np.asarray(each[:, None] * ahead * skews, complex)
 
 
 def _second_and_third(simulator: Simulator, columns: Mapping[str, NDArray[Any]]) -> FloatArray:

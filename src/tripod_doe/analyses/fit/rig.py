@@ -36,6 +36,9 @@ Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, Needles]]
 _CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
 """The model on which the search runs, by the model asked for."""
 
+_KEEP_SKEW = "rollers"
+"""The model whose needles keep the skew that they start with."""
+
 _SKEWS = tuple(f"initial_skew_{at}_deg" for at in (1, 2, 3))
 _MOST_CANDIDATES = 10_000  # operating points of [next]
 _STEP = 0.01  # of a range, for derivatives at candidates
@@ -224,7 +227,7 @@ class RigFit:
         )
         if (lead := look - improbability_of(turning)) > UNLIKELY:
             return replace(turning, skews=Skews(False, lead, None)), error
-        other, error_of_other = self._fit(staying, tell)
+        other, error_of_other = self._fit(staying, tell, stay=True)
         likelier = joined(turning, other)
         return likelier, error_of_other if likelier.problem is other.problem else error
 
@@ -243,8 +246,11 @@ class RigFit:
 
         return answers
 
-    def _fit(self, points: Answers, tell: Callable[[str], None]) -> tuple[Solution, ModelError]:
-        """Search, refine, and profile with these answers."""
+    def _fit(
+        self, points: Answers, tell: Callable[[str], None], stay: bool = False
+    ) -> tuple[Solution, ModelError]:
+        """Search, refine, and profile with these answers, of needles that turn or that keep their skew."""
+        circle = stay or self.model == _KEEP_SKEW
         errors = [self.first_error()]
 
         def weigh(best: Descent) -> Rows:
@@ -262,6 +268,7 @@ class RigFit:
                 robust=self.file.fit.robust,
                 weigh=weigh,
                 alike=self.places_alike,
+                same=self.places_of_same_joint if circle else lambda place: [],
                 sized=self.file.fit.model_error == "recorded",
                 tell=tell,
             )
@@ -287,16 +294,25 @@ class RigFit:
         here = dict(zip(unknowns, self.layout.values(place[None])[0, 0].tolist(), strict=True))
         usual = {name: self.file.base.get(name, self.simulator.parameters[name].default) for name in _SKEWS}
         skews = [float(str(here.get(name, usual[name]))) for name in _SKEWS]
-        return [skews, *skews_alike(skews, [name not in unknowns for name in _SKEWS])]
+        either_sign = all(record.sign is None for record in self.records)
+        return [skews, *skews_alike(skews, [name not in unknowns for name in _SKEWS], either_sign)]
 
     def places_alike(self, place: FloatArray) -> list[FloatArray]:
         """Places with such other skews, at the nearest bounds where they are beyond."""
+        return [np.clip(other, 0.0, 1.0) for other in self._places_alike(place)]
+
+    def places_of_same_joint(self, place: FloatArray) -> list[FloatArray]:
+        """Places within the bounds with such other skews: where needles keep them, the joint is the same, its trunnions
+        numbered from another one."""
+        return [other for other in self._places_alike(place) if ((other >= 0) & (other <= 1)).all()]
+
+    def _places_alike(self, place: FloatArray) -> list[FloatArray]:
         places = []
         for skews in self.skews_alike(place)[1:]:
             other, of_name = place.copy(), dict(zip(_SKEWS, skews, strict=True))
             for unknown, scalars in zip(self.layout.unknowns, self.layout.index, strict=True):
                 if unknown.name in of_name:
-                    other[scalars] = np.clip(unknown.place(of_name[unknown.name]), 0.0, 1.0)
+                    other[scalars] = unknown.place(of_name[unknown.name])
             places.append(other)
         return places
 
