@@ -57,3 +57,17 @@ def test_skews_in_other_places_of_the_circle_give_nearly_the_same_records():
     true = second(fitted)
     off = [abs(second(skews) - true) / abs(true) for skews in (*alike, [0.4, 0.3, 0.0], [-0.3, 0.4, 0.0])]
     assert max(off[:2]) < 0.35 < 1.0 < min(off[2:])
+
+
+def test_opposite_skews_are_alike_where_the_sign_of_the_force_is_not_known():
+    """Exact: a reversed force whose third order is turned back has the second order of opposite skews."""
+    alike = [SKEWS.tolist(), *skews_alike(SKEWS.tolist(), [False] * 3, either_sign=True)]
+    assert len(alike) == 6
+
+    def seen(skews, sign):
+        """The second order, whichever trunnion is the first, beside a third order of 1."""
+        return (sign * (AHEAD @ np.array(skews)) * np.exp(-2j * np.angle(sign) / 3)) ** 3
+
+    true = seen(alike[0], 1 + 0j)
+    assert np.allclose([seen(each, 1 + 0j) for each in alike[1:3]], true)
+    assert np.allclose([seen(each, -1 + 0j) for each in alike[3:]], true)

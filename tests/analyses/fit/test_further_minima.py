@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fit_problems import model_of, one_record, real_rows
 
-from tripod_doe.analyses.fit.fit import solve
+from tripod_doe.analyses.fit.fit import _with_other_minima, solve
 from tripod_doe.analyses.fit.identifiability import combinations
 from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
 
@@ -103,3 +103,28 @@ def test_a_record_is_judged_again_with_the_weights_of_the_minimum(deviation, lef
         layout, first, lambda places: layout.values(places)[..., 0].astype(complex), weigh=lambda best: later
     )
     assert solution.bad.sum() == left_out
+
+
+def test_intervals_reach_over_places_of_the_same_joint_whatever_chi_squared_says(two_minima):  # exact
+    layout, rows, model = two_minima
+    exact = rows(0.1, 0.14)
+    assert cost_between(0.1, 0.14) > 10
+    alone = solve(layout, exact, model, starts=1).profiles[0]
+    assert MINIMA[0] < alone.low < MINIMA[1] < alone.high
+    both = solve(layout, exact, model, starts=1, same=lambda place: [1 - place])
+    assert len(both.others) == 1
+    assert both.profiles[0].low < MINIMA[0] < MINIMA[1] < both.profiles[0].high
+    below, above = (MINIMA[0] - both.profiles[0].low, both.profiles[0].high - MINIMA[1])
+    assert below == pytest.approx(above, rel=0.1)  # as long as at the best one
+
+
+def test_an_interval_reaches_to_the_end_of_another_one_that_begins_inside(two_minima):  # exact
+    layout, rows, model = two_minima
+    best = solve(layout, rows(0.5, 0.5), model, starts=1, alike=lambda place: [1 - place])
+    own, other = best.profiles[0], best.others[0]
+    place = float(other.place[0])
+    reached = _with_other_minima(
+        best.problem, replace(own, low=place - 1e-3, high=place + 1e-3), [(other, best.allowed)]
+    )
+    assert 0.003 < place - reached.low < 0.005
+    assert 0.003 < reached.high - place < 0.005

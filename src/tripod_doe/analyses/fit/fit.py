@@ -234,7 +234,8 @@ def _with_profiles(
     # growth that other minima leave; all at those of the same joint, whose chi squared differs by the model's error
     growth_left = [allowed - max(each.cost - best.cost, 0.0) for each in descents[1:]]
     others = [(each, left) for each, left in zip(descents[1:], growth_left, strict=True) if left > 0]
-    others = [(each, allowed) for each in twins] + [each for each in others if all(each[0] is not twin for twin in twins)]
+    apart = [(each, left) for each, left in others if all(each is not twin for twin in twins)]
+    others = [*((each, allowed) for each in twins), *apart]
     profiles = [_with_other_minima(problem, own, others) for own in profiles]
     solution = Solution(
         problem,

@@ -246,9 +246,7 @@ class RigFit:
 
         return answers
 
-    def _fit(
-        self, points: Answers, tell: Callable[[str], None], stay: bool = False
-    ) -> tuple[Solution, ModelError]:
+    def _fit(self, points: Answers, tell: Callable[[str], None], stay: bool = False) -> tuple[Solution, ModelError]:
         """Search, refine, and profile with these answers, of needles that turn or that keep their skew."""
         circle = stay or self.model == _KEEP_SKEW
         errors = [self.first_error()]
@@ -302,8 +300,7 @@ class RigFit:
         return [np.clip(other, 0.0, 1.0) for other in self._places_alike(place)]
 
     def places_of_same_joint(self, place: FloatArray) -> list[FloatArray]:
-        """Places within the bounds with such other skews: where needles keep them, the joint is the same, its trunnions
-        numbered from another one."""
+        """Places within the bounds with such skews: where needles keep them, trunnions numbered from another one."""
         return [other for other in self._places_alike(place) if ((other >= 0) & (other <= 1)).all()]
 
     def _places_alike(self, place: FloatArray) -> list[FloatArray]:

@@ -33,6 +33,7 @@ _CORRELATED = 0.9  # correlation from which the reader should know
 _WIDE = 1.3  # root of chi squared over degrees of freedom from which the reader should know
 _DOUBTFUL = 3.0  # times the error on record, beyond nineteen in twenty points of the record
 _EDGE = 1e-6  # relative: how near to its bound an interval ends there
+_PLACES = 3  # of the circle of trunnions
 _SHOWN = 3  # combinations and candidates that sentences state
 
 
@@ -206,7 +207,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
         )
     if attrs["other_minima"]:
         count = int(attrs["other_minima"])
-        yield f"Further minima of the search within the 95 % confidence: {count}; the intervals reach over all."
+        yield f"Further minima that the records do not exclude: {count}; the intervals reach over all."
     yield from _skews_that_stay(fit)
     if attrs["aligned_by_order"]:
         yield f"Without a reference angle, records are aligned by an order of their own.{_skews_alike(fit)}"
@@ -230,10 +231,15 @@ def _skews_alike(fit: xr.Dataset) -> str:
     if not alike:
         return " Trunnions then look alike: skews may change places in a circle, 1 to 2 to 3."
     return (
-        f" Trunnions then look alike: skews of {alike[1]} and {alike[2]} deg at trunnions 1 / 2 / 3, with the same "
-        f"differences as {alike[0]} deg in other places of the circle, give nearly the same records. The search began "
-        "there, too."
+        f" Trunnions then look alike: skews of {', '.join(alike[1:-1])} and {alike[-1]} deg at trunnions 1 / 2 / 3, "
+        f"with the same differences as {alike[0]} deg in other places of the circle{_or_opposite(alike)}, give nearly "
+        "the same records, and the same where needles keep their skew. The search began there, too."
     )
+
+
+def _or_opposite(alike: list[str]) -> str:
+    """Words on opposite skews, which are alike where the sign of the force is not known."""
+    return " or with the opposite ones" if len(alike) > _PLACES else ""
 
 
 def _skews_that_stay(fit: xr.Dataset) -> Iterator[str]:
