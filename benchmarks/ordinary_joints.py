@@ -1,10 +1,10 @@
 """Limits that kinetostatic states of 2,000 ordinary joints, what asking for vibrations costs, and whether limits hold.
 
-    python benchmarks/ordinary_joints.py [--count 2000] [--held 0]
+    python benchmarks/ordinary_joints.py [--count 2000] [--held 0] [--first 0]
 
 The joints fill 3 to 14 deg, 20 to 300 N m, 200 to 1,500 rpm, groove friction 0.02 to 0.08 and one skew of up to 1 deg
-evenly. With `--held 50` the first 50 are run with `needles`, too (8 CPU-s each): a limit holds where the difference is no
-larger, or no larger together with the numerical error that `needles` state.
+evenly. With `--held 50` 50 of them, from `--first` on, are run with `needles`, too (8 to 24 CPU-s each): a limit holds
+where the difference is no larger, or no larger together with the numerical error that `needles` state.
 """
 
 from __future__ import annotations
@@ -57,27 +57,33 @@ def stated_limits(drawn: dict[str, np.ndarray]) -> np.ndarray:
     return limit
 
 
-def held(drawn: dict[str, np.ndarray], limit: np.ndarray, count: int) -> None:
-    """Tell at how many joints limits hold against `needles`."""
+def held(drawn: dict[str, np.ndarray], limit: np.ndarray, rows: range) -> None:
+    """Print for each of these joints whether its limit holds against `needles`, then at how many it does."""
     plainly = with_error = 0
-    for row in range(count):
+    for row in rows:
         point = {name: float(column[row]) for name, column in drawn.items()}
         near, exact = td.simulate(**point), td.simulate(**point, model="needles", accuracy=0.002)
         third, truth = (float(each["thrust_amplitude"].sel(order=3)) for each in (near, exact))
         off, error = abs(third / truth - 1), float(exact["thrust_amplitude_error"].sel(order=3)) / truth
         plainly, with_error = plainly + (off <= limit[row]), with_error + (off <= limit[row] + error)
-    print(f"limits hold at {plainly} of {count} joints, and at {with_error} with the numerical error of needles")
+        print(
+            f"joint {row}: {100 * off:.3g} % from needles, whose error is {100 * error:.2g} %; "
+            f"limit {100 * limit[row]:.2g} %",
+            flush=True,
+        )
+    print(f"limits hold at {plainly} of {len(rows)} joints, and at {with_error} with the numerical error of needles")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=ALL)
     parser.add_argument("--held", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0)
     arguments = parser.parse_args()
     drawn = drawn_joints(arguments.count)
     limit = stated_limits(drawn)
     if arguments.held:
-        held(drawn, limit, arguments.held)
+        held(drawn, limit, range(arguments.first, arguments.first + arguments.held))
 
 
 if __name__ == "__main__":
