@@ -73,6 +73,19 @@ def test_times_of_day_pass_midnight(read):
     assert record.columns["time_s"].tolist() == [0.0, 0.75]
 
 
+@pytest.mark.parametrize("offset", ["+01:00", "-0530", " +01:00", "Z"])
+def test_times_of_day_may_have_an_offset(read, offset):
+    """Regression: the offset was taken for the time, which stood still."""
+    rows = "".join(f"2026-11-25T12:00:0{at}.5{offset};{at};0\n" for at in (1, 2, 3))
+    assert read("Zeit;thrust_n;tacho\n" + rows).columns["time_s"].tolist() == [0.0, 1.0, 2.0]
+
+
+def test_times_with_hundredths_behind_a_colon_are_refused(read):
+    """Regression: 12:00:01:25 was taken for 1 min 25 s."""
+    with pytest.raises(InputError, match=r"'12:00:01:25' in row 1: expected a time of day as 12:00:01\.5, a number"):
+        read("Zeit;thrust_n;tacho\n12:00:01:25;1;0\n12:00:01:50;2;5\n")
+
+
 def test_a_column_of_torque_or_speed_is_no_other_one(read):
     text = "Time;Axial force;Drehzahl;Torque;Joint angle\ns;N;V;Nm;deg\n0,1;1;0;50;8\n0,2;2;5;51;8\n"
     assert set(read(text).columns) == {"time_s", "thrust_n", "tacho", "torque_n_m", "joint_angle_deg"}

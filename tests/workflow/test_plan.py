@@ -12,6 +12,7 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
+from tripod_doe.service.requests import plans
 from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
@@ -174,6 +175,25 @@ limits = { thrust_amplitude_3 = 13 }
 """
 
 
+def test_the_price_of_a_pilot_is_told_as_such(tmp_path):
+    """Regression: nothing in the plan of the service said that the samples of the split come on top."""
+    design = '[design]\nkind = "multifidelity"\nsamples = 24\nseed = 1\n[factors.model]\nvalues = ["equilibrium", "kinetostatic"]\n[keep]\noutputs = ["thrust_amplitude"]'
+    text = TOLERANCE.partition("[design]")[0].replace('model = "equilibrium"', "torque_n_m = 50") + design
+    (tmp_path / "study.toml").write_text(text)
+    planned = plan_upload(tmp_path, "study", Limits(), timing=False)
+    assert (
+        f"the price is that of the pilot: at most {planned['most_points']:,} points run in all" in planned["warnings"]
+    )
+
+
+def test_a_cube_beyond_the_limit_is_refused_before_its_points_are_judged(tmp_path, monkeypatch):
+    """Regression: a plan of many points that no model can run took 21 s to be refused."""
+    (tmp_path / "study.toml").write_text(TOLERANCE)
+    monkeypatch.setattr(plans, "plan", None)
+    with pytest.raises(TooLargeError, match="bytes in its cubes; at most 1,000"):
+        plan_upload(tmp_path, "study", Limits(cube_bytes=1000), timing=False)
+
+
 def test_points_that_confirm_a_tolerance_are_counted(tmp_path, capsys):
     """Regression: neither the plan of a workflow nor the limits of the service knew of them."""
     (tmp_path / "study.toml").write_text(TOLERANCE)
@@ -187,6 +207,30 @@ def test_points_that_confirm_a_tolerance_are_counted(tmp_path, capsys):
         assert "at most 5,000 points beyond these" in planned["warnings"][-1]
         with pytest.raises(TooLargeError, match="5,016 points; at most 5,015 are allowed here"):
             plan_upload(tmp_path, kind, Limits(points=5015), timing=False)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("thrust_amplitude_3 =", "thrust_amplitude_33 ="), "limits: 'thrust_amplitude_33' is no output or order of"),
+        (("thrust_amplitude_3 =", "thrust_amplitud ="), "limits: 'thrust_amplitud' .* did you mean 'thrust_amplitude'"),
+        (("confirm = 5000", "costs = { torque_n_m = 1 }"), "costs: 'torque_n_m' is no factor"),
+        (("confirm = 5000", "costs = { joint_angle_deg = 0 }"), "costs.joint_angle_deg = 0: must be above 0"),
+        (("confirm = 5000", "outputs = ['thrust_rms']"), "limits: 'thrust_amplitude_3' is no output or order of one"),
+    ],
+)
+def test_a_limit_of_nothing_is_refused_before_any_point_runs(tmp_path, change, message):
+    """Regression: the analysis failed when all points had been computed."""
+    assert change[0] in TOLERANCE
+    (tmp_path / "study.toml").write_text(TOLERANCE.replace(*change))
+    with pytest.raises(td.InputError, match=message):
+        plan_upload(tmp_path, "study", Limits(), timing=False)
+
+
+def test_limits_of_responses_and_of_functions_stay_as_they_are(tmp_path):
+    peak = TOLERANCE.replace("thrust_amplitude_3 = 13", "peak = 13, thrust_amplitude_2 = 3, thrust_amplitude = 9")
+    (tmp_path / "study.toml").write_text(peak + '[responses.peak]\nformula = "max(abs(thrust))"\n')
+    assert plan_upload(tmp_path, "study", Limits(), timing=False)["points"] == 16
 
 
 def test_the_command_tells_the_sum_and_what_cannot_run(chain, capsys):

@@ -8,7 +8,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_cube, add_format, add_selection
+from tripod_doe.cli.parser import (
+    DONE,
+    SOME_FAILED,
+    Command,
+    Parser,
+    add_cube,
+    add_format,
+    add_selection,
+    any_number,
+    whole_number,
+)
 from tripod_doe.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +56,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--pulses-per-revolution",
         metavar="N",
-        type=int,
+        type=whole_number,
         help="rising edges of tacho per revolution; if omitted, they are inferred and stated",
     )
     parser.add_argument(
@@ -56,7 +66,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     )
     parser.add_argument(
         "--sign",
-        type=int,
+        type=whole_number,
         choices=(1, -1),
         default=1,
         help="-1 where the force is positive away from the intermediate shaft",
@@ -64,7 +74,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--reference-angle",
         metavar="DEG",
-        type=float,
+        type=any_number,
         help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
         "if omitted, the measurement is aligned by the phase of its third order",
     )

@@ -59,6 +59,23 @@ class Command:
     run: Callable[[argparse.Namespace], int]
 
 
+def whole_number(text: str) -> int:
+    """The whole number that the value of a flag is."""
+    try:
+        typed_number(text)  # with ASCII digits
+        return int(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number") from error
+
+
+def any_number(text: str) -> float:
+    """The number that the value of a flag is."""
+    try:
+        return typed_number(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number") from error
+
+
 def parameter_value(parameter: Parameter, text: str, flag: str) -> Any:
     """The value of a parameter from the text after its flag."""
     if parameter.kind == "choice":
@@ -109,7 +126,7 @@ def add_execution(parser: Parser, workers: str) -> None:
     parser.add_argument(
         "--workers",
         metavar="N",
-        type=int,
+        type=whole_number,
         help=f"{workers}; 0: compute in this process (default: 0 for studies of a few seconds, else 2)",
     )
     parser.add_argument(

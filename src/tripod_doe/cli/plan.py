@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser, add_untrusted
+from tripod_doe.cli.parser import DONE, Command, Parser, add_untrusted, whole_number
 from tripod_doe.errors import InputError, option
 
 
@@ -21,7 +21,9 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         help='result directory with models that a pilot chose (model = "auto"), or with a split, to show them',
     )
     parser.add_argument("--quick", action="store_true", help="for a workflow: plan the smaller studies of [quick]")
-    parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
+    parser.add_argument(
+        "--workers", metavar="N", type=whole_number, default=2, help="worker processes to plan for (default 2)"
+    )
     add_untrusted(parser)
 
 

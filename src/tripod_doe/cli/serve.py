@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser, add_notify
+from tripod_doe.cli.parser import DONE, Command, Parser, add_notify, whole_number
 from tripod_doe.errors import InputError
 
 
@@ -23,8 +23,12 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         metavar="HOST",
         help="where to listen (default 127.0.0.1: seen from this machine only)",
     )
-    parser.add_argument("--port", type=int, default=8811, metavar="PORT", help="port (default 8811; 0: any free one)")
-    parser.add_argument("--workers", type=int, metavar="N", help="worker processes of each run (default: as run)")
+    parser.add_argument(
+        "--port", type=whole_number, default=8811, metavar="PORT", help="port (default 8811; 0: any free one)"
+    )
+    parser.add_argument(
+        "--workers", type=whole_number, metavar="N", help="worker processes of each run (default: as run)"
+    )
     parser.add_argument("--demo", action="store_true", help="start with a small finished study in the list")
     parser.add_argument("--read-only", action="store_true", help="show results, and run and change nothing")
     parser.add_argument(

@@ -30,7 +30,7 @@ _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",
 _LOOKED_AT = 300  # lines that determine the separator and the start of the table
 _MOST_COLUMNS = 500
 _LONGEST = 200  # characters of a heading: the time to look for names and units grows with the square
-_CLOCK = re.compile(r"(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=\D*$)")
+_CLOCK = re.compile(r"(?<![\d:+])(\d{1,3}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?(?=(?:\s*[+-]\d\d:?\d\d)?[^\d:]*$)")
 _GAPS = {"", "-", "--", "---", "nan", "na", "n/a", "#n/a", "null", "none", "inf", "-inf", "ovl", "overflow", "ovr"}
 _MDF = b"MDF     "
 _SHOWS_DECIMAL = {
@@ -325,9 +325,10 @@ def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) ->
     gap = text.str.casefold().isin(_GAPS).fillna(True).to_numpy(bool)
     words = np.flatnonzero(np.isnan(numbers) & ~gap)
     if words.size:
+        clock = "a time of day as 12:00:01.5, " * (role == "time_s")
         raise InputError(
-            f"{heading} = {text.iloc[words[0]]!r} in row {words[0] + 1}: expected a number with {decimal!r} as the "
-            "decimal sign and none between thousands, or nothing at a dropout"
+            f"{heading} = {text.iloc[words[0]]!r} in row {words[0] + 1}: expected {clock}a number with {decimal!r} as "
+            "the decimal sign and none between thousands, or nothing at a dropout"
         )
     numbers[~np.isfinite(numbers)] = np.nan
     return numbers

@@ -98,17 +98,20 @@ class Expression:
         operations: Number of names, numbers and operators in it.
         widest: Values in the largest array that an evaluation made.
 
+    Args:
+        words: All texts that names have which are flags; a comparison of one with another text is refused.
+
     Raises:
         InputError: If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and
             labels.
     """
 
-    def __init__(self, text: str, names: Collection[str]) -> None:
+    def __init__(self, text: str, names: Collection[str], words: Mapping[str, Collection[str]] | None = None) -> None:
         self.text = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
         self.used: set[str] = set()
         self.operations = 0
         self.widest = 1
-        self._whole = text
+        self._whole, self._words = text, words or {}
         if len(text) > _LONGEST:
             raise InputError(f"{self.text!r}: {len(text):,} characters; at most {_LONGEST:,} are allowed")
         try:
@@ -152,6 +155,7 @@ class Expression:
                 children = values
             case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _COMPARE for op in ops):
                 children = [left, *others]
+                self._refuse_other_words(node, children)
             case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]) if function in (*_ONE, *_REDUCE):
                 children, _ = self._arguments(node, function, arguments)
             case ast.Subscript(value=value, slice=index):
@@ -162,6 +166,15 @@ class Expression:
                 raise self._wrong(node, f"{wrong!r} is not allowed here; use {_ALLOWED}")
         for child in children:
             self._check(child, names, depth + 1)
+
+    def _refuse_other_words(self, node: ast.expr, terms: Sequence[ast.expr]) -> None:
+        """Refuse a comparison of a flag with a text that it never has, which no cell would meet."""
+        texts = [term.value for term in terms if isinstance(term, ast.Constant) and isinstance(term.value, str)]
+        for flag in terms:
+            known = self._words.get(flag.id) if isinstance(flag, ast.Name) else None
+            if wrong := [text for text in texts if known and text not in known]:
+                reason = f"{ast.unparse(flag)} is never {wrong[0][:_SHOWN]!r}{near_match(wrong[0], known or ())}"
+                raise self._wrong(node, reason)
 
     def _arguments(self, node: ast.expr, function: str, arguments: list[ast.expr]) -> tuple[list[ast.expr], list[str]]:
         """The values among the arguments of a function, and the dimensions after them that it reduces."""

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.analyses.sensitivity.method import CORRELATED
+from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, check_tolerance
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
@@ -46,6 +47,8 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
         raise study.fail(where, f"{kind}: {CORRELATED}")
     try:
         settings = checked_settings(analysis.settings, table)
+        if isinstance(settings, ToleranceSettings):
+            check_tolerance(settings, study)
     except InputError as error:
         raise study.fail(where, error) from error
     for output in getattr(settings, "outputs", ()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 from scipy.spatial.transform import Rotation
 
+from tripod_doe.joint.geometry import feasibility
 from tripod_doe.joint.geometry.feasibility import infeasible, misfits, room_for_needles
+from tripod_doe.joint.geometry.transition_velocities import slides_too_slowly
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.mechanics.integrators.monitor import Settings
@@ -142,6 +145,20 @@ def test_what_parts_at_rest_are_advised_to_is_in_range_and_helps(speed, angle, p
         assert infeasible(point_values(at | own | {name: 0.9 * value}))
     for name in own.keys() - advised.keys() if angle else ():
         assert infeasible(point_values(at | own | {name: JOINT_PARAMETERS[name].high}))
+
+
+def test_many_points_at_rest_are_advised_at_once(monkeypatch):
+    """Invariance: each as it would be alone. Regression: each cost 80 evaluations, 25 ms, of its own."""
+    speeds, angles = [0.0, 0.01, 0.1, 0.2, 3.0], [10.0, 0.0, 10.0, 0.01, 1e-5]
+    alone = [point_values({"speed_rpm": s, "joint_angle_deg": a}) for s, a in zip(speeds, angles, strict=True)]
+    names = [each.name for each in fields(alone[0])]
+    block = type(alone[0])(**{name: np.concatenate([getattr(each, name) for each in alone]) for name in names})
+    calls = []
+    monkeypatch.setattr(feasibility, "slides_too_slowly", lambda points: calls.append(0) or slides_too_slowly(points))
+    together = infeasible(block)
+    assert len(calls) < 100
+    assert together == {row: found[0] for row, each in enumerate(alone) if (found := infeasible(each))}
+    assert len(together) > 3
 
 
 SIZES = {

@@ -206,6 +206,21 @@ def test_flags_are_answered_and_asked_for_by_their_meanings(cube, tmp_path):
             assert records(arrays, "f", where="model_used == 'kinetostatic' and order == 2")["x"].tolist() == [0.2, 0.4]
 
 
+@pytest.mark.parametrize(
+    ("where", "told"),
+    [
+        ("outcome == 'ok'", "at character 1: outcome is never 'ok'; allowed: finished, diverged"),
+        ("order == 2 and 'finishd' != outcome", "outcome is never 'finishd'; did you mean 'finished'"),
+        ("model_used == 'needle'", "model_used is never 'needle'"),
+    ],
+)
+def test_a_comparison_with_no_label_of_a_flag_is_refused(cube, where, told):
+    """Regression: it gave nothing without a word."""
+    with pytest.raises(InputError, match=told):
+        query(cube, "f", where=where)
+    assert query(cube, "f", where="outcome == 'jammed'")["selected"].sum() == 0
+
+
 def test_messages_name_what_the_user_wrote(cube):
     """In Python an argument, on the command line an option."""
     with pytest.raises(InputError, match=r"^select='z': not a coordinate here"):

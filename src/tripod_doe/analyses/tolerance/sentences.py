@@ -137,7 +137,7 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     value = float(part["exceedance"])
     within = f"within {with_unit(number(float(part['limit'])), unit)}"
     said = []
-    resolved = _is_decided(part, keep)
+    resolved = float(part["exceedance_low"]) > 1 - keep or float(part["exceedance_high"]) <= 1 - keep
     if not resolved:
         said = [f"Whether {what} stays {within} with {100 * keep:g} % is not resolved by these points."]
     if not value > 1 - keep:
@@ -151,28 +151,23 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
         *said,
         *([f"{aim}, {ways[0][0]}"] if ways[0][1] else [_unresolved(aim, part)]),
         *(sentence for sentence, _ in ways[1:] if sentence),
-        *_run_more(part, keep, resolved or bool(chances)),
+        *_run_more(part, keep, resolved, bool(chances)),
         *(_confirmed(part, tables, keep) or (_confirmation(part, max(chances), 1 - keep) if chances else [])),
         *([] if chances else _nothing_to_confirm(part, "these points resolve no change that keeps the limit")),
     ]
 
 
-def _is_decided(part: xr.Dataset, keep: float) -> bool:
-    """Whether these points tell if the limit is kept."""
-    return float(part["exceedance_low"]) > 1 - keep or float(part["exceedance_high"]) <= 1 - keep
-
-
-def _run_more(part: xr.Dataset, keep: float, resolved: bool) -> list[str]:
+def _run_more(part: xr.Dataset, keep: float, resolved: bool, proposed: bool = False) -> list[str]:
     """How many points resolve what these leave open: whether the limit is kept, and by which smaller scatter."""
     used = int(part.attrs["samples_of_points"])
     needed = [float(part["samples_to_resolve"])]
-    if not resolved and (points := points_to_decide(float(part["exceedance"]), 1 - keep, used)):
+    if not (resolved or proposed) and (points := points_to_decide(float(part["exceedance"]), 1 - keep, used)):
         needed.append(float(points))
     known = [points for points in needed if np.isfinite(points)]
     if not known:
         return []
     smaller = "by which smaller scatter it is kept"
-    what = smaller if _is_decided(part, keep) else "whether the limit is kept, and by which smaller scatter"
+    what = smaller if resolved else "whether the limit is kept, and by which smaller scatter"
     return [f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again."]
 
 

@@ -9,7 +9,8 @@ Phases are ordered by their difference from the circular mean, and so is their l
 """
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
@@ -35,6 +36,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
 from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_tables import parse_file
 
 _THIRD = "thrust_amplitude_3"  # the quantity whose error of the model is on record
@@ -55,7 +57,7 @@ class ToleranceSettings(SensitivitySettings):
         le=10_000_000,
         description="other points that confirm the change that is proposed first for a limit; 0: none run",
     )
-    costs: dict[str, float] = Field(
+    costs: dict[str, Annotated[float, Field(gt=0)]] = Field(
         {},
         description="what it costs to halve the scatter of a factor; one of which nothing stands here stays as it is",
     )
@@ -172,19 +174,32 @@ def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
 
 def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> None:
     """Refuse a limit of nothing."""
-    known = [key for table in tables for key in table.keys]
-    for key in limits:
-        if key not in known:
-            raise InputError(f"limits: {key!r} is no output or order of one{near_match(key, known)}")
+    _refuse_unknown("limits", limits, "output or order of one", [key for table in tables for key in table.keys])
 
 
-def _check_costs(costs: Mapping[str, float], factors: Collection[str]) -> None:
-    """Refuse a cost of nothing, and one that is none."""
-    for name, cost in costs.items():
-        if name not in factors:
-            raise InputError(f"costs: {name!r} is no factor{near_match(name, factors)}")
-        if not 0 < cost < np.inf:
-            raise InputError(f"costs: {name} = {cost:g}: must be above 0")
+def _refuse_unknown(key: str, given: Iterable[str], what: str, known: Collection[str]) -> None:
+    for name in given:
+        if name not in known:
+            raise InputError(f"{key}: {name!r} is no {what}{near_match(name, known)}")
+
+
+def check_tolerance(settings: ToleranceSettings, study: Study) -> None:
+    """Refuse limits and costs of nothing before any point runs; outputs of a function are known afterwards.
+
+    Raises:
+        InputError: With the nearest name that there is.
+    """
+    _refuse_unknown("costs", settings.costs, "factor", study.factors)
+    outputs, responses = study.simulator.outputs, [response.name for response in study.responses]
+    names = settings.outputs
+    if "outputs" not in settings.model_fields_set:
+        names = [*(names if {*names} <= {*study.keep} else study.keep), *responses]
+    known = [*names, *(name for name in settings.limits if name.rpartition("_")[0] in responses)]  # maybe along order
+    for name in names:
+        if name in outputs and outputs[name].dims == ("order",):
+            known += [f"{name}_{order}" for order in study.simulator.labels([name], study.base)["order"]]
+    if outputs:
+        _refuse_unknown("limits", settings.limits, "output or order of one", known)
 
 
 def _of_output(cube: xr.Dataset, sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
@@ -276,7 +291,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
     _check_limits(settings.limits, tables)
-    _check_costs(settings.costs, sample.tables)
+    _refuse_unknown("costs", settings.costs, "factor", sample.tables)
     parts = [_of_output(cube, sample, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))

@@ -22,6 +22,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.derived_constants.contact_pressure import needle_pressure
@@ -48,37 +49,41 @@ def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]
     reasons: dict[int, tuple[Outcome, str]] = {int(row): (Outcome.OUT_OF_RANGE, BOTH) for row in both}
     for row, reason in misfits(points):
         reasons.setdefault(row, (Outcome.JAMMED, reason))
-    for slow in map(int, np.flatnonzero(slides_too_slowly(points))):
-        reasons.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(points.take(slice(slow, slow + 1)))))
+    if (slow := np.flatnonzero(slides_too_slowly(points))).size:
+        for row, reason in zip(slow.tolist(), _too_slow(points.take(slow)), strict=True):
+            reasons.setdefault(row, (Outcome.OUT_OF_RANGE, reason))
     return reasons
 
 
-def _too_slow(point: JointValues[FloatArray]) -> str:
-    """The reason why a point has no thrust, and the least speed or angle within its range at which it has one."""
-    straight = bool(point.joint_angle[0] == 0)  # any speed does
-    least = {} if straight else {name: _least(point, name) for name in _SLIDING}
-    ways = " or ".join(f"{name} to at least {rounded_up(value)}" for name, value in least.items() if value is not None)
-    return (
-        "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
-        f"rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; take a low speed for the "
-        "quasi-static thrust; a straight joint has none"
-    )
+def _too_slow(points: JointValues[FloatArray]) -> list[str]:
+    """The reasons why points have no thrust, and the least speed or angle within its range at which each has one."""
+    least = {name: _least(points, name) for name in _SLIDING}
+    reasons = []
+    for i, straight in enumerate((points.joint_angle == 0).tolist()):  # then any speed does
+        known = {} if straight else {name: float(own[i]) for name, own in least.items() if own[i] == own[i]}
+        ways = " or ".join(f"{name} to at least {rounded_up(value)}" for name, value in known.items())
+        reasons.append(
+            "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or "
+            f"0.001 rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; take a low speed "
+            "for the quasi-static thrust; a straight joint has none"
+        )
+    return reasons
 
 
-def _least(point: JointValues[FloatArray], name: str) -> float | None:
-    """Least value of a parameter at which no part slides too slowly; None if all of its range is too low."""
-    field, unit, high = _SLIDING[name]
+def _least(points: JointValues[FloatArray], name: str) -> FloatArray:
+    """Least values of a parameter at which no part slides too slowly; NaN if all of its range is too low."""
+    field, unit, end = _SLIDING[name]
 
-    def slow(value: float) -> bool:
-        return bool(slides_too_slowly(replace(point, **{field: np.full(1, value * unit)}))[0])
+    def slow(values: FloatArray) -> NDArray[np.bool_]:
+        return slides_too_slowly(replace(points, **{field: values * unit}))
 
-    low = 0.0
-    if slow(high):
-        return None
-    for _ in range(_HALVINGS):
+    low, high = np.zeros_like(points.speed), np.full_like(points.speed, end)
+    never = slow(high)
+    for _ in range(_HALVINGS):  # of all points at once: one costs as much as a hundred
         middle = (low + high) / 2
-        low, high = (middle, high) if slow(middle) else (low, middle)
-    return high
+        is_slow = slow(middle)
+        low, high = np.where(is_slow, middle, low), np.where(is_slow, high, middle)
+    return np.where(never, np.nan, high)
 
 
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:

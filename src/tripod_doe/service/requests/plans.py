@@ -15,7 +15,8 @@ from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.plan import Plan, plan
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.plan import Plan, cube_bytes, plan
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.plan import WorkflowPlan, plans_of, scale
 from tripod_doe.workflow.point_batches import POINTS
@@ -136,6 +137,8 @@ def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
 
 def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     """Plan a study that is within the limits."""
+    points = make_points(study)
+    _check_limits(limits, study.origin, points.count, cube_bytes(study, points), None)  # before each point is judged
     price = replace(plan(study, timing, recorded=True), confirming=confirming_points(study))
     share = price.most / max(price.points, 1)  # with those that follow from a pilot or from a proposal
     hours = price.cpu_hours and scale(price.cpu_hours, 1 + price.confirming / max(price.points, 1))
@@ -146,6 +149,8 @@ def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
 def _described(study: Study, price: Plan) -> dict[str, Any]:
     """A plan as JSON."""
     more = [f"at most {price.confirming:,} points beyond these, which confirm proposals"] if price.confirming else []
+    if price.most_points:
+        more.append(f"the price is that of the pilot: at most {price.most_points:,} points run in all")
     return {
         "name": study.file.study.name,
         "question": study.file.study.question,

@@ -81,7 +81,8 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     if file.run.look_for is not None and simulator.outputs:  # those of a function are known when it has run
         along = [dim for name in keep for dim in simulator.outputs[name].dims]
         names = dict.fromkeys([*tables, *keep, *along, *(response.name for response in responses), "outcome"])
-        _at(origin, "[run]: look_for", lambda: Expression(str(file.run.look_for), names))
+        words = {"outcome": [outcome.label for outcome in Outcome]}
+        _at(origin, "[run]: look_for", lambda: Expression(str(file.run.look_for), names, words))
     auto_model = _auto_model(origin, simulator, file, {*base, *factors}) if auto else None
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     levels = _levels(factors, center, auto_model)

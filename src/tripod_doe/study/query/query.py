@@ -189,7 +189,8 @@ class _Choice:
         design = self.cube.variables["outcome"].dims if "outcome" in self.cube.variables else ()
         dims = set(self.target.dims)
         known = [name for name, other in self.cube.variables.items() if {*design}.intersection(other.dims) <= dims]
-        expression = Expression(where, [*self.coordinates, *known])
+        words = {name: list(self._source(name).words.values()) for name in known}
+        expression = Expression(where, [*self.coordinates, *known], words)
         used = [self._source(name).dims for name in expression.used]
         beside = math.prod({dim: self.cube.sizes[dim] for of in used for dim in of if dim not in dims}.values())
         if beside == 1 or math.prod(self.shape) * beside <= _SLAB_CELLS:

@@ -73,12 +73,10 @@ def _selected(name: Any, wanted: Any) -> Selection:
     """The selection that Python code asks for by the name of a coordinate."""
     try:
         if isinstance(wanted, slice):
-            ends = [
-                -math.inf if wanted.start is None else wanted.start,
-                math.inf if wanted.stop is None else wanted.stop,
-            ]
-            if wanted.step is None and not any(isinstance(end, str | bool) for end in ends):
-                return Selection(name, (), *map(float, ends))
+            low = -math.inf if wanted.start is None else wanted.start
+            high = math.inf if wanted.stop is None else wanted.stop
+            if wanted.step is None and not any(isinstance(end, str | bool) for end in (low, high)):
+                return Selection(name, (), float(low), float(high))
         elif isinstance(name, str) and not isinstance(wanted, Mapping):
             several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
             if several:
