@@ -73,6 +73,14 @@ def test_every_record_is_read_without_a_word(rig):
         assert float(third.std() / third.mean()) < 0.02
 
 
+def test_a_point_without_an_answer_makes_no_record(tmp_path, capsys, monkeypatch):
+    make, answers = STRANGER["make"], [orders(STRANGER["POINTS"][0]), [(np.nan, np.nan)] * 13]
+    monkeypatch.setitem(make.__globals__, "orders_of", lambda model, points: answers)
+    make(tmp_path, "rollers", 2, 3)
+    assert [path.name for path in tmp_path.iterdir()] == ["Lauf 01 4grad 180Nm.asc"]
+    assert "no record 2: rollers has no answer at (5, 90, 900)" in capsys.readouterr().err
+
+
 def test_from_files_to_frictions(rig):
     (rig / "fit.toml").write_text(FIT)
     result = td.fit(rig / "fit.toml", rig / "out", workers=0, progress=False).result
