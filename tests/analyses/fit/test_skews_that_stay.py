@@ -102,6 +102,13 @@ def test_records_say_whether_needles_turn(rig, stay):
     assert f"better than needles that {second}" in words
     assert "may exclude" not in words
     assert ('model = "rollers"' in base_text(fit, own.file.base)) == stay
+    most = 0.055 * max(point[0] for point in make_rig.POINTS) * np.sqrt(sum(one**2 for one in HIDDEN.values()) / 3)
+    if not stay:  # exact but for the fitted skews
+        assert fit.attrs["needles_turn_deg"] == pytest.approx(most, rel=0.1)
+    fit.attrs["needles_turn_deg"] = 0.1
+    assert not any("fit rollers" in line for line in find_in_fit(fit))
+    fit.attrs["needles_turn_deg"] = 1.9
+    assert any("turn by up to 1.9 deg" in line and "fit rollers" in line for line in find_in_fit(fit))
 
 
 def test_intervals_reach_over_both_where_records_do_not_say(rig):

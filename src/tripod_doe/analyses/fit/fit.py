@@ -44,6 +44,7 @@ class Skews:
     stay: bool  # whether its values are of needles that keep their skew
     lead: float  # twice the logarithm of the odds of these needles against the others
     other: FloatArray | None  # places of the scalars with the other needles; None where these are too unlikely
+    turned: float = 0.0  # how far the model's needles turn in a record, at most, root mean square over trunnions, deg
 
 
 @dataclass(frozen=True)

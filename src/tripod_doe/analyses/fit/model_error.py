@@ -86,6 +86,10 @@ class Needles:
     second: ComplexArray  # second order at each groove, N, shape (point, groove)
     skew: FloatArray  # mean skew in the last revolution, deg, shape (point, groove); NaN of models without needles
 
+    def turned(self, initial: FloatArray) -> FloatArray:
+        """How far they have turned since the start, root mean square over grooves, deg, shape (point,)."""
+        return np.asarray(np.sqrt(((self.skew - initial) ** 2).mean(axis=1)), float)
+
 
 def model_error(
     simulator: Simulator,

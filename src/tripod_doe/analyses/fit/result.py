@@ -306,4 +306,5 @@ def _skews(layout: Layout, solution: Solution) -> dict[str, str | float | int]:
     if (skews := solution.skews) is None:
         return {}
     other = {} if skews.other is None else dict(zip(layout.names(), layout.physical(skews.other).tolist(), strict=True))
-    return {"skews_stay": int(skews.stay), "skews_lead": skews.lead, "other_skews": json.dumps(other)}
+    lead = {"skews_stay": int(skews.stay), "skews_lead": skews.lead, "needles_turn_deg": skews.turned}
+    return lead | {"other_skews": json.dumps(other)}

@@ -189,12 +189,10 @@ class RigFit:
 
     def error_at(self, points: Answers, place: FloatArray) -> ModelError:
         """Errors of the model asked for at the records, for unknowns at some places."""
-        values = self.layout.values(place[None])[0]
-        operating = [record.parameters for record in self.records]
-        columns = self.columns(operating, values, self.cheap)
+        columns = self._columns_at(place, self.cheap)
         orders, needles = points(columns)
         own, chosen = measured_sizes(self.records, self.orders), orders[:, self.orders]
-        columns["model"] = np.array([self.model] * len(operating), object)
+        columns["model"] = np.array([self.model] * len(self.records), object)
         return self._error(columns, np.where(np.isfinite(chosen), chosen, own), needles)
 
     def _error(
@@ -225,11 +223,27 @@ class RigFit:
             self.places_alike,
             self.file.fit.seed,
         )
+        turned = self._turned(points, turning.best.place)
         if (lead := look - improbability_of(turning)) > UNLIKELY:
-            return replace(turning, skews=Skews(False, lead, None)), error
+            return replace(turning, skews=Skews(False, lead, None, turned)), error
         other, error_of_other = self._fit(staying, tell, stay=True)
-        likelier = joined(turning, other)
+        likelier = joined(turning, other, turned)
         return likelier, error_of_other if likelier.problem is other.problem else error
+
+    def _turned(self, points: Answers, place: FloatArray) -> float:
+        """How far needles turn since the start, in the record where most, root mean square over trunnions, deg."""
+        columns = self._columns_at(place, self.cheap)
+        return float(np.nan_to_num(points(columns)[1].turned(self._initial_skews(columns))).max())
+
+    def _columns_at(self, place: FloatArray, model: str) -> dict[str, NDArray[Any]]:
+        """Columns of one point a record, for unknowns at some places."""
+        values = self.layout.values(place[None])[0]
+        return self.columns([record.parameters for record in self.records], values, model)
+
+    def _initial_skews(self, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
+        """Skews of the needles at the start, deg, shape (point, groove)."""
+        every = self.all_columns(columns)
+        return np.stack([every[name] for name in _SKEWS], axis=1)
 
     @property
     def skews_may_stay(self) -> bool:
@@ -241,8 +255,7 @@ class RigFit:
         """Answers of a joint whose needles keep the skew that they start with."""
 
         def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:
-            every = self.all_columns(columns)
-            return with_initial_skews(*points(columns), np.stack([every[name] for name in _SKEWS], axis=1))
+            return with_initial_skews(*points(columns), self._initial_skews(columns))
 
         return answers
 

@@ -90,16 +90,21 @@ def first_look(
     return improbability(problem.misfit, best, size)
 
 
-def joined(turning: Solution, staying: Solution) -> Solution:
-    """The likelier of two fits; its intervals reach over the other one where that may be the right one, too."""
+def joined(turning: Solution, staying: Solution, turned: float = 0.0) -> Solution:
+    """The likelier of two fits; its intervals reach over the other one where that may be the right one, too.
+
+    Args:
+        turning, staying: Fits with needles that turn, and with such that keep their skew.
+        turned: See `Skews`.
+    """
     used = ~(turning.bad | staying.bad)
     lead = improbability_of(staying, used) - improbability_of(turning, used)
     own, other = (staying, turning) if lead < 0 else (turning, staying)
     if abs(lead) > UNLIKELY:
-        return replace(own, skews=Skews(lead < 0, abs(lead), None))
+        return replace(own, skews=Skews(lead < 0, abs(lead), None, turned))
     profiles = tuple(_over_both(*both) for both in zip(own.profiles, other.profiles, strict=True))
     minima = [each.place for each in (*own.others, other.best, *other.others)]
-    return replace(with_verdicts(own, profiles, minima), skews=Skews(lead < 0, abs(lead), other.best.place))
+    return replace(with_verdicts(own, profiles, minima), skews=Skews(lead < 0, abs(lead), other.best.place, turned))
 
 
 def _over_both(own: Profile, other: Profile) -> Profile:
