@@ -262,7 +262,8 @@ def _skews_that_stay(fit: xr.Dataset) -> Iterator[str]:
         yield (
             f"Needles of kinetostatic turn by up to {number(turned, 2)} deg in these records. Where they turn so far, "
             "the third order of needles that keep their skew is smaller, by 1 to 11 % at joints where both were "
-            "computed, and this fit does not know that: if needles may keep their skew, fit rollers."
+            "computed. This fit does not know that: for such needles neither its frictions nor these odds hold. If "
+            "needles may keep their skew, fit rollers."
         )
 
 
