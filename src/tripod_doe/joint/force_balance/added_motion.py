@@ -29,21 +29,23 @@ def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given):
     `given` stays constant during the solution: terms from moving needles (`needle_correction`), and yaw.
     As its contact wanders round the groove the roller swings, and so slides on its trunnion, and tilts on it.
     """
-    leaning = -flank(p) * p.pace * (1.5 * contact.sin_a + past_tilt) / contact.cos_a
+    over = 1.0 / (contact.cos_a * contact.t_tau)
+    over_cos, over_tau = contact.t_tau * over, contact.cos_a * over
+    leaning = -flank(p) * p.pace * (1.5 * contact.sin_a + past_tilt) * over_cos
     reach = p.play + p.tilt * p.roller_radius
-    radius = root / p.axis_factor
-    load = radius * (radius * radius)
+    radius = root * (1.0 / p.axis_factor)
+    over_load = 1.0 / (radius * (radius * radius))
     outward, along_groove = inertial_force(p, cos_phi)
     needle_force, needle_moment, needle_swing, steering = given
     tilting = p.tilt * (p.roller_radius * leaning + m.along_trunnion) + needle_swing
     return AddedMotion(
-        p.play * leaning / contact.t_tau,
+        p.play * leaning * over_tau,
         p.bearing_radius / p.roller_radius * tilting,
         p.play * leaning + tilting,
-        reach * p.pace / contact.steepness,
-        p.roller_inertia * p.pace / load,
+        reach * p.pace * over_tau,
+        p.roller_inertia * p.pace * over_load,
         past_spin,
-        (outward * m.t_r + along_groove * m.t_z) / load,
+        (outward * m.t_r + along_groove * m.t_z) * over_load,
         needle_force,
         needle_moment,
         steering,

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from tripod_doe.joint.force_balance.point_constants import flank
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
-from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
-from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
+from tripod_doe.mechanics.laws.friction import hyperbolic_tangent, relative_tangents
+from tripod_doe.mechanics.laws.needles import needle_slip
 
 
 class GrooveForces(NamedTuple):
@@ -63,10 +63,10 @@ class Contact(NamedTuple):
     # sin_a, cos_a: of the contact angle
     sin_a: float
     cos_a: float
-    # t_tau, t_n: the trunnion's direction across the groove and along the normal
+    # t_tau, t_n: the trunnion's direction across the groove, also the magnitude of d t_n / d(contact angle), and along
+    # the normal
     t_tau: float
     t_n: float
-    steepness: float  # magnitude of d(normal's part along the trunnion) / d(contact angle)
 
 
 class AddedMotion(NamedTuple):
@@ -98,11 +98,12 @@ STILL = AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def leaning_contact(p, m, lean):
     """Contact of the roller with its groove if the normal must carry the force `lean` (over N) along the trunnion."""
     length = math.sqrt(m.t_r * m.t_r + m.t_t * m.t_t)
-    sin_sum = min(max(-flank(p) * lean / length, -0.999), 0.999)
+    over_length = 1.0 / length
+    sin_sum = min(max(-flank(p) * lean * over_length, -0.999), 0.999)
     cos_sum = math.sqrt(1.0 - sin_sum * sin_sum)
-    sin_a = (sin_sum * m.t_r - cos_sum * m.t_t) / length
-    cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) / length
-    return Contact(sin_a, cos_a, cos_a * m.t_r - sin_a * m.t_t, sin_a * m.t_r + cos_a * m.t_t, cos_sum * length)
+    sin_a = (sin_sum * m.t_r - cos_sum * m.t_t) * over_length
+    cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) * over_length
+    return Contact(sin_a, cos_a, cos_sum * length, sin_sum * length)
 
 
 @inlined_kernel
@@ -116,45 +117,51 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
         newton: Slopes of friction are tangents with 1, secants with 0.
     """
     arm = flank(p) * p.roller_radius
-    sin_a, cos_a, t_tau, t_n, steepness = contact
+    sin_a, cos_a, t_tau, t_n = contact
     # slip is linear in the roller's spin s: v = v_0 + s v_1
     tau_0 = arm * m.w_z + added.swing
     z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t) + added.plunge * m.t_z
     axis_z = m.t_z + added.steering
     tau_1, z_1 = arm * axis_z, -arm * t_tau
     rate = math.sqrt(tau_1 * tau_1 + z_1 * z_1)
-    spin = (slip - (tau_0 * tau_1 + z_0 * z_1) / rate) / rate
+    over_rate = 1.0 / rate
+    spin = (slip - (tau_0 * tau_1 + z_0 * z_1) * over_rate) * over_rate
     v_tau, v_z = tau_0 + spin * tau_1, z_0 + spin * z_1
     speed = math.sqrt(v_tau * v_tau + v_z * v_z + 1e-300)
-    sliding = hyperbolic_tangent(speed / p.slip_transition)
-    drag = p.groove_friction * sliding / speed
-    drag_slope = p.groove_friction * (1.0 - sliding * sliding) / p.slip_transition - drag
-    f_tau, f_z = -drag * v_tau, -drag * v_z
     # relative angular velocity: rolling in the tangent plane, spinning about the normal
     w_tau = cos_a * m.w_r - sin_a * m.w_t + spin * t_tau
     w_n = sin_a * m.w_r + cos_a * m.w_t + spin * t_n
     w_z = m.w_z + spin * axis_z
     roll = math.sqrt(w_tau * w_tau + w_z * w_z + 1e-300)
-    rolling = p.groove_resistance * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
-    spinning = p.spinning_friction * root * hyperbolic_tangent(w_n / p.normal_spin_transition)
+    over_slip, over_roll = 1.0 / p.slip_transition, 1.0 / p.roll_transition
+    held, rolled = relative_tangents(over_slip * speed, over_roll * roll)
+    drag, sliding = p.groove_friction * over_slip * held, over_slip * speed * held
+    drag_slope = p.groove_friction * over_slip * (1.0 - sliding * sliding) - drag
+    f_tau, f_z = -drag * v_tau, -drag * v_z
+    rolling = p.groove_resistance * p.rolling_lever * over_roll * rolled
     # needles: friction along their axes, rolling resistance about the trunnion
     plunge = m.along_trunnion + added.plunge + added.rocking
-    grip = needle_grip(needle_slip(plunge, spin, p.needle_lever, skew), p.needle_transition)
-    needle_rolling = hyperbolic_tangent(spin / p.spin_transition)
+    slipping = needle_slip(plunge, spin, p.needle_lever, skew) * (0.5 / p.needle_transition)
+    spun = w_n * (1.0 / p.normal_spin_transition)
+    grip, turned = relative_tangents(abs(slipping), abs(spun))
+    grip, spinning = slipping * grip, p.spinning_friction * root * (spun * turned)
+    needle_rolling = hyperbolic_tangent(spin * (1.0 / p.spin_transition))
     needle_moment = p.needle_friction * p.needle_lever * skew.sine * grip + added.needle_moment
     bearing_moment = p.needle_resistance * p.bearing_radius * needle_rolling
     along = w_tau * t_tau + w_z * axis_z
     moment = -drag * slip * rate - spinning * t_n - rolling * along + needle_moment - bearing_moment
     moment = moment - added.inertia * (1.5 * spin + added.past_spin)
-    across = slip * rate / speed
+    over_speed = 1.0 / speed
+    across = slip * rate * over_speed
     slope = -drag * rate * rate - newton * drag_slope * (across * across)
     slope = slope - rolling * (t_tau * t_tau + axis_z * axis_z)
-    slope = slope - p.needle_resistance * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
-    needle_slope = 0.5 * p.needle_friction * (1.0 - grip * grip) / p.needle_transition
+    bearing_slope = p.needle_resistance * p.bearing_radius / p.spin_transition
+    slope = slope - bearing_slope * (1.0 - needle_rolling * needle_rolling)
+    needle_slope = 0.5 * p.needle_friction / p.needle_transition * (1.0 - grip * grip)
     lever = p.needle_lever * skew.sine
     slope = slope - (needle_slope * (lever * lever) + 1.5 * added.inertia)
     # the contact angle shifts the spin, and with it the slip across the groove
-    share = v_tau / speed
+    share = v_tau * over_speed
     stiffness = drag + drag_slope * (share * share)
     gripping = (drag + newton * (stiffness - drag)) * (t_tau * t_tau + m.t_z * m.t_z)
     swing_gain = -(gripping + needle_slope * skew.cosine * skew.cosine) * added.swing_gain
@@ -162,7 +169,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     along_trunnion = f_tau * t_tau + f_z * m.t_z + needle_force
     return GrooveForces(
         moment,
-        slope / rate,
+        slope * over_rate,
         along_trunnion + added.trunnion_force,
         stiffness * p.roller_radius * m.t_z * m.w_t / m.t_r + 1.5 * swing_gain,
         sin_a,
@@ -180,9 +187,9 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
         needle_moment,
         -bearing_moment,
         spin,
-        1.0 / rate,
+        over_rate,
         added.inertia,
-        -flank(p) * cos_a / steepness,
+        -flank(p) * cos_a / t_tau,
         swing_gain,
         axis_z,
     )

@@ -221,7 +221,7 @@ def follow_root(p, e):
     """Update a_H for the normal force by one Newton step; returns change and new value."""
     floor = 1e-3 * abs(p.torque) / p.pitch_radius
     before = load(e.root, 0)
-    radius = before / p.axis_factor
+    radius = before * (1.0 / p.axis_factor)
     root = p.axis_factor / 3.0 * (2.0 * radius + max(load(e.normal, 0), floor) / (radius * radius))
     store(e.root, 0, root)
     return abs(root - before), root

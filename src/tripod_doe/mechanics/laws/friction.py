@@ -11,17 +11,10 @@ from tripod_doe.mechanics.compilation.kernels import inlined_kernel
 
 
 @inlined_kernel
-def relative_tangent(x):
-    """tanh(x) / x to 1e-14 relative for x >= 0, without a branch and with a single division.
+def _relative_tangent(x):
+    """Numerator and denominator of tanh(x) / x for x >= 0.
 
-    Lambert's continued fraction of tanh(x / 4), cut after eight levels, and the doubling formula twice, all kept as
-    numerator over denominator.
-
-    Args:
-        x: Slip over transition velocity; a float or lanes.
-
-    Returns:
-        Between 0 and 1; one where x is 0.
+    Lambert's continued fraction of tanh(x / 4), cut after eight levels, and the doubling formula twice.
     """
     y = 0.25 * min(x, 20.0)
     z = y * y
@@ -30,7 +23,29 @@ def relative_tangent(x):
     top, bottom = 2.0 * top * bottom, bottom * bottom + z * (top * top)
     top, bottom = 2.0 * top * bottom, bottom * bottom + z * (top * top)
     saturated = x > 20.0  # tanh(20) is 1 in double precision
-    return select(saturated, 1.0, 0.25 * top) / select(saturated, x, bottom)
+    return select(saturated, 1.0, 0.25 * top), select(saturated, x, bottom)
+
+
+@inlined_kernel
+def relative_tangent(x):
+    """tanh(x) / x to 1e-14 relative for x >= 0, without a branch and with a single division.
+
+    Args:
+        x: Slip over transition velocity; a float or lanes.
+
+    Returns:
+        Between 0 and 1; one where x is 0.
+    """
+    top, bottom = _relative_tangent(x)
+    return top / bottom
+
+
+@inlined_kernel
+def relative_tangents(x, y):
+    """`relative_tangent` of two numbers, with one division for both."""
+    (top_x, bottom_x), (top_y, bottom_y) = _relative_tangent(x), _relative_tangent(y)
+    over = 1.0 / (bottom_x * bottom_y)
+    return top_x * (bottom_y * over), top_y * (bottom_x * over)
 
 
 @inlined_kernel

@@ -25,4 +25,4 @@ def needle_slip(plunge, spin, lever, skew):
 @inlined_kernel
 def needle_grip(slip, transition):
     """Share of the needles' largest friction at their slip on both partners: tanh(v / (2 v_st))."""
-    return hyperbolic_tangent(0.5 * slip / transition)
+    return hyperbolic_tangent(slip * (0.5 / transition))
