@@ -69,7 +69,7 @@ class NeedleSteps(ByReference):
     sines: FloatArray
     nearest: IntArray  # number of that needle
     around: FloatArray  # cosine and sine of the angle from a needle to its n-th neighbour, shape (n, 2)
-    found: FloatArray  # load, cosine and sine of a needle at eight steps, shape (3, 8)
+    found: FloatArray  # room for three numbers of a needle at eight steps, shape (3, 8)
     # first, last, most: numbers of the outermost needles that carry, and of the one that carries the most
     first: IntArray
     last: IntArray
@@ -260,8 +260,9 @@ def load_needles(c, at, needles):
         for i in range(at.shifts.shape[1]):
             shift, cosine, sine = load(at.shifts[k], i), load(at.cosines[k], i), load(at.sines[k], i)
             for n in range(WIDTH):
-                at.first[k, i, n] = at.last[k, i, n] = at.most[k, i, n] = at.nearest[k, i, n]
-                at.carried[k, i, n] = 0.0
+                at.most[k, i, n] = at.nearest[k, i, n] % slots  # until all are known
+            carried, largest = spread(0.0), spread(0.0)
+            first, last, most = carried, carried, carried
             for direction in (1.0, -1.0):
                 start, stop = _needles_towards(c, direction)
                 for number in range(start, stop):
@@ -269,25 +270,34 @@ def load_needles(c, at, needles):
                     pressed = max(shift * toward - c.clearance, 0.0)
                     if everywhere(pressed <= 0.0):
                         break
-                    store(eight, 0, _load_on_both(c, pressed)[0])
+                    found, away = _load_on_both(c, pressed)[0], direction * number
+                    first = select(found > 0.0, min(first, away), first)
+                    last = select(found > 0.0, max(last, away), last)
+                    most, largest = select(found > largest, away, most), max(found, largest)
+                    carried = carried + found
+                    store(eight, 0, found)
                     store(eight, 1, toward)
                     store(eight, 2, aside)
                     for n in range(min(WIDTH, at.steps - WIDTH * i)):
                         if eight[0, n] > 0.0:
-                            _put(at, needles, (k, i, n), int(direction) * number, slots)
+                            _put(at, needles, (k, i, n), int(away), slots)
+            store(at.carried[k], i, carried)
+            store(eight, 0, first)
+            store(eight, 1, last)
+            store(eight, 2, most)
+            for n in range(WIDTH):
+                nearest = at.nearest[k, i, n]
+                at.first[k, i, n], at.last[k, i, n] = nearest + int(eight[0, n]), nearest + int(eight[1, n])
+                at.most[k, i, n] = nearest + int(eight[2, n])
 
 
 @inlined_kernel
-def _put(at, needles, place, number, slots):
-    """Write the load of the n-th needle from the nearest one at a step."""
+def _put(at, needles, place, away, slots):
+    """Write the load of a needle that is so many needles away from the nearest one, whose slot `at.most` holds."""
     k, i, n = place
-    number += at.nearest[k, i, n]
-    slot, most, step = number % slots, at.most[k, i, n] % slots, WIDTH * i + n
+    slot, step = at.most[k, i, n] + away, WIDTH * i + n
+    slot += slots if slot < 0 else -slots if slot >= slots else 0
     block, lane = slot // WIDTH, WIDTH * k + slot % WIDTH
-    if at.found[0, n] > needles.loads[most // WIDTH, step, WIDTH * k + most % WIDTH]:
-        at.most[k, i, n] = number
     needles.loads[block, step, lane] = at.found[0, n]
     needles.cosines[block, step, lane] = at.found[1, n]
     needles.sines[block, step, lane] = at.found[2, n]
-    at.first[k, i, n], at.last[k, i, n] = min(at.first[k, i, n], number), max(at.last[k, i, n], number)
-    at.carried[k, i, n] += at.found[0, n]
