@@ -652,3 +652,14 @@ def test_an_encoder_out_of_centre_is_noticed():
         doubts = compare(Measurement(angle, force, true / 3600, "zero"), model(), 0.0).attrs["doubts"]
         assert ("by 1 deg once per revolution" in doubts) == bool(swing)
         assert ("falsifies the order" in doubts) == bool(swing)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("thrust_amplitude", "kN"), ("thrust_phase_deg", "rad"), ("torque_n_m", "N mm")]
+)
+def test_a_cube_in_other_units_is_refused(name, unit):
+    """Numbers of a cube that another program had converted stood under our units."""
+    cube = model().assign_coords(torque_n_m=50.0)
+    cube[name].attrs["units"] = unit
+    with pytest.raises(td.CubeError, match=f"{name} of this cube is in '{unit}'"):
+        model_point(cube)

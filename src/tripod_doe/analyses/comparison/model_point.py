@@ -11,9 +11,10 @@ import xarray as xr
 from tripod_doe.analyses.diff.definitions import fixed_parameters
 from tripod_doe.analyses.fit.model_error import model_error
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.errors import InputError, option
+from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.joint.known_errors.other_orders import SOURCE, deviations_of_orders
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
+from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.order_tracking import CELLS
 from tripod_doe.model_interface import Outcome
@@ -39,9 +40,11 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
         cube has them, over ``speed_rpm`` where several speeds are left; the other factors as scalar coordinates.
 
     Raises:
+        CubeError: If a value has another unit than the joint gives it.
         InputError: If the cube holds no thrust force, the selection leaves none or several points other than over
             speed, or the point did not finish.
     """
+    refuse_other_units(cube)
     wanted = [name for name in _MODEL_OUTPUTS if name in cube]
     if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
         raise InputError(
@@ -66,6 +69,21 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     if (outcome := Outcome(int(point["outcome"]))) is not Outcome.FINISHED:
         raise InputError(f"this point of the cube has no thrust force: its outcome is {outcome.label}; choose another")
     return point.assign_attrs(cube.attrs)
+
+
+def refuse_other_units(cube: xr.Dataset) -> None:
+    """Refuse a cube that another program has converted to other units than a comparison states.
+
+    Raises:
+        CubeError: If a parameter or a compared output states another unit than the joint gives it.
+    """
+    expected = {name: JOINT_OUTPUTS[name].unit for name in _MODEL_OUTPUTS}
+    expected |= {name: parameter.unit for name, parameter in JOINT_PARAMETERS.items()}
+    for name in expected.keys() & cube.variables.keys():
+        if (unit := cube[name].attrs.get("units", expected[name])) != expected[name]:
+            raise CubeError(
+                f"{name} of this cube is in {unit!r}, where a comparison takes it in {expected[name]!r}: convert it back"
+            )
 
 
 def _over_speed(points: xr.Dataset) -> xr.Dataset:
