@@ -153,3 +153,25 @@ def test_a_cube_can_be_opened_without_reading_it(study, tmp_path):
         assert cube["axial_drift_mm"].chunks is not None
     with pytest.raises(CubeError, match="there is no such file"):
         td.open_cube(tmp_path / "none.nc", chunks="auto")
+
+
+@pytest.mark.parametrize("read", [open_cube.open_cube, open_cube.opened_cube, td.query, opened_arrays])
+def test_a_study_that_is_replaced_while_it_is_read_is_read_anew(study, tmp_path, monkeypatch, read):
+    """A query beside `derive` refused results as those of another study."""
+    out = tmp_path / "out"
+    td.run(study, out)
+    study.write_text(STUDY + '[responses.twice]\nformula = "2 * friction_a"\nunit = "1"\nmeaning = "twice"\n')
+    derived, look, looks = load_study(study), open_cube.is_shown, []
+
+    def look_before_it_is_replaced(path):
+        shown = look(path)
+        if not looks:
+            with ResultDirectory(out) as directory:
+                directory.accept(StudyPoints(derived, make_points(derived)))
+        looks.append(shown)
+        return shown
+
+    monkeypatch.setattr(open_cube, "is_shown", look_before_it_is_replaced)
+    with read(out, "twice") if read is td.query else read(out) as cube:
+        assert "twice" in cube.variables
+    assert looks == [True, False]

@@ -82,7 +82,7 @@ def refuse_other_units(cube: xr.Dataset) -> None:
     for name in expected.keys() & cube.variables.keys():
         if (unit := cube[name].attrs.get("units", expected[name])) != expected[name]:
             raise CubeError(
-                f"{name} of this cube is in {unit!r}, where a comparison takes it in {expected[name]!r}: convert it back"
+                f"{name} of this cube is in {unit!r}, where a comparison needs {expected[name]!r}: convert it back"
             )
 
 

@@ -23,6 +23,10 @@ _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
 _LISTED = ("cube.nc", "fit.nc", "front.nc", "candidates.nc")  # of a step, a fit and an optimisation
 
 
+class OtherStudyError(CubeError):
+    """A result of another study than its directory's, or of one that has been replaced meanwhile."""
+
+
 def refuse_unfit(path: Path, whole: bool = False) -> None:
     """Refuse a missing or damaged file, or one that does not belong to its result directory.
 
@@ -31,7 +35,8 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
         whole: Whether a large file is also read for its digest.
 
     Raises:
-        CubeError: With the reason and the remedy.
+        OtherStudyError: If the study of the directory is another one.
+        CubeError: For any other reason; both with the remedy.
     """
     _refuse_damaged(path, whole)
     directory = _directory_of(path)
@@ -70,7 +75,9 @@ def _refuse_other_study(path: Path, directory: Path) -> None:
         expected = journal.recall(STUDY_HASH)
     known, number = _origin(path)
     if expected is not None and known != expected and (known or path.parent.name == ANALYSES):
-        raise CubeError(f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}")
+        raise OtherStudyError(
+            f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}"
+        )
     if number and number != number_in(journal_path(directory)):
         raise CubeError(f"{path}: its results are of another directory; {remedy(path)}")
 

@@ -7,7 +7,7 @@ which the import of xarray takes 0.7.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,7 @@ from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
 from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, dataset_of, reading
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, is_shown
+from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, stored_or_so_far
 
 if TYPE_CHECKING:
     import netCDF4
@@ -111,35 +111,41 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     Raises:
         CubeError: If there is no cube, or it is damaged.
     """
-    if not is_shown(Path(path)):
-        with cube_so_far(Path(path)) as cube:
-            yield cube_arrays(cube)
-        return
+    with ExitStack() as opened:
+
+        def so_far() -> CubeArrays:
+            return cube_arrays(opened.enter_context(cube_so_far(Path(path))))
+
+        yield stored_or_so_far(Path(path), lambda: _stored_arrays(Path(path), opened), so_far)
+
+
+def _stored_arrays(path: Path, opened: ExitStack) -> CubeArrays:
+    """The variables of stored files, which are open until the stack is closed."""
     sizes: dict[str, int] = {}
     coordinates: dict[str, Variable] = {}
     variables: dict[str, Variable] = {}
-    stored: list[netCDF4.Dataset] = []
     notes: tuple[str, ...] = ()
     left_out: dict[str, str] = {}
-    try:
-        with NETCDF_LOCK:
-            for file in cube_files(Path(path)):
-                refuse_unfit(file)
-                with reading(file):
-                    stored.append(dataset_of(file))
-                    labels = _coordinate_names(stored[-1])
-                    _add_sizes(sizes, {name: dimension.size for name, dimension in stored[-1].dimensions.items()})
-                    tables = {_text_table(array) for array in stored[-1].variables.values()}
-                    for name in [name for name in stored[-1].variables if name not in tables]:
-                        group = coordinates if name in labels else variables
-                        group[name] = _stored_variable(stored[-1], name, file)
-                    notes = notes or _notes(stored[-1].__dict__)
-                    left_out |= _left_out(stored[-1].__dict__)
-        yield CubeArrays(sizes, coordinates, variables, notes, left_out)
-    finally:
-        with NETCDF_LOCK:
-            for dataset in stored:
-                dataset.close()
+    with NETCDF_LOCK:
+        for file in cube_files(path):
+            refuse_unfit(file)
+            with reading(file):
+                stored = dataset_of(file)
+                opened.callback(_close, stored)
+                labels = _coordinate_names(stored)
+                _add_sizes(sizes, {name: dimension.size for name, dimension in stored.dimensions.items()})
+                tables = {_text_table(array) for array in stored.variables.values()}
+                for name in [name for name in stored.variables if name not in tables]:
+                    group = coordinates if name in labels else variables
+                    group[name] = _stored_variable(stored, name, file)
+                notes = notes or _notes(stored.__dict__)
+                left_out |= _left_out(stored.__dict__)
+    return CubeArrays(sizes, coordinates, variables, notes, left_out)
+
+
+def _close(stored: netCDF4.Dataset) -> None:
+    with NETCDF_LOCK:
+        stored.close()
 
 
 def analyses_with(directory: Path, variable: str) -> list[Path]:

@@ -5,14 +5,14 @@ While a study runs, and after an interrupt, finished points stand only in the jo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.cube.file_checks import study_hash
+from tripod_doe.study.cube.file_checks import OtherStudyError, study_hash
 from tripod_doe.study.journal import OUTDATED, SHOWN, STUDY_HASH, Journal, journal_path
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     from tripod_doe.study.cube.writing import StoredResults
     from tripod_doe.study.definition.study import Study
     from tripod_doe.study.study_points import StudyPoints
+
+_Results = TypeVar("_Results")
 
 FIT_FILE = "fit.nc"
 """File of a result directory with the result of a fit, which has no cube of its own."""
@@ -44,17 +46,22 @@ def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = N
     Raises:
         CubeError: If there is no cube and no finished point, or what is there is damaged.
     """
-    if not is_shown(Path(path)):
-        so_far = cube_so_far(Path(path))
+
+    def stored() -> xr.Dataset:
         if chunks is not None:
-            return so_far.chunk(chunks)
-        with so_far:
-            return so_far.load()
-    if chunks is None:
+            return _lazily(Path(path), chunks)
         from tripod_doe.study.cube.lazy_dataset import read_dataset
 
         return _joined(*map(read_dataset, cube_files(Path(path))))
-    return _lazily(Path(path), chunks)
+
+    def so_far() -> xr.Dataset:
+        cube = cube_so_far(Path(path))
+        if chunks is not None:
+            return cube.chunk(chunks)
+        with cube:
+            return cube.load()
+
+    return stored_or_so_far(Path(path), stored, so_far)
 
 
 def opened_cube(path: str | Path) -> xr.Dataset:
@@ -62,14 +69,32 @@ def opened_cube(path: str | Path) -> xr.Dataset:
 
     Close it: ``with opened_cube(path) as cube``.
     """
-    if not is_shown(Path(path)):
-        return cube_so_far(Path(path))
-    cube = _lazily(Path(path), by_number=False)
-    if cube.nbytes > _READ_AT_ONCE:
-        return cube
-    with cube:
-        cube.load()
-        return cube.set_xindex("point") if "point" in cube.dims and "point" in cube.coords else cube
+
+    def stored() -> xr.Dataset:
+        cube = _lazily(Path(path), by_number=False)
+        if cube.nbytes > _READ_AT_ONCE:
+            return cube
+        with cube:
+            cube.load()
+            return cube.set_xindex("point") if "point" in cube.dims and "point" in cube.coords else cube
+
+    return stored_or_so_far(Path(path), stored, lambda: cube_so_far(Path(path)))
+
+
+def stored_or_so_far(path: Path, stored: Callable[[], _Results], so_far: Callable[[], _Results]) -> _Results:
+    """What one function reads from the cube of a directory, or the other from its journal if that holds more.
+
+    A derivation or a larger study may replace the study between a look at the journal and one at the cube: what is
+    there then is read.
+    """
+
+    def read() -> _Results:
+        return stored() if is_shown(path) else so_far()
+
+    try:
+        return read()
+    except OtherStudyError:
+        return read()
 
 
 def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
