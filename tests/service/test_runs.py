@@ -42,6 +42,25 @@ def test_schemas_are_those_of_the_command_line(api):
     assert "/api/v1/runs/{run_id}/query" in api.get("/openapi.json").json()["paths"]
 
 
+def test_what_a_route_does_not_read_is_refused(api):
+    """Regression: {"days": 1} gave a link of 14 days, and a misspelt parameter the answer without it."""
+    made = api.post("/runs/none/shares", {"days": 1})
+    assert made.status_code == 422
+    assert made.json()["errors"][0]["message"] == "this address reads no body: leave it out; write days into the query"
+    assert api.post("/runs/none/shares", {}).status_code == 404
+    assert api.post("/runs/none/stop", {"force": True}).status_code == 422
+    for path in (
+        "/runs?stat=running",
+        "/runs/none/query?variabel=x",
+        "/limits?x=1",
+        "/runs/none/diff/none?variables=x",
+    ):
+        answer = api.get(path)
+        assert answer.status_code == 422, path
+        assert "in the query" in answer.json()["errors"][0]["message"]
+    assert "did you mean 'state'" in api.get("/runs?stat=running").json()["errors"][0]["message"]
+
+
 def test_limits_are_told_with_their_meanings(api, settings):
     told = {entry["name"]: entry for entry in api.get("/limits").json()["limits"]}
     assert told["body_bytes"]["value"] == settings.limits.body_bytes == 256 * 1024

@@ -5,6 +5,7 @@ import logging
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from tripod_doe.cli.parser import (
@@ -59,6 +60,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.study.definition.study_file import load_study
     from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.failure_summary import failure_lines
+    from tripod_doe.study.result_directory.stored_study import is_stored
     from tripod_doe.workflow.run_study import run  # Dask and plotting are slow to import
 
     if options.export:
@@ -66,8 +68,9 @@ def _run(options: argparse.Namespace) -> int:
 
         refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    folder = StudyFolder.of(options.study, options.untrusted)
     summary = run(
-        load_study(options.study, StudyFolder.of(options.study, options.untrusted)),
+        load_study(options.study, replace(folder, has_results=is_stored(options.out, options.study))),
         options.out,
         workers=options.workers,
         scheduler=options.scheduler,

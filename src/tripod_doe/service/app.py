@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 
 from anyio.to_thread import current_default_thread_limiter
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
@@ -17,6 +17,7 @@ from tripod_doe.service.page import asset_files, help, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, share_links, studies, views
+from tripod_doe.service.routes.dependencies import refuse_unread
 from tripod_doe.service.security.guard import API, Guard
 from tripod_doe.service.security.sessions import Sessions
 from tripod_doe.service.security.tokens import Accesses
@@ -61,7 +62,7 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.service, app.state.sessions = service, sessions
     for module in (runs, studies, results, reports, views, share_links):  # the most frequent requests come first
-        app.include_router(module.router, prefix=API)
+        app.include_router(module.router, prefix=API, dependencies=[Depends(refuse_unread)])
     for part in (asset_files, help, run_pages, study_editor):
         app.include_router(part.router)
     accesses = Accesses(settings, service.shares)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -28,6 +27,7 @@ from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.toml_text import toml_text
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
@@ -130,7 +130,7 @@ def _points_study(rig: RigFit, folder: Path) -> Study:
         "design": {"kind": "table", "table": TABLE},
         "keep": {"outputs": [*_ORDERS, *_NEEDLES]},
     }
-    return parse_study(tomlkit.dumps(content), rig.request.origin, StudyFolder(folder))
+    return parse_study(toml_text(content), rig.request.origin, StudyFolder(folder))
 
 
 def _orders(batch: Batch) -> ComplexArray:

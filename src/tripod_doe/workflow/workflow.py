@@ -17,7 +17,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import DESIGN_KEYS
+from tripod_doe.study.definition.study_tables import DESIGN_KEYS, keys_read_by
 from tripod_doe.study.definition.toml_text import read_text, toml_array
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys
@@ -256,8 +256,7 @@ def _overridden(text: str, overrides: Overrides, where: str, suffix: str) -> str
             raise InputError(f"{where}: factors.{factor}: this study does not vary it{hint}")
     kind, own = given.get("design", {}).get("kind"), document.get("design", {})
     if kind in DESIGN_KEYS and kind != own.get("kind", "grid"):  # keys of the other kind mean nothing to it
-        kept = {"factors", "constraints", "correlation", *DESIGN_KEYS[kind]}
-        document["design"] = {key: value for key, value in own.items() if key in kept}
+        document["design"] = {key: value for key, value in own.items() if key in keys_read_by(kind)}
     for table, entries in given.items():
         if entries:
             document.setdefault(table, tomlkit.table()).update(entries)

@@ -68,3 +68,10 @@ def test_a_selection_that_contradicts_the_record_counts_and_is_stated(rig, capsy
     found, remarks = compared_everywhere(rig, ["joint_angle_deg=12"], capsys)
     assert found == pytest.approx(float(there["thrust_amplitude"].sel(order=3)))
     assert "The record says joint angle 8 deg, where 12 deg is asked for" in remarks
+
+
+def test_a_decimal_comma_in_a_selection_is_named_before_the_torque(rig, capsys):
+    """Regression: the refusal spoke of the torque of the record alone, which a right selection would have simulated."""
+    words = ["compare", str(rig / "out"), str(rig / "record.csv"), "--select", "joint_angle_deg=11,5"]
+    assert main(words) == 2
+    assert "write 11.5 with a decimal point" in capsys.readouterr().err

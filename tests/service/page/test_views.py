@@ -534,3 +534,14 @@ def test_names_and_units_show_as_they_are_written(folders):
         text = json.dumps(each)
         assert "&lt;a href" in text
         assert not re.search(r"<(?!/?b>|br>|/?extra>)", text)
+
+
+def test_a_change_of_design_leaves_no_key_behind():
+    """Regression: the next check of the form refused keys of the kind before, which the form does not show."""
+    text = changed_text(gallery_upload("template-grid")["study"], "design.kind", "morris")
+    for key, value in (("samples", "8"), ("levels", "4"), ("seed", "3")):
+        text = changed_text(text, f"design.{key}", value)
+    assert tomllib.loads(text)["design"] == {"kind": "morris", "samples": 8, "levels": 4, "seed": 3}
+    text = changed_text(text, "design.kind", "sobol")
+    assert tomllib.loads(text)["design"] == {"kind": "sobol", "samples": 8, "seed": 3}
+    assert tomllib.loads(changed_text(text, "design.kind", "grid"))["design"] == {"kind": "grid"}

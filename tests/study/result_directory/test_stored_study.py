@@ -9,11 +9,14 @@ import sys
 import pytest
 
 import tripod_doe as td
+from tripod_doe.checksum_list import write_listed as replace_text
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.journal import STUDY as STUDY_TEXT
+from tripod_doe.study.journal import Journal, text_digest
 from tripod_doe.study.result_directory.stored_study import stored_study, texts_of_study
 
 FUNCTION = """
@@ -134,3 +137,34 @@ def test_a_study_with_a_table_needs_only_its_result_directory(tmp_path, capsys, 
     assert make_points(load_study(larger, StudyFolder.of(larger, untrusted=True))).count == 3
     assert main(["run", str(larger), "--out", str(out), "--workers", "0"]) == 0
     assert "1 point computed" in capsys.readouterr().err
+
+
+UNREAD = '[study]\nname = "s"\n[base]\nmodel = "equilibrium"\n[factors.joint_angle_deg]\nvalues = [4, 8]\n'
+
+
+def test_a_study_that_ran_goes_on_in_spite_of_keys_that_nothing_reads(tmp_path, capsys):
+    """Regression: runs of versions that did not refuse such keys could not be resumed."""
+    (tmp_path / "s.toml").write_text(UNREAD)
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    old = UNREAD + "[design]\nseed = 3\n"
+    (tmp_path / "s.toml").write_text(old)
+    assert main(["run", str(tmp_path / "s.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 2
+    assert "seed: not used by kind" in capsys.readouterr().err
+    with Journal(tmp_path / "out") as journal:
+        journal.remember({STUDY_TEXT: text_digest(old.encode())})
+    replace_text(tmp_path / "out" / "study.toml", old)
+    assert main(["run", str(tmp_path / "s.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
+
+
+def test_a_damaged_study_of_a_directory_is_no_edit(tmp_path, capsys):
+    """Regression: run with the file of the directory itself, the damage became its study."""
+    (tmp_path / "s.toml").write_text(UNREAD)
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    stored = tmp_path / "out" / "study.toml"
+    assert main(["run", str(stored), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
+    damaged = UNREAD.replace("[4, 8]", "[4, 8, 9]")
+    stored.write_text(damaged)
+    assert main(["run", str(stored), "--out", str(tmp_path / "out"), "--workers", "0"]) != 0
+    assert "study.toml" in (said := capsys.readouterr().err)
+    assert "damaged or edited" in said or "checksum" in said
+    assert td.open_cube(tmp_path / "out").sizes["joint_angle_deg"] == 2

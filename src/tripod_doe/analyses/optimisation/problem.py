@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.optimisation.manufacturing_scatter import Scatter, make_scatter
@@ -24,6 +23,7 @@ from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.definition.toml_text import toml_text
 from tripod_doe.study.designs import Points
 
 _THIRD = ("thrust_amplitude", 3)  # the quantity whose error of the model is on record
@@ -124,7 +124,7 @@ class Problem:
             outputs += [f"{name}{ERROR}" for name in outputs if f"{name}{ERROR}" in self.simulator.outputs]
             content["keep"] = {"outputs": list(dict.fromkeys(outputs)) or [next(iter(self.simulator.outputs))]}
         return parse_study(
-            tomlkit.dumps(content), origin, _PointsFolder(rules.path, rules.trusted, rules.most_points, folder)
+            toml_text(content), origin, _PointsFolder(rules.path, rules.trusted, rules.most_points, folder)
         )
 
     @property

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
@@ -14,6 +13,7 @@ from tripod_doe.page_parts.main_results import unit_text
 from tripod_doe.quantities import number
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.cube.lazy_dataset import read_dataset
+from tripod_doe.study.definition.toml_text import toml_text
 
 _MOST_ROWS = 200
 _LABELS = {outcome.label: outcome for outcome in Outcome}
@@ -42,7 +42,7 @@ def _study(data: xr.Dataset) -> str:
     """The head and the base values of a study of the candidates' joints."""
     file = file_of(data)
     base = {name: value for name, value in file.base.items() if name not in file.variables}
-    return tomlkit.dumps({"study": {"name": file.optimisation.name, "scene": file.optimisation.scene}, "base": base})
+    return toml_text({"study": {"name": file.optimisation.name, "scene": file.optimisation.scene}, "base": base})
 
 
 def front(path: str) -> Any:

@@ -18,7 +18,7 @@ from tripod_doe.model_interface import Parameter
 from tripod_doe.page_parts.main_results import spoken, unit_text
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
-from tripod_doe.study.definition.study_tables import DesignTable
+from tripod_doe.study.definition.study_tables import DESIGN_KEYS, DesignTable, keys_read_by
 from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.typed_numbers import readings, typed_number
 
@@ -107,6 +107,10 @@ def changed_text(text: str, key: str, value: str) -> Any:
             _set_parameter(document, name, value.strip())
         else:
             _set(document, table, name, _scalar(value) if table == "design" else value)
+        if key == "design.kind" and value in DESIGN_KEYS:  # keys of the kind before mean nothing to it, and are refused
+            design = document["design"]
+            for other in [other for other in design if other not in keys_read_by(value)]:
+                del design[other]
         return tomlkit.dumps(document)
     except (TOMLKitError, AttributeError, TypeError, ValueError) as error:
         raise InputError(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 from datetime import UTC, date, datetime, time
 from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Query, Request
 from pydantic import AwareDatetime, BaseModel, Field
 
+from tripod_doe.errors import near_match
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.run_table import State, stamp
 from tripod_doe.service.security.connections import left_of
+from tripod_doe.service.security.guard import API
 from tripod_doe.service.service import Service
 
 
@@ -54,6 +57,26 @@ async def _body(request: Request) -> bytes:
 
 Body = Annotated[bytes, Depends(_body)]
 """The body of a request; a worker reads it, see `bodies`."""
+
+
+_EMPTY = (b"", b"{}", b"null")  # the page sends an object with every change
+
+
+async def refuse_unread(request: Request) -> None:
+    """Refuse (422) what a route would leave out in silence: a body, and parameters in the query."""
+    route, method = request.scope["route"], request.method.lower()
+    described = request.app.openapi()["paths"][API + route.path_format].get(method)
+    if described is None:  # HEAD
+        return
+    known = [each["name"] for each in described.get("parameters", ()) if each["in"] == "query"]
+    reads_body = "requestBody" in described or method == "get"
+    if not reads_body and (await request.body()).strip() not in _EMPTY:
+        remedy = f"; write {', '.join(known)} into the query" if known else ""
+        raise RefusedError(422, f"this address reads no body: leave it out{remedy}")
+    if "request" in inspect.signature(route.endpoint).parameters and method == "get":
+        return  # it reads its query itself
+    if unknown := next((name for name in request.query_params if name not in known), None):
+        raise RefusedError(422, f"unknown parameter {unknown[:100]!r} in the query{near_match(unknown, known)}")
 
 
 def takes(form: type[BaseModel] | None) -> dict[str, Any]:

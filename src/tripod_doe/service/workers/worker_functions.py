@@ -355,7 +355,7 @@ def choice(folder: str, path: str) -> Any:
     from tripod_doe.study.definition.study_file import load_study
 
     place = Path(folder) / STUDY
-    study = load_study(place, StudyFolder.of(place, untrusted=True))
+    study = load_study(place, StudyFolder(place.resolve().parent, trusted=False, has_results=True))
     return describe_choice(study, Path(path)).splitlines() if study.auto_model else describe_split(study, Path(path))
 
 

@@ -25,6 +25,7 @@ from tripod_doe.study.definition.study_tables import (
     RunTable,
     StudyFile,
     StudyTable,
+    keys_read_by,
     parse_file,
 )
 from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
@@ -255,8 +256,7 @@ def _refuse_unread(origin: str, file: StudyFile) -> None:
 
 
 def _refuse_unread_keys(design: DesignTable) -> None:
-    common = {"kind", "constraints", "correlation"} | ({"factors"} if design.kind != "product" else set())
-    if unread := sorted(design.model_fields_set - common - {*DESIGN_KEYS[design.kind]}):
+    if unread := sorted(design.model_fields_set - keys_read_by(design.kind)):
         kinds = ", ".join(kind for kind, keys in DESIGN_KEYS.items() if unread[0] in keys) or "sub-designs"
         raise InputError(
             f'{", ".join(unread)}: not used by kind = "{design.kind}"; leave it out ({unread[0]}: {kinds})'

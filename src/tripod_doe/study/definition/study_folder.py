@@ -8,7 +8,7 @@ tables of its study stand for those that are not there.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -32,8 +32,8 @@ class StudyFolder:
     path: Path
     trusted: bool = True  # whether functions, and files outside of the folder, may be named
     most_points: int | None = None  # of a study, and values of a factor; None without a limit
-
-    has_results = False  # whether results of the study are here: it ran, and is not refused for what it did not read
+    _: KW_ONLY
+    has_results: bool = False  # whether the study ran: it is not refused for what it did not read
 
     @classmethod
     def of(cls, file: str | Path, untrusted: bool = False) -> Self:

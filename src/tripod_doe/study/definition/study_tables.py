@@ -164,7 +164,12 @@ DESIGN_KEYS: Mapping[str, tuple[str, ...]] = {
     "ablation": ("combinations", "halved"),
     "product": ("of",),
 }
-"""Keys of [design] that each kind reads, besides kind, factors, constraints, and correlation with checks of its own."""
+"""Keys of [design] that each kind reads alone."""
+
+
+def keys_read_by(kind: str) -> set[str]:
+    """Keys of [design] that a kind of design may have."""
+    return {"kind", "constraints", "correlation", *DESIGN_KEYS[kind], *(["factors"] if kind != "product" else [])}
 
 
 class KeepTable(Table):

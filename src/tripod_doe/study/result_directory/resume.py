@@ -11,7 +11,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.journal import KERNELS, STUDY, Journal, text_digest
-from tripod_doe.study.result_directory.stored_study import STORED, stored_study
+from tripod_doe.study.result_directory.stored_study import STORED, refuse_changed_study, stored_study
 from tripod_doe.study.study_points import StudyPoints
 
 
@@ -36,8 +36,11 @@ class Resume:
 
         Raises:
             InputError: With every key that changed, its old and its new value.
+            CubeError: If the study was read from the directory itself and is not the one that was stored there.
         """
         study, stored = asked.study, self._path / STORED
+        if stored.exists() and Path(study.origin).resolve() == stored.resolve():  # its damage would count as a change
+            refuse_changed_study(self._path, self._journal)
         there, grew = self._done(asked) if done is None else asked.done(done)
         if (not there.any() and grew) or not stored.exists():
             return

@@ -210,6 +210,14 @@ def _recorded(note: str, directory: Path) -> dict[str, Any]:
     return record
 
 
+def is_stored(directory: Path, file: Path) -> bool:
+    """Whether a file is the study whose results are in a directory."""
+    try:
+        return (directory / STORED).is_file() and read_text(directory / STORED, "study") == read_text(file, "study")
+    except InputError:
+        return False
+
+
 def keep_sources(study: Study, directory: Path) -> dict[str, str]:
     """Copy the tables of a study into its result directory.
 
