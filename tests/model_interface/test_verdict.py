@@ -91,13 +91,14 @@ def test_a_doubtful_verdict_names_the_cheapest_sure_model_and_its_price():
         )
         assert (verdicts(finer).trust == Trust.SURE).all()
     sentence, *_ = model_notes(simulator, {name: column[:1] for name, column in columns.items()}, {})
-    assert sentence.endswith('; check it with model = "rollers" (sure there, usually about 0.2 s of CPU time).')
+    usual = f"usually about {1e3 * prices['rollers']:.0f} ms of CPU time"
+    assert sentence.endswith(f'; check it with model = "rollers" (sure there, {usual}).')
     sentence, *_ = model_notes(simulator, columns, {})
     assert 'check some of these with model = "' in sentence
     assert "(sure at 1 of them, usually about " in sentence
     same = {name: np.repeat(column[:1], 2) for name, column in columns.items()}
     sentence, *_ = model_notes(simulator, same, {})
-    assert 'check some of these with model = "rollers" (sure at all of them, usually about 0.2 s' in sentence
+    assert f'check some of these with model = "rollers" (sure at all of them, {usual}' in sentence
     larger = {"pitch_radius_mm": 25.5, "roller_radius_mm": 18.5, "groove_sliding_friction": 0.055, "torque_n_m": 40.0}
     columns = simulator.columns(larger, {"joint_angle_deg": np.array([12.7])}, 1)
     sentence, *_ = model_notes(simulator, columns, {"vibrates": np.ones(1)})

@@ -42,7 +42,7 @@ class ResultFolder(StudyFolder):
     """Folder of tables and the function of a stored study: the directory itself."""
 
     record: Mapping[str, Any] = field(default_factory=dict)  # of the function, as `RecordedFunction` takes it
-    has_results = True
+    has_results: bool = field(default=True, kw_only=True)
 
     def file(self, name: str, key: str) -> Path:
         """The copy of a table; InputError if there is none."""
