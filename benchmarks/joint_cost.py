@@ -47,19 +47,19 @@ def candidate_cost(candidate: Candidate) -> tuple[float, float]:
 def candidate_prices(record: bool) -> None:
     """Print the price of every candidate beside the recorded one, and record it."""
     prices = tomlkit.parse(PRICES.read_text())
-    least: dict[str, float] = {}  # of runs of one scene, whatever their accuracy
-    for table, candidate in zip(prices.values(), simulator.candidates, strict=True):
-        seconds, evaluations = candidate_cost(candidate)
+    scenes = [{**each.values, "accuracy": None} for each in simulator.candidates]
+    costs = []
+    for candidate in simulator.candidates:
+        costs.append(candidate_cost(candidate))
+        seconds, evaluations = costs[-1]
         print(
             f"{candidate.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * candidate.evaluation_seconds:.1f}), "
             f"{evaluations:.0f} a run (recorded {candidate.evaluations:.0f})",
             flush=True,
         )
-        scene = str({name: value for name, value in candidate.values.items() if name != "accuracy"})
-        least[scene] = min(seconds, least.get(scene, seconds))
-        table["scene"], table["evaluations"] = scene, round(evaluations)
-    for table in prices.values():
-        table["evaluation_seconds"] = float(f"{least[table.pop('scene')]:.3g}")
+    for table, scene, (_, evaluations) in zip(prices.values(), scenes, costs, strict=True):
+        least = min(cost for other, (cost, _) in zip(scenes, costs, strict=True) if other == scene)  # at any accuracy
+        table["evaluation_seconds"], table["evaluations"] = float(f"{least:.3g}"), round(evaluations)
     if record:
         PRICES.write_text(tomlkit.dumps(prices))
 

@@ -79,11 +79,9 @@ def refuse_other_units(cube: xr.Dataset) -> None:
     """
     expected = {name: JOINT_OUTPUTS[name].unit for name in _MODEL_OUTPUTS}
     expected |= {name: parameter.unit for name, parameter in JOINT_PARAMETERS.items()}
-    for name in expected.keys() & cube.variables.keys():
-        if (unit := cube[name].attrs.get("units", expected[name])) != expected[name]:
-            raise CubeError(
-                f"{name} of this cube is in {unit!r}, where a comparison needs {expected[name]!r}: convert it back"
-            )
+    for name, needed in expected.items():
+        if name in cube.variables and (unit := cube[name].attrs.get("units", needed)) != needed:
+            raise CubeError(f"{name} of this cube is in {unit!r}, where a comparison needs {needed!r}: convert it back")
 
 
 def _over_speed(points: xr.Dataset) -> xr.Dataset:
