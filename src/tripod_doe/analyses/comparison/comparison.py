@@ -24,6 +24,7 @@ from tripod_doe.analyses.comparison.model_point import (
     model_waveform,
     orders_at_speeds,
     parameters_of,
+    refuse_other_units,
 )
 from tripod_doe.analyses.comparison.plausibility import alignment_doubts, record_doubts
 from tripod_doe.analyses.kinds import makes_kind
@@ -112,6 +113,7 @@ def compare(
         Phases of orders that do not differ significantly from zero are NaN.
 
     Raises:
+        CubeError: If the point is in other units than the joint gives, or states none.
         InputError: If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
     """
     from scipy.special import stdtrit  # quantiles of Student's t
@@ -123,6 +125,7 @@ def compare(
         raise InputError(
             f"point: {type(point).__name__} is no point of a cube; choose one from td.open_cube(DIR) by isel"
         )
+    refuse_other_units(point)
     if isinstance(measurement, str | Path):
         measurement = read_measurement(measurement)
     beside = _beside(measurement, point, reference_angle_deg, speeds_rpm)

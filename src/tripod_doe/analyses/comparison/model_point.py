@@ -40,11 +40,9 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
         cube has them, over ``speed_rpm`` where several speeds are left; the other factors as scalar coordinates.
 
     Raises:
-        CubeError: If a value has another unit than the joint gives it.
         InputError: If the cube holds no thrust force, the selection leaves none or several points other than over
             speed, or the point did not finish.
     """
-    refuse_other_units(cube)
     wanted = [name for name in _MODEL_OUTPUTS if name in cube]
     if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
         raise InputError(
@@ -72,16 +70,24 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
 
 
 def refuse_other_units(cube: xr.Dataset) -> None:
-    """Refuse a cube that another program has converted to other units than a comparison states.
+    """Refuse a cube or a point that another program has converted to other units than a comparison states.
+
+    A value without a unit is refused, too: xarray drops the unit of what it calculates.
 
     Raises:
-        CubeError: If a parameter or a compared output states another unit than the joint gives it.
+        CubeError: If a parameter or a compared output does not state the unit that the joint gives it.
     """
-    expected = {name: JOINT_OUTPUTS[name].unit for name in _MODEL_OUTPUTS}
-    expected |= {name: parameter.unit for name, parameter in JOINT_PARAMETERS.items()}
+    expected = {name: JOINT_OUTPUTS[name].unit for name in _MODEL_OUTPUTS} | {"rotation_deg": "degree"}
+    expected |= {name: parameter.unit for name, parameter in JOINT_PARAMETERS.items() if parameter.kind != "choice"}
     for name, needed in expected.items():
-        if name in cube.variables and (unit := cube[name].attrs.get("units", needed)) != needed:
-            raise CubeError(f"{name} of this cube is in {unit!r}, where a comparison needs {needed!r}: convert it back")
+        attrs = cube[name].attrs if name in cube.variables else {"units": needed}
+        unnamed = "1" if attrs.get("source") == "user function" else needed  # an argument has its unit in its name
+        if (unit := attrs.get("units")) not in (needed, unnamed):
+            known = "states no unit" if unit is None else f"is in {unit!r}"
+            raise CubeError(
+                f"{name} of this cube {known}, where a comparison needs {needed!r}: convert it back, and set its "
+                "attribute units"
+            )
 
 
 def _over_speed(points: xr.Dataset) -> xr.Dataset:

@@ -8,6 +8,7 @@ import xarray as xr
 from pydantic import Field
 
 from tripod_doe.analyses.comparison.comparison import compare
+from tripod_doe.analyses.comparison.model_point import refuse_other_units
 from tripod_doe.analyses.comparison.record_point import RecordRow, overruled, point_of_record, with_stated_values
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.errors import InputError
@@ -53,8 +54,10 @@ def compare_record(
     What the record states of its operating point counts where neither its row nor the selection names it.
 
     Raises:
+        CubeError: If the cube is in other units.
         InputError: If the record cannot be read or compared.
     """
+    refuse_other_units(cube)
     speed = row.values.get("speed_rpm")
     known_speed = None if speed is None else float(speed)
     measurement = read_measurement(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.comparison.model_point import model_point, parameters_of, refuse_other_units
+from tripod_doe.analyses.comparison.model_point import model_point, parameters_of
 from tripod_doe.analyses.diff.definitions import fixed_parameters, parsed_study
 from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.errors import InputError, option
@@ -56,7 +56,6 @@ def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measuremen
     A value within a hundredth of one of the cube is that value. The speed is that of its revolutions; where the cube
     has several speeds around it, each revolution is compared at its own.
     """
-    refuse_other_units(cube)
     known = {*row.values, *(text.partition("=")[0] for text in select)}
     of_joint = str(cube.attrs.get("source", "")).endswith("simulator joint")
     factors, fixed = factors_of(cube), fixed_parameters(cube)
