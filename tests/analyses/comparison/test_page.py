@@ -21,7 +21,9 @@ from tripod_doe.measurements.measurement import Measurement, rotation_from_tacho
 @pytest.fixture(scope="module")
 def point():
     result = td.simulate(joint_angle_deg=10, initial_skew_1_deg=2, initial_skew_2_deg=-2)
-    return result.assign_coords(speed_rpm=((), 600.0, {"units": "rpm"})).assign_attrs(title="A <b>study</b>", study_hash="0123")
+    return result.assign_coords(speed_rpm=((), 600.0, {"units": "rpm"})).assign_attrs(
+        title="A <b>study</b>", study_hash="0123"
+    )
 
 
 @pytest.fixture(scope="module")
