@@ -44,6 +44,21 @@ def test_a_store_holds_what_the_cube_holds(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "out" / "cube.zarr").exists()
 
 
+def test_a_store_of_earlier_results_is_removed(tmp_path):
+    """Regression: with more points, or another formula, the store kept the numbers of before."""
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(STUDY)
+    run = ["run", str(study), "--out", str(out), "--workers", "0"]
+    assert main([*run, "--export", "zarr"]) == 0
+    study.write_text(STUDY.replace("[5, 10]", "[5, 8, 10]"))
+    assert main(run) == 0
+    assert not list(out.glob("*cube.zarr*"))
+    export_zarr(out)
+    (tmp_path / "more.toml").write_text('[responses.double]\nformula = "thrust_amplitude[3] * 2"\n')
+    assert main(["derive", str(out), str(tmp_path / "more.toml")]) == 0
+    assert not list(out.glob("*cube.zarr*"))
+
+
 def test_without_zarr_nothing_starts(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     (tmp_path / "study.toml").write_text(STUDY)

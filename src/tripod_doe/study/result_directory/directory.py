@@ -40,6 +40,7 @@ from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.resume import Resume
 from tripod_doe.study.result_directory.search_condition import FOUND
 from tripod_doe.study.result_directory.stored_study import DERIVED, STORED, keep_sources
+from tripod_doe.study.result_directory.zarr_store import remove_zarr
 from tripod_doe.study.study_points import StudyPoints
 
 _SPARE_BYTES = 20_000_000
@@ -128,6 +129,7 @@ class ResultDirectory:
         remove_pages(self.path)
         for stale in analysis_files(self.path).values():
             stale.unlink()
+        remove_zarr(self.path)
         notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
         notes[OUTDATED] = "yes"
         self._journal.remember(notes | keep_sources(study, self.path))

@@ -7,11 +7,25 @@ from pathlib import Path
 from tripod_doe.errors import InputError, StorageError, option
 from tripod_doe.study.result_directory.open_cube import open_cube
 
+_STORE = "cube.zarr"
+
 
 def refuse_without_zarr() -> None:
     """Refuse the export where it is not installed; InputError with the command that installs it."""
     if importlib.util.find_spec("zarr") is None:
         raise InputError(f"{option('export', 'zarr')}: zarr is not installed; pip install zarr")
+
+
+def remove_zarr(directory: Path) -> None:
+    """Remove the store of earlier results; StorageError if that fails."""
+    store, old = directory / _STORE, directory / ".cube.zarr.old"
+    try:
+        shutil.rmtree(old, ignore_errors=True)
+        if store.is_dir() and not store.is_symlink():
+            store.rename(old)  # so that no part of a store is left where this is interrupted
+            shutil.rmtree(old)
+    except OSError as error:
+        raise StorageError(f"{store}: cannot remove this store of earlier results: {error.strerror}") from error
 
 
 def export_zarr(directory: Path) -> Path:
@@ -26,7 +40,7 @@ def export_zarr(directory: Path) -> Path:
         StorageError: If it cannot be written; an older one stays.
     """
     refuse_without_zarr()
-    store, fresh = directory / "cube.zarr", directory / ".cube.zarr.new"
+    store, fresh = directory / _STORE, directory / ".cube.zarr.new"
     shutil.rmtree(fresh, ignore_errors=True)
     try:
         with open_cube(directory, chunks="auto") as cube:
