@@ -12,12 +12,14 @@ from pathlib import Path
 
 import openpyxl
 import pytest
+import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
 from tripod_doe.page_parts.xlsx_file import Sheet, workbook
 from tripod_doe.service.routes.dependencies import IN_SANDBOX
+from tripod_doe.study.cube.netcdf import write_dataset
 
 STUDY = {
     "study": {"name": "Angles & <torques>", "question": "How does the thrust grow with $ and \u00e4ngle?"},
@@ -125,6 +127,18 @@ def test_numbers_of_an_analysis_are_sheets_by_their_dimensions(tmp_path):
         assert (row[at["S1"]] is None) == (value != value)
         assert row[at["S1"]] is None or row[at["S1"]] == pytest.approx(value, rel=1e-15)
     assert not any("rotation_deg" in next(iter(sheet.values)) for sheet in book)
+
+
+@pytest.mark.parametrize("words", [[], *(["--format", form] for form in ("pdf", "html", "xlsx", "figures"))])
+def test_a_result_without_points_has_no_report(tmp_path, capsys, words):
+    """Regression: an internal error, for an analysis that is a step of a workflow."""
+    result = xr.Dataset({"mean": ("order", [1.0])}, {"order": [3]}, {"analysis_kind": "tolerance"})
+    write_dataset(result, tmp_path / "cube.nc")
+    assert main(["report", str(tmp_path), *words]) == 2
+    assert "the result of an analysis of kind tolerance, without the points of a study" in capsys.readouterr().err
+    (tmp_path / "r.csv").write_text("rotation_deg,thrust_n\n0,1\n")
+    assert main(["compare", str(tmp_path), str(tmp_path / "r.csv")]) == 2
+    assert "without the points of a study" in capsys.readouterr().err
 
 
 def test_texts_of_strangers_are_no_formulas_and_names_of_sheets_are_free():

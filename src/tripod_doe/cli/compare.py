@@ -97,7 +97,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.record_comparison import Reading, compare_record
     from tripod_doe.analyses.comparison.record_point import RecordRow
     from tripod_doe.measurements.headings import parse_column
-    from tripod_doe.study.result_directory.open_cube import opened_cube
+    from tripod_doe.study.result_directory.open_cube import opened_study
 
     rows = [RecordRow(path) for path in options.measurements]
     rows += read_table(options.table) if options.table else []
@@ -111,7 +111,7 @@ def _run(options: argparse.Namespace) -> int:
         options.reference_angle,
         parse_speeds(options.speeds),
     )
-    with opened_cube(options.cube) as cube:
+    with opened_study(options.cube) as cube:
         if options.measurements and len(rows) == 1:
             return _show_one(options, compare_record(cube, rows[0], reading, options.select, options.nearest))
         return _show_many(options, compare_records(cube, rows, reading, options.select, options.nearest), cube)

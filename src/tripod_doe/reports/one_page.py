@@ -14,7 +14,7 @@ from tripod_doe.page_parts.templates import render, typeset
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study_report import answered, read_analyses
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
-from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_study
 
 _LONGEST_NOTE, _MOST_LINES = 800, 8  # letters and lines
 
@@ -58,7 +58,7 @@ def one_page(directory: Path) -> OnePage:
     """
     analyses = read_analyses(directory) if is_shown(directory) else {}
     about = read_annotation(directory)
-    with opened_cube(directory) as cube:
+    with opened_study(directory) as cube:
         answer = answered(cube, analyses)
         done, total = int(finished(cube).sum()), int(asked(cube).sum())
         attributes = {name: str(value) for name, value in cube.attrs.items()}
@@ -98,7 +98,7 @@ def what_if_alone(directory: Path) -> str:
     pages = what_if_pages(read_analyses(directory) if is_shown(directory) else {})
     if not pages:
         raise InputError("no surrogate that can be asked: the study needs [analysis.surrogate]")
-    with opened_cube(directory) as cube:
+    with opened_study(directory) as cube:
         attributes = {name: str(value) for name, value in cube.attrs.items()}
     return render(
         "what_if_page.html",
@@ -113,7 +113,7 @@ def figures_of(directory: Path) -> dict[str, bytes]:
     """Every figure of a directory's report, as SVG and as PNG, by file name."""
     analyses = read_analyses(directory) if is_shown(directory) else {}
     files: dict[str, bytes] = {}
-    with opened_cube(directory) as cube:
+    with opened_study(directory) as cube:
         for chart in answered(cube, analyses).charts:
             files |= {f"{chart.name}.svg": svg_file(chart), f"{chart.name}.png": png_file(chart)}
     return files

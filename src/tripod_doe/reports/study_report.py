@@ -58,7 +58,7 @@ from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
-from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_study
 
 _MOST_FAILED = 50
 _SECTIONS = {
@@ -106,7 +106,7 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
     analyses = read_analyses(directory) if complete else {}
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
-    with opened_cube(directory) as cube:
+    with opened_study(directory) as cube:
         page = make_page(cube, analyses, files, findings, read_annotation(directory), motion)
     return write_listed(directory / "report" / "index.html", page)
 

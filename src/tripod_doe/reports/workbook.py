@@ -15,7 +15,7 @@ from tripod_doe.page_parts.tables import factor_rows, fixed_rows
 from tripod_doe.page_parts.xlsx_file import MOST_COLUMNS, Sheet, workbook
 from tripod_doe.reports.study_report import read_analyses
 from tripod_doe.study.result_directory.annotation import read_annotation
-from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube, opened_study
 
 _KNOWN = ("title", "question", "source", "study_hash", "kernel_source_hash", "model_notes", "design_notes", "history")
 _MOST_PARTS = 60  # numbers per point of a variable that become columns; waveforms have more, and stay in the cube
@@ -30,7 +30,7 @@ def tables_of(directory: Path) -> bytes:
     """
     analyses = read_analyses(directory) if is_shown(directory) else {}
     about = read_annotation(directory)
-    with opened_cube(directory) as cube:
+    with opened_study(directory) as cube:
         sheets = [_points(cube), _parameters(cube), *_of_analyses(analyses)]
         said = {"name": about.name, "owner": about.owner, "tags": ", ".join(about.tags), "note": about.note}
         return workbook([*sheets, provenance(cube.attrs, said), _study(cube)])

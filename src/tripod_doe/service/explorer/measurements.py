@@ -20,7 +20,7 @@ from tripod_doe.measurements.record_file import read_table_of
 from tripod_doe.quantities import interval
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
-from tripod_doe.study.result_directory.open_cube import opened_cube
+from tripod_doe.study.result_directory.open_cube import opened_study
 
 _PREVIEWED = 6  # rows and notes
 
@@ -54,7 +54,7 @@ def compared_upload(
         InputError: If the table or the selection cannot be used.
     """
     reading = Reading(columns, pulses_per_revolution, None, sign, reference_angle, parse_speeds(speeds))
-    with uploaded(measurement) as file, opened_cube(path) as cube:
+    with uploaded(measurement) as file, opened_study(path) as cube:
         comparison = compare_record(cube, RecordRow(file), reading, select, nearest).comparison
     assert comparison is not None
     return comparison

@@ -47,6 +47,10 @@ class Variable:
         """Its values, one axis per dimension."""
         return self.read(tuple(slice(None) for _ in self.dims))
 
+    def texts(self) -> set[str]:
+        """All texts among its values; none of numbers."""
+        return {str(value) for value in self.values.flat} if self.values.dtype.kind in "OU" else set()
+
     def at(self, rows: Mapping[str, IntArray]) -> NDArray[Any]:
         """Its values at ascending positions along its dimensions; only stretches that hold them are read."""
         if "values" in vars(self):

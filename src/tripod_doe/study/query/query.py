@@ -189,7 +189,8 @@ class _Choice:
         design = self.cube.variables["outcome"].dims if "outcome" in self.cube.variables else ()
         dims = set(self.target.dims)
         known = [name for name, other in self.cube.variables.items() if {*design}.intersection(other.dims) <= dims]
-        words = {name: list(self._source(name).words.values()) for name in known}
+        words: dict[str, Collection[str]] = {name: list(self._source(name).words.values()) for name in known}
+        words |= {name: labels.texts() for name, labels in self.coordinates.items() if name in where}
         expression = Expression(where, [*self.coordinates, *known], words)
         used = [self._source(name).dims for name in expression.used]
         beside = math.prod({dim: self.cube.sizes[dim] for of in used for dim in of if dim not in dims}.values())

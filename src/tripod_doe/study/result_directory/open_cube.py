@@ -81,6 +81,21 @@ def opened_cube(path: str | Path) -> xr.Dataset:
     return stored_or_so_far(Path(path), stored, lambda: cube_so_far(Path(path)))
 
 
+def opened_study(path: str | Path) -> xr.Dataset:
+    """Open the cube of a study as `opened_cube` does.
+
+    Raises:
+        CubeError: As `opened_cube`, and if the file has no points, as the result of an analysis or a fit.
+    """
+    cube = opened_cube(path)
+    if "outcome" in cube:
+        return cube
+    cube.close()
+    kind = cube.attrs.get("analysis_kind")
+    made = f"this is the result of an analysis of kind {kind}" if kind else "this is no result cube"
+    raise CubeError(f"{path}: {made}, without the points of a study; give the directory or the cube of a study")
+
+
 def stored_or_so_far(path: Path, stored: Callable[[], _Results], so_far: Callable[[], _Results]) -> _Results:
     """What one function reads from the cube of a directory, or the other from its journal if that holds more.
 
