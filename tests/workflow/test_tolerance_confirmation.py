@@ -70,3 +70,24 @@ def test_a_limit_that_is_kept_needs_no_other_points(study, tmp_path):
     summary = td.run(study, tmp_path / "out", workers=0, progress=False)
     assert not any("By 4,096 other points" in line for line in summary.answers)
     assert not (tmp_path / "out" / "confirmation").exists()
+
+
+def test_another_change_is_confirmed_anew(study, tmp_path):
+    """Regression: with another `keep`, every later run ended since the points were those of another change."""
+    for keep in (0.99, 0.98, 0.99):
+        study.write_text(STUDY.replace("confirm = 4096", f"confirm = 512\nkeep = {keep}"))
+        td.run(study, tmp_path / "out", workers=0, progress=False)
+        result = td.open_cube(tmp_path / "out" / "analysis" / "tolerance.nc")
+        own = td.open_cube(tmp_path / "out" / "confirmation" / "tolerance" / "f")
+        scale = float(result["scale_to_keep"].sel(factor="x", factor_2="x"))
+        assert own["x"].values.std() == pytest.approx(scale, rel=0.05)
+
+
+def test_a_sequence_is_not_confirmed_by_itself(study, tmp_path):
+    """Regression: a sequence that is not scrambled gave "other points" that were the same for any seed."""
+    study.write_text(STUDY.replace("2048", "2048\nscramble = false").replace('"sobol"', '"halton"'))
+    study.write_text(study.read_text().replace('"normal"', '"truncated-normal"\nlow = 0\nhigh = 20'))
+    td.run(study, tmp_path / "out", workers=0, progress=False)
+    cube = td.open_cube(tmp_path / "out")
+    own = td.open_cube(tmp_path / "out" / "confirmation" / "tolerance" / "f")
+    assert not set(cube["y"].values) & set(own["y"].values)

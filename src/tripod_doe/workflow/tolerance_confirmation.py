@@ -1,5 +1,7 @@
 """Confirmation of a tolerance analysis with other points: runs its first change of factors as a separate study."""
 
+import shutil
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,11 +11,14 @@ import xarray as xr
 
 from tripod_doe.analyses.tolerance.confirmation import Change, changes_to_confirm, with_confirmed
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings
+from tripod_doe.errors import StorageError
 from tripod_doe.names import path_within
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.toml_text import read_text
+from tripod_doe.study.result_directory.stored_study import STORED
 from tripod_doe.workflow.analyses import analysis_of
 
 CONFIRMATION = "confirmation"
@@ -49,12 +54,30 @@ def confirm_tolerances(study: Study, directory: Path, run_study: RunStudy | None
             place = path_within(directory, CONFIRMATION, name, change.label)
             other = _changed(study, name, change, settings)
             if run_study:
+                _remove_other_change(place, other)
                 run_study(other, place)
             own = path_within(place, "analysis", f"{name}.nc")
             if own.exists() and (said := read_dataset(own)).attrs.get("study_hash") == other.hash:
                 answers.append((change, said))
         if answers:
             write_dataset(with_confirmed(result, answers), path)
+
+
+def _remove_other_change(place: Path, study: Study) -> None:
+    """Remove the points of another change, which was proposed before the settings or the points changed.
+
+    Raises:
+        StorageError: If they cannot be removed.
+    """
+    stored = place / STORED
+    try:
+        if (
+            stored.is_file()
+            and tomllib.loads(read_text(stored, "study"))["factors"] != tomllib.loads(study.text)["factors"]
+        ):
+            shutil.rmtree(place)
+    except OSError as error:
+        raise StorageError(f"{place}: cannot remove the points of an earlier change: {error.strerror}") from error
 
 
 def _changed(study: Study, name: str, change: Change, settings: ToleranceSettings) -> Study:
@@ -64,6 +87,8 @@ def _changed(study: Study, name: str, change: Change, settings: ToleranceSetting
     for factor, table in change.factors.items():
         document["factors"][factor] = table.model_dump(exclude_none=True, exclude_defaults=True)
     document["design"] |= {"seed": study.file.design.seed + 1, "samples": settings.confirm}
+    if "scramble" in document["design"]:  # a sequence that is not scrambled gives the same points for any seed
+        document["design"]["scramble"] = True
     asked = {key: value for key, value in study.file.analysis[name].items() if key not in ("confirm", "costs")}
     document["analysis"] = {name: asked}
     return parse_study(tomlkit.dumps(document), study.origin, study.folder)

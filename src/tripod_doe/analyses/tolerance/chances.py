@@ -46,6 +46,14 @@ class Chance:
         return self.low, self.value, self.high
 
 
+def density_ratio(other: FloatArray, own: FloatArray) -> FloatArray:
+    """Weights of points: their density by another distribution over their own, shape as `other`.
+
+    A point without a density, as one at the end of a triangular distribution, has no weight.
+    """
+    return np.divide(other, own, out=np.zeros(np.broadcast_shapes(other.shape, own.shape)), where=own > 0)
+
+
 def exceeding(values: FloatArray, limit: FloatArray, error: FloatArray) -> Exceeding:
     """Which points exceed a limit.
 

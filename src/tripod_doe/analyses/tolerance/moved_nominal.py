@@ -7,7 +7,7 @@ part of a moved distribution that no point can lie in is not known, and counts a
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.tolerance.chances import Exceeding, weighted_chances
+from tripod_doe.analyses.tolerance.chances import Exceeding, density_ratio, weighted_chances
 from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
@@ -59,7 +59,7 @@ def _smallest(
     places = scatter.centre + x.std() * np.linspace(-_WIDTH, _WIDTH, _PLACES)
     possible = scatter.density(places) > 0
     for step in (np.stack([_STEPS, -_STEPS], axis=1).ravel() * x.std()).tolist():  # the smallest first
-        weights = scatter.density(x - step) / now
+        weights = density_ratio(scatter.density(x - step), now)
         total = weights.sum()
         if total <= 0 or total**2 / (weights**2).sum() < _FEWEST:
             continue

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.tolerance.chances import Exceeding, points_to_resolve, weighted_chances
+from tripod_doe.analyses.tolerance.chances import Exceeding, density_ratio, points_to_resolve, weighted_chances
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.distributions import scatter_density
@@ -34,7 +34,8 @@ def scaled_weights(table: FactorTable, column: NDArray[np.generic], scales: Floa
         return np.full((scales.size, column.size), np.nan)
     x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
     now = scatter.density(x)
-    return np.stack([scatter.density(scatter.centre + (x - scatter.centre) / s) / (s * now) for s in scales.tolist()])
+    narrower = [scatter.density(scatter.centre + (x - scatter.centre) / s) / s for s in scales.tolist()]
+    return density_ratio(np.stack(narrower), now)
 
 
 def scale_to_keep(

@@ -304,9 +304,13 @@ def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     samples = points_to_decide(chance, allowed, int(part.attrs["samples_of_points"]))
     if samples is None:
         return []
+    seed, scramble = (
+        int(part.attrs["seed_of_points"]) + 1,
+        "" if part.attrs["scramble_of_points"] else ", scramble = true",
+    )
     return [
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
-        f"study, with seed = {int(part.attrs['seed_of_points']) + 1} and samples = {samples} in [design], and run it: "
+        f"study, with seed = {seed}{scramble} and samples = {samples} in [design], and run it: "
         f"tripod-doe run COPY.toml --out DIR{_finer(part, samples)}. For the change that is named first, confirm = "
         f"{samples} in the analysis does that by itself."
     ]

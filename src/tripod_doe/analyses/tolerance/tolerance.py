@@ -313,6 +313,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
         **_model_attributes(cube, sample),
         seed_of_points=sample.design.seed,
+        scramble_of_points=int(sample.design.scramble),
         samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
         **region,
