@@ -1,7 +1,6 @@
 """Results that were copied into the directory of others together with their checksums: refused, and named by check."""
 
 import json
-import re
 import shutil
 
 import pytest
@@ -86,15 +85,3 @@ def test_a_directory_that_lost_its_list_stays_that_of_its_steps(tmp_path, capsys
     (mine / LIST).unlink()
     write_listed(mine / "base.toml", "mine")
     assert not damaged(mine, capsys)
-
-
-def test_results_of_an_earlier_version_are_read_and_check_says_what_is_not_known(tmp_path, capsys):
-    mine = workflow(tmp_path / "mine", "mine")
-    for path in (mine / LIST, mine / "report" / LIST):
-        path.write_text(re.sub("# results.*\n", "", path.read_text()))
-    refuse_changed(mine / "report" / "index.html", unlisted=True)
-    write_listed(mine / "base.toml", "mine")
-    assert not damaged(mine, capsys)
-    main(["check", str(mine)])
-    (line,) = (line for line in capsys.readouterr().out.splitlines() if "is not known" in line)
-    assert line.startswith(f"whole    {mine}/report/{LIST}: of an earlier version")

@@ -48,7 +48,7 @@ _PATIENCE = 1.0  # seconds for a look during which nothing is written
 
 
 class Results(NamedTuple):
-    """Whose results a folder holds, by numbers; 0 where unknown, as in results of earlier versions."""
+    """Whose results a folder holds, by numbers; 0 where unknown."""
 
     study: int  # of the journal in the folder
     directory: int  # of the directory of a workflow or a search; 0 for the directory of a study
@@ -62,7 +62,7 @@ class Results(NamedTuple):
 
 
 def results_number(directory: Path) -> int:
-    """The random number of the results in a directory, which a copy keeps; 0 if it has none, as in earlier versions."""
+    """The random number of the results in a directory, which a copy keeps; 0 if it has none."""
     here = _results_in(directory)
     return here.study or here.directory
 
@@ -138,13 +138,8 @@ def _numbers(folder: Path) -> Iterator[tuple[Path, int, Path, int]]:
 
 
 def names_results(folder: Path) -> bool:
-    """Whether the list of a folder names whose results it holds; in earlier versions it does not."""
+    """Whether the list of a folder names whose results it holds."""
     return any(_named_in(folder))
-
-
-def belongs_unknown(folder: Path) -> bool:
-    """Whether the list of a folder does not name its results, though its directory has a number."""
-    return any(_results_in(folder)) and not names_results(folder)
 
 
 def write_listed(path: Path, content: str | bytes) -> Path:
@@ -206,8 +201,6 @@ def remove_pages(directory: Path) -> None:
     refuse_links(directory / "report")
     for folder in (directory / "report" / "figures", directory / "report"):
         remove_listed(folder)
-    with suppress(OSError):  # of an earlier version, without a list
-        (directory / "report" / "index.html").unlink()
 
 
 @contextmanager

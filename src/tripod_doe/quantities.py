@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterable
 from itertools import pairwise
+from typing import Any
 
 from tripod_doe.errors import printable
 
@@ -165,6 +166,20 @@ def numbers_in_words(numbers: Iterable[int]) -> str:
 def in_words(name: str) -> str:
     """A name without underscores, and with names of persons capitalised: ``poissons_ratio`` is ``Poisson's ratio``."""
     return " ".join(_PERSONS.get(word, word) for word in name.split("_"))
+
+
+def capital(text: str) -> str:
+    """A text with a capital letter at its start, the others as they are."""
+    return text[:1].upper() + text[1:]
+
+
+def plain_json(value: Any) -> Any:
+    """A value for JSON: infinite numbers and NaN, also within lists and tables, as null."""
+    if isinstance(value, dict):
+        return {key: plain_json(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [plain_json(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def with_unit(value: str, unit: str) -> str:

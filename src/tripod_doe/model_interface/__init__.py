@@ -8,7 +8,14 @@ from tripod_doe.model_interface.candidate import Candidate
 from tripod_doe.model_interface.counted_time import counted_time, not_counted
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
 from tripod_doe.model_interface.model_summary import ModelSummary
-from tripod_doe.model_interface.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
+from tripod_doe.model_interface.outcome import (
+    DETAIL_ATTRIBUTES,
+    OUTCOME_ATTRIBUTES,
+    OUTCOME_MEANINGS,
+    Flag,
+    Outcome,
+    cf_flags,
+)
 from tripod_doe.model_interface.output import MIRRORED_BY, ZERO_AT, Dimension, Output
 from tripod_doe.model_interface.parameter import Parameter, Value, check_parameters, is_set, read_parameters
 from tripod_doe.model_interface.required_accuracy import Accuracy, Quantity
@@ -31,6 +38,7 @@ __all__ = [
     "Candidate",
     "Departure",
     "Dimension",
+    "Flag",
     "Methods",
     "ModelErrors",
     "ModelSummary",
@@ -45,6 +53,7 @@ __all__ = [
     "Value",
     "Values",
     "by_name",
+    "cf_flags",
     "check_parameters",
     "common_unit",
     "counted_time",

@@ -1,14 +1,34 @@
 """Outcomes of points, in models, journals and cubes."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 
-class Outcome(IntEnum):
+class Flag(IntEnum):
+    """Named numbers without a gap, as CF flags of a cube."""
+
+    @property
+    def label(self) -> str:
+        """In words."""
+        return self.name.lower().replace("_", " ")
+
+    @classmethod
+    def attributes(cls, meaning: str) -> dict[str, Any]:
+        """Attributes of a variable of these numbers."""
+        return cf_flags(meaning, [each.name.lower() for each in cls], min(cls))
+
+
+def cf_flags(meaning: str, words: Iterable[str], first: int = 0) -> dict[str, Any]:
+    """Attributes of a variable of numbers from `first` on, each of which stands for a word."""
+    known = list(words)
+    values = np.arange(first, first + len(known), dtype=np.int8)
+    return {"long_name": meaning, "flag_values": values, "flag_meanings": " ".join(known)}
+
+
+class Outcome(Flag):
     """How one point ended; the integer is the CF flag value stored in a cube.
 
     Only `FINISHED` points have numbers; all others hold NaN and a reason.
@@ -48,11 +68,8 @@ OUTCOME_MEANINGS: dict[Outcome, str] = {
     Outcome.ERROR: "the model raised an error",
 }
 
-OUTCOME_ATTRIBUTES: dict[str, Any] = {
-    "long_name": "how the point ended",
-    "flag_values": np.array(list(Outcome), np.int8),
-    "flag_meanings": " ".join(outcome.label for outcome in Outcome),
-    "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
+OUTCOME_ATTRIBUTES = Outcome.attributes("how the point ended") | {
+    "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items())
 }
 """CF flags of the variable ``outcome``."""
 

@@ -9,21 +9,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
+from tripod_doe.model_interface.outcome import Flag
 from tripod_doe.quantities import count_of, duration
 
 LARGE_ERROR = 0.2
 """Relative error of a model; if one of ten similar points has more, the result is doubtful."""
 
 
-class Trust(IntEnum):
+class Trust(Flag):
     """Trust in a result; the integer is the CF flag value."""
 
     NOT_KNOWN = -1
@@ -35,17 +34,8 @@ class Trust(IntEnum):
     DOUBTFUL = 2
     """Neither, or the error is not known, or the model does not hold there."""
 
-    @property
-    def label(self) -> str:
-        """In words."""
-        return self.name.lower().replace("_", " ")
 
-
-TRUST_ATTRIBUTES: dict[str, Any] = {
-    "long_name": "how far the third order can be trusted",
-    "flag_values": np.array(list(Trust), np.int8),
-    "flag_meanings": " ".join(trust.name.lower() for trust in Trust),
-}
+TRUST_ATTRIBUTES = Trust.attributes("how far the third order can be trusted")
 """CF flags of the variable ``trust``."""
 
 _OWN_REASONS = 8  # number of fixed reasons; later ones are those of the errors, and of ranges that points leave

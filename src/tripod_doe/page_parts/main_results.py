@@ -103,7 +103,7 @@ def factor_label(cube: xr.Dataset, name: str) -> str:
 
 
 def factor_unit(cube: xr.Dataset, name: str) -> str:
-    """A factor's unit as text."""
+    """The unit of a factor or a variable as text."""
     return unit_text(str(cube[name].attrs.get("units", "1")))
 
 
@@ -271,7 +271,7 @@ def responses(cube: xr.Dataset) -> list[Response]:
 def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
     """Variables with one number per point as responses; an infinite number is no response."""
     values = {name: cube[name].where(np.isfinite(cube[name])) for name in names}
-    return [Response(name, _own_label(cube, name), _own_unit(cube, name), values[name]) for name in names]
+    return [Response(name, _own_label(cube, name), factor_unit(cube, name), values[name]) for name in names]
 
 
 def _error_of_order(cube: xr.Dataset, order: int) -> float:
@@ -289,10 +289,6 @@ def _is_own(cube: xr.Dataset, name: str) -> bool:
 
 def _own_label(cube: xr.Dataset, name: str) -> str:
     return name if cube[name].attrs.get("long_name") == "output of a user function" else spoken(name)
-
-
-def _own_unit(cube: xr.Dataset, name: str) -> str:
-    return unit_text(str(cube[name].attrs.get("units", "1")))
 
 
 def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: FloatArray) -> float | None:

@@ -23,6 +23,7 @@ from tripod_doe.model_interface import (
     is_set,
     model_notes,
 )
+from tripod_doe.quantities import plain_json
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.execution.task import Task, run_task
 from tripod_doe.study.memory import refuse_too_many_points
@@ -70,24 +71,17 @@ class SimulatedPoint:
         An output is None if the point stopped before it.
         """
         usual = chosen or [name for name, output in self.simulator.outputs.items() if not output.on_request]
-        outputs = {name: _plain(values.data.tolist()) for name, values in self.outputs.items()}
+        outputs = {name: plain_json(values.data.tolist()) for name, values in self.outputs.items()}
         return {
             "scene": self.simulator.name,
             "parameters": self.parameters,
             **(dict.fromkeys(usual) | outputs),
-            "coordinates": {name: _plain(labels.tolist()) for name, labels in self.coordinates.items()},
+            "coordinates": {name: plain_json(labels.tolist()) for name, labels in self.coordinates.items()},
             "outcome": self.outcome.label,
             "outcome_detail": self.detail,
             "model_notes": self.model_notes,
             "cost": self.cost,
         }
-
-
-def _plain(value: Any) -> Any:
-    """Numbers and lists for JSON, NaN as None."""
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def usual_price(scene: str = "joint", **parameters: Any) -> float | None:

@@ -25,7 +25,7 @@ from tripod_doe.service.explorer.exports import query_command, simulate_command,
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.slices import draw, numbered, point_numbers, seen
+from tripod_doe.service.explorer.slices import draw, numbered, seen
 from tripod_doe.service.explorer.view import View
 from tripod_doe.service.explorer.what_if import contribution_study, price_of_point
 from tripod_doe.service.limits import Limits
@@ -503,14 +503,6 @@ def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):
         assert len(json.dumps(upload)) < limits.body_bytes
     with pytest.raises(InputError, match="no study or workflow of this name"):
         gallery_upload("../pyproject")
-
-
-def test_points_are_numbered_where_they_are_looked_at():
-    """Exact, for a cube whose numbers would take 4 TB."""
-    numbers = point_numbers(("a", "b", "c"), (10_000, 10_000, 10_000))
-    assert numbers[0, 3, [7, 2]].values.tolist() == [30_007, 30_002]
-    assert numbers[0, 1:3, :2].values.tolist() == [[10_000, 10_001], [20_000, 20_001]]
-    assert int(numbers[7, 7, 7].values) == 700_070_007
 
 
 def test_levels_of_a_factor_keep_its_base_value_where_the_design_starts_from_it():

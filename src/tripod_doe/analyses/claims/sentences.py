@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
 from tripod_doe.page_parts.main_results import unit_text
-from tripod_doe.quantities import level, number, text_range, with_unit
+from tripod_doe.quantities import capital, level, number, text_range, with_unit
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
@@ -30,13 +30,9 @@ def find_in_claims(claims: xr.Dataset, name: str = "") -> list[str]:
             seen = f" ({claim_value(row)}; required: {claim_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
             text = row["reason"].item()
             sentences.append(
-                f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {_start(text)}"
+                f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {capital(text)}"
             )
     return sentences
-
-
-def _start(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:

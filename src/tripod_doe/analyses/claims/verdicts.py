@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Mapping
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -14,27 +13,19 @@ from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import Evidence, Measured, MissingPointError
 from tripod_doe.analyses.claims.rules import RULES, Rule
 from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.model_interface import Flag
 from tripod_doe.study.definition.study_tables import Table
 
 
-class Verdict(IntEnum):
+class Verdict(Flag):
     """Whether a claim holds; the integer is the CF flag value."""
 
     DOES_NOT_HOLD = 0
     HOLDS = 1
     NOT_DECIDED = 2
 
-    @property
-    def label(self) -> str:
-        """In words."""
-        return self.name.lower().replace("_", " ")
 
-
-VERDICT_FLAGS = {
-    "long_name": "whether the claim holds",
-    "flag_values": np.array(list(Verdict), np.int8),
-    "flag_meanings": " ".join(verdict.name.lower() for verdict in Verdict),
-}
+VERDICT_FLAGS = Verdict.attributes("whether the claim holds")
 """CF attributes of verdicts."""
 
 

@@ -11,7 +11,7 @@ import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, TOO_SMALL, VERDICTS
 from tripod_doe.page_parts.main_results import ORDINALS
-from tripod_doe.quantities import count_of, interval, level, number, numbers_in_words, value_range
+from tripod_doe.quantities import count_of, interval, level, number, numbers_in_words, plain_json, value_range
 
 ORDER_HEADS = (
     "order",
@@ -283,14 +283,8 @@ def comparison_json(comparison: xr.Dataset) -> str:
     }
     for name in ("order", "revolution", *comparison.data_vars):
         if "rotation_deg" not in comparison[name].dims:
-            answer[str(name)] = _plain(comparison[name].values.tolist())
+            answer[str(name)] = plain_json(comparison[name].values.tolist())
     for which in ("measured", "model"):
         answer[f"{which}_beat_depth"] = _depth(comparison[f"{which}_envelope"].values)
     answer["findings"] = find_in_comparison(comparison)
     return json.dumps(answer, allow_nan=False, default=lambda value: value.item())
-
-
-def _plain(values: Any) -> Any:
-    if isinstance(values, list):
-        return [_plain(value) for value in values]
-    return None if isinstance(values, float) and not math.isfinite(values) else values

@@ -12,7 +12,7 @@ from tripod_doe.analyses.diff.definitions import KeyDifference
 from tripod_doe.analyses.diff.diff import Diff, EqualVariable, ResultDifference
 from tripod_doe.errors import printable
 from tripod_doe.page_parts.main_results import unit_text
-from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, with_unit
+from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, plain_json, with_unit
 
 _MOST = 12  # lines of one kind in a text
 _LONGEST = 60  # characters of a value in a text
@@ -127,7 +127,7 @@ def _cut(text: str) -> str:
 
 def diff_json(found: Diff) -> str:
     """All differences as one JSON object; NaN is null."""
-    return json.dumps(_plain(asdict(found)), default=str)
+    return json.dumps(plain_json(asdict(found)), default=str)
 
 
 def diff_csv(found: Diff) -> str:
@@ -156,11 +156,3 @@ def diff_csv(found: Diff) -> str:
 
 def _cell(value: Any) -> Any:
     return "" if value is None else value if isinstance(value, str | int | float) else json.dumps(value, default=str)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -66,7 +66,6 @@ class Solution:
     others: tuple[Descent, ...]  # further minima within the interval
     corrections: int  # how often the model asked for was computed at a minimum
     at_rest: bool  # whether the minimum came to rest by these
-    failed_places: int  # starting places where a point failed
     skews: Skews | None = None  # None where only needles that turn were looked at
 
 
@@ -143,7 +142,7 @@ def solve(
     if finer is not None:
         tell("refinement")
         plain, descents, corrections, at_rest = _corrected(plain, descents, predict, finer)
-    fitted = _with_profiles(plain, descents, bad, failed, size, same, tell)
+    fitted = _with_profiles(plain, descents, bad, size, same, tell)
     return replace(fitted, corrections=corrections, at_rest=at_rest)
 
 
@@ -203,7 +202,6 @@ def _with_profiles(
     problem: Problem,
     descents: list[Descent],
     bad: NDArray[np.bool_],
-    failed: int,
     size: ErrorSize,
     same: Callable[[FloatArray], list[FloatArray]],
     tell: Callable[[str], None],
@@ -254,7 +252,6 @@ def _with_profiles(
         tuple(other for other, _ in others),
         0,
         True,
-        failed,
     )
     return with_verdicts(solution, tuple(profiles), [other.place for other, _ in others])
 

@@ -117,10 +117,9 @@ class Problem:
             return None
         return Descent(place, prediction, np.zeros((prediction.size, place.size), complex), cost)
 
-    def descend(self, start: Descent, free: NDArray[np.bool_] | None = None) -> Descent:
+    def descend(self, start: Descent) -> Descent:
         """Go down from a state to the nearest minimum, with new differences until they gain nothing more."""
-        free = np.ones(self.layout.count, bool) if free is None else free
-        here = start
+        free, here = np.ones(self.layout.count, bool), start
         for _ in range(_ROUNDS):
             here = replace(here, slope=self.slopes(here.place, here.prediction))
             before, here = here, self.slide(here, free)

@@ -14,7 +14,17 @@ from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.analyses.output_table import is_level
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import Response, factor_label, factor_text, factor_unit, listed
-from tripod_doe.quantities import count_of, digits_apart, interval, level, number, rounded_up, text_range, with_unit
+from tripod_doe.quantities import (
+    capital,
+    count_of,
+    digits_apart,
+    interval,
+    level,
+    number,
+    rounded_up,
+    text_range,
+    with_unit,
+)
 
 _DRIVE = "drive in place of coast"  # what a torque of one size and both signs changes
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
@@ -38,7 +48,7 @@ def at_head(cube: xr.Dataset, names: Sequence[str]) -> str:
 
 
 def _at_head(labels: Sequence[str], names: Sequence[str]) -> str:
-    return listed([labels[0] if labels[0] == names[0] else _capital(labels[0]), *labels[1:]])
+    return listed([labels[0] if labels[0] == names[0] else capital(labels[0]), *labels[1:]])
 
 
 def _only_sign(cube: xr.Dataset, name: str) -> bool:
@@ -77,10 +87,6 @@ def _is_proportion(levels: FloatArray, curve: FloatArray, slope: float) -> bool:
     return bool(near.all())
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 @dataclass(frozen=True)
 class EffectWording:
     """Words for the effects on one response."""
@@ -98,7 +104,7 @@ class EffectWording:
     @property
     def start(self) -> str:
         """The response at the head of a sentence; the name of a user's variable keeps its spelling."""
-        return self.name if self.response.key == self.response.label else _capital(self.name)
+        return self.name if self.response.key == self.response.label else capital(self.name)
 
     def sentence(self, effect: FactorEffect) -> str:
         """One factor that changes the response."""

@@ -40,7 +40,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.model_choice.pilot_errors import AS_GOOD, HOPELESS, PilotErrors, pilot_errors
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.model_interface import Candidate
+from tripod_doe.model_interface import Candidate, cf_flags
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -255,11 +255,11 @@ def labelled(
             "accuracy_met": (
                 "point",
                 flags,
-                {
-                    "long_name": "whether the accuracy is expected to be met with the confidence asked for",
-                    "flag_values": np.array([-1, 0, 1], np.int8),
-                    "flag_meanings": "unknown no yes",
-                },
+                cf_flags(
+                    "whether the accuracy is expected to be met with the confidence asked for",
+                    ["unknown", "no", "yes"],
+                    -1,
+                ),
             ),
             "price": (
                 "candidate_number",

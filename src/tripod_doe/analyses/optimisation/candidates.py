@@ -91,10 +91,11 @@ def front_lines(front: xr.Dataset) -> list[str]:
     for at in shown:
         one = front.isel(candidate=at)
         aims = ", ".join(f"{name} {number(float(one[name]), 4)}" for name in objectives)
-        chosen = ", ".join(f"{name} {_word(one[name].item())}" for name in variables)
+        chosen = ", ".join(f"{name} {value_text(one[name].item())}" for name in variables)
         lines.append(f"candidate {at}: {aims}; {chosen}")
     return lines
 
 
-def _word(value: float | str) -> str:
+def value_text(value: float | str) -> str:
+    """A value of a variable in a few digits, or the word that it is."""
     return value if isinstance(value, str) else number(float(value), 5)

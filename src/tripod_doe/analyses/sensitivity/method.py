@@ -24,6 +24,7 @@ from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample, read_sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
+from tripod_doe.model_interface import cf_flags
 from tripod_doe.study.cube.lazy_dataset import flat_points
 
 Answers = dict[str, FloatArray]
@@ -185,11 +186,8 @@ def _described(
     for name in list(result.data_vars):
         if str(name).endswith("resolved"):
             flags = result[name].fillna(-1).astype(np.int8)
-            result[name] = flags.assign_attrs(
-                long_name="whether the effect of a factor is known to differ from zero",
-                flag_values=np.arange(-1, len(_RESOLUTION) - 1, dtype=np.int8),
-                flag_meanings=" ".join(_RESOLUTION),
-            )
+            known = "whether the effect of a factor is known to differ from zero"
+            result[name] = flags.assign_attrs(cf_flags(known, _RESOLUTION, -1))
         else:
             result[name].attrs = _attributes(str(name), method)
     region = sample.region.text if sample.region else ""

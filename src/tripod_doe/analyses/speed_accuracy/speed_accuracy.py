@@ -10,7 +10,6 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -22,11 +21,11 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.speed_accuracy.timed_runs import BY_ACCURACY, QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.model_interface import Outcome
+from tripod_doe.model_interface import Flag, Outcome
 from tripod_doe.study.definition.study_tables import Table
 
 
-class Known(IntEnum):
+class Known(Flag):
     """How a price at the target error is known; the integer is the CF flag value."""
 
     INTERPOLATED = 0
@@ -35,11 +34,6 @@ class Known(IntEnum):
     PRICE_ONLY = 3
     FAILED = 4
     LIMITED = 5
-
-    @property
-    def label(self) -> str:
-        """In words."""
-        return self.name.lower().replace("_", " ")
 
 
 _KNOWN_MEANINGS = (
@@ -201,11 +195,7 @@ def _run_variables(
     def error(values: NDArray[Any], meaning: str) -> tuple[Any, ...]:
         return ("run", "quantity"), values, {"long_name": meaning, "units": "1"}
 
-    flags = {
-        "long_name": "how the run ended",
-        "flag_values": np.array(list(Outcome), np.int8),
-        "flag_meanings": " ".join(outcome.label for outcome in Outcome),
-    }
+    flags = Outcome.attributes("how the run ended")
     per = "CPU seconds per simulated second"
     return {
         "scene": along((case.scene for case, _ in runs), "step of the workflow"),

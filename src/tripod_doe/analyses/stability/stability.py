@@ -15,7 +15,6 @@ The border is predicted from the rates of the reference run (`mechanics.checks.l
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from itertools import combinations
 from typing import Any
 
@@ -29,7 +28,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.model_interface import Outcome
+from tripod_doe.model_interface import Flag, Outcome
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study_tables import Table, parse_file
 
@@ -39,7 +38,7 @@ _SURE = 0.2
 """Share of the limit within which two runs must agree to be a reference."""
 
 
-class RunKind(IntEnum):
+class RunKind(Flag):
     """Result of one run compared with the reference; the integer is the CF flag value."""
 
     GOOD = 0
@@ -49,7 +48,7 @@ class RunKind(IntEnum):
     ABSENT = 4
 
 
-class Limit(IntEnum):
+class Limit(Flag):
     """Limit of the step in the prediction; the integer is the CF flag value."""
 
     NONE = 0
@@ -60,7 +59,7 @@ class Limit(IntEnum):
     UNKNOWN = 5
 
 
-class Agreement(IntEnum):
+class Agreement(Flag):
     """Whether measured and predicted border agree; the integer is the CF flag value."""
 
     NO = 0
@@ -291,7 +290,7 @@ _MEANINGS = {
     "first_detail": "why the first run that is not right failed",
     "wrong_runs": "runs that finished with a wrong result",
 }
-_FLAGS: dict[str, tuple[type[IntEnum], str]] = {
+_FLAGS: dict[str, tuple[type[Flag], str]] = {
     "limited_by": (Limit, "what limits the step in the prediction"),
     "agrees": (Agreement, "whether measured and predicted border agree"),
     "first_failure": (Outcome, "outcome of the first run that is not right; not_run if all are right"),
@@ -317,11 +316,11 @@ def _labelled(
         columns[name] = (per_border, data, {"long_name": meaning} | (unit if name.startswith("border") else {}))
     for name, (flags, meaning) in _FLAGS.items():
         data = np.array([[border[name] for border in row] for row in borders], np.int8)
-        columns[name] = (per_border, data, _flag_attributes(flags, meaning))
+        columns[name] = (per_border, data, flags.attributes(meaning))
     own = {"long_name": "default step or tolerance of the method; missing where it has none"} | unit
     columns["default_setting"] = ("method", _default_settings(cube, runs), own)
-    columns["run_kind"] = (per_run, kind, _flag_attributes(RunKind, "result of the run compared with the reference"))
-    columns["run_outcome"] = (per_run, runs.outcome, _flag_attributes(Outcome, "how the run ended"))
+    columns["run_kind"] = (per_run, kind, RunKind.attributes("result of the run compared with the reference"))
+    columns["run_outcome"] = (per_run, runs.outcome, Outcome.attributes("how the run ended"))
     columns["error"] = (per_run, error, {"long_name": "relative error of a run that finished", "units": "1"})
     known = cube[settings.output].attrs.get("units", "1")
     columns["reference"] = ("case", reference, {"long_name": f"reference of {settings.output}", "units": known})
@@ -350,11 +349,6 @@ def _default_settings(cube: xr.Dataset, runs: _Runs) -> FloatArray:
     model = file.base.get("model", simulator.parameters["model"].default) if "model" in simulator.parameters else ""
     known = simulator.methods({"model": str(model)})
     return np.array([known.get(name, {}).get(runs.numerics) or np.nan for name in runs.methods], float)
-
-
-def _flag_attributes(flags: type[IntEnum], meaning: str) -> dict[str, Any]:
-    values = np.array(list(flags), np.int8)
-    return {"long_name": meaning, "flag_values": values, "flag_meanings": " ".join(flag.name.lower() for flag in flags)}
 
 
 def _varied(cases: dict[str, FloatArray]) -> list[str]:

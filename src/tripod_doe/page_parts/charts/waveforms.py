@@ -12,7 +12,7 @@ import xarray as xr
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
 from tripod_doe.page_parts.main_results import ORDINALS, finished, point_text
-from tripod_doe.quantities import number
+from tripod_doe.quantities import capital, number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -72,12 +72,8 @@ def waveform_charts(cube: xr.Dataset) -> list[Chart]:
         with drawing(3.5, 2.9) as (figure, axes):
             _draw_waveform(axes, data)
         caption = f"At {chosen.text}." if chosen.text else "The only point of the study."
-        charts.append(Chart(f"waveform-{rank + 1}", _capital(chosen.title), caption, figure, data))
+        charts.append(Chart(f"waveform-{rank + 1}", capital(chosen.title), caption, figure, data))
     return charts
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _draw_waveform(axes: Axes, data: pd.DataFrame) -> None:

@@ -16,7 +16,7 @@ from tripod_doe.quantities import number, value_with_ends, with_unit
 from tripod_doe.service.explorer.axes import choices, coordinate_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.open_cubes import opened
-from tripod_doe.service.explorer.view import View
+from tripod_doe.service.explorer.view import View, selected_text
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 _MOST_ROWS = 200
@@ -159,7 +159,7 @@ def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) 
     named = [name for value in at.values() if isinstance(value, str) for name in _JOINED.split(value) if name in axes]
     named = list(dict.fromkeys(named))
     select = tuple(
-        f"{name}={_text(value)}"
+        f"{name}={selected_text(value)}"
         for name, value in (at | _of_run(result, at)).items()
         if name in axes and name not in named
     )
@@ -186,10 +186,6 @@ def _output(cube: xr.Dataset, result: xr.Dataset, at: Mapping[str, Any]) -> str:
     declared = str(result.attrs.get("outputs", "")).split(", ")
     wanted = [at.get("output"), *declared, *(name for name in known if name == result.attrs.get("output"))]
     return next((str(name) for name in wanted if name in known), "")
-
-
-def _text(value: object) -> str:
-    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def cube_behind(result: xr.Dataset, at: Mapping[str, Any], steps: list[str]) -> str:

@@ -9,7 +9,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.service.explorer.figures.elements import label_of
-from tripod_doe.service.explorer.view import OF_POINTS, View
+from tripod_doe.service.explorer.view import OF_POINTS, View, selected_text
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
 from tripod_doe.typed_numbers import typed_number
 
@@ -66,13 +66,9 @@ def _axis(cube: xr.Dataset, name: str, of_design: bool) -> Axis:
     dim = str(labels.dims[0]) if labels.dims else name
     numeric = labels.dtype.kind in "fiub"
     counted = dim != name or (name == "point" and labels.size > _MOST_LISTED)
-    texts = () if counted else tuple(_text(value) for value in labels.values.tolist())
+    texts = () if counted else tuple(selected_text(value) for value in labels.values.tolist())
     low, high = (float(labels.values.min()), float(labels.values.max())) if numeric and labels.size else (None, None)
     return Axis(name, label_of(labels), dim, texts, low, high, of_design, numeric)
-
-
-def _text(value: object) -> str:
-    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def choices(cube: xr.Dataset) -> list[Choice]:

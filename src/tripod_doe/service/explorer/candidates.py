@@ -7,10 +7,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
-from tripod_doe.analyses.optimisation.candidates import file_of, findings_in, knee_of, names_of
+from tripod_doe.analyses.optimisation.candidates import file_of, findings_in, knee_of, names_of, value_text
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.main_results import unit_text
-from tripod_doe.quantities import number
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.definition.toml_text import toml_text
@@ -59,7 +58,7 @@ def front(path: str) -> Any:
     return {
         "findings": findings_in(data),
         "heads": [_head(data[name]) for name in shown],
-        "rows": [[_word(value) for value in row] for row in zip(*columns, strict=True)],
+        "rows": [[value_text(value) for value in row] for row in zip(*columns, strict=True)],
         "knee": knee_of(data) if count else None,
         "count": count,
     }
@@ -67,7 +66,3 @@ def front(path: str) -> Any:
 
 def _head(values: xr.DataArray) -> str:
     return with_brackets(str(values.name), unit_text(str(values.attrs.get("units", "1"))))
-
-
-def _word(value: Any) -> str:
-    return value if isinstance(value, str) else number(float(value), 5)

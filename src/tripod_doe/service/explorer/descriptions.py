@@ -1,6 +1,5 @@
 """Cubes and analyses in words and numbers for a page: what can be chosen, and the findings."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.registry import findings_of, table_of
+from tripod_doe.quantities import plain_json
 
 
 def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
@@ -20,11 +20,11 @@ def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
     return {
         "sizes": {str(name): int(size) for name, size in cube.sizes.items()},
         "coordinates": {
-            str(name): _meaning(array) | {"values": _plain(array.values.tolist())}
+            str(name): _meaning(array) | {"values": plain_json(array.values.tolist())}
             for name, array in cube.coords.items()
         },
         "variables": {str(name): _meaning(array) for name, array in cube.data_vars.items()},
-        "attributes": {str(name): _plain(_listed(value)) for name, value in cube.attrs.items()},
+        "attributes": {str(name): plain_json(_listed(value)) for name, value in cube.attrs.items()},
     }
 
 
@@ -55,10 +55,3 @@ def _meaning(array: xr.DataArray) -> dict[str, Any]:
 
 def _listed(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-
-
-def _plain(value: Any) -> Any:
-    """Numbers, texts and lists for JSON, NaN as None."""
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

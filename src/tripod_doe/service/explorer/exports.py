@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
-from tripod_doe.service.explorer.view import View
+from tripod_doe.service.explorer.view import View, selected_text
 from tripod_doe.study.definition.toml_text import toml_text
 
 _MOST_ROWS = 500
@@ -38,7 +38,7 @@ def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
         return ""
     words = ["tripod-doe", "simulate"] + (["--scene", head["scene"]] if head.get("scene", "joint") != "joint" else [])
     for name, value in point_values(cube, point).items():
-        words += [f"--{name.replace('_', '-')}", _plain(value)]
+        words += [f"--{name.replace('_', '-')}", selected_text(value)]
     return shlex.join(words)
 
 
@@ -51,10 +51,6 @@ def point_values(cube: xr.Dataset, point: xr.Dataset) -> dict[str, Any]:
         codes = np.atleast_1d(point["model_used"].attrs.get("flag_values", [])).tolist()
         values |= {"model": dict(zip(codes, words, strict=False)).get(point["model_used"].item(), "")}
     return {name: value for name, value in values.items() if value not in ("", "none")}
-
-
-def _plain(value: object) -> str:
-    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:

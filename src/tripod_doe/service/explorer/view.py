@@ -91,3 +91,8 @@ def _number(name: str, text: str) -> float | None:
     if not math.isfinite(number):
         raise InputError(f"{name} = {text[:100]!r}: expected a number")
     return number
+
+
+def selected_text(value: object) -> str:
+    """A value of a coordinate as selections and the command line take it."""
+    return f"{value:.12g}" if isinstance(value, float) else str(value)

@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tripod_doe.errors import InputError, TooLargeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
@@ -225,8 +223,6 @@ def query(
             )
         if form != "netcdf":
             columns = records(cube, variable, select, nearest, where)
-            if form == "csv":
-                columns = {name: _without_formulas(column) for name, column in columns.items()}
             rows = columns[variable].size
             first = {name: column[:_SAMPLE] for name, column in columns.items()}
             shown = "csv" if form == "xlsx" else form
@@ -277,23 +273,6 @@ def _refuse_large(size: int, limits: Limits) -> None:
             f"select: an answer of about {size:,} bytes; at most {limits.answer_bytes:,} are sent: select fewer cells, "
             "or take cube.nc"
         )
-
-
-def _without_formulas(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """A column whose texts no spreadsheet reads as formulas: an apostrophe in front keeps them texts."""
-    if column.dtype.kind not in "OUT":
-        return column
-    return np.array([_without_formula(value) for value in column.tolist()], dtype=object)
-
-
-def _without_formula(value: Any) -> Any:
-    if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
-        return value
-    try:
-        float(value)
-    except ValueError:
-        return f"'{value}"
-    return value
 
 
 def cube(path: str, folder: str) -> None:

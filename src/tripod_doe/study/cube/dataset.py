@@ -21,6 +21,7 @@ from tripod_doe.model_interface import (
     Outcome,
     Output,
     Parameter,
+    cf_flags,
     common_unit,
 )
 from tripod_doe.study.cube.model_records import TRUST, ModelRecords
@@ -262,12 +263,7 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
     if not study.retry.changes:
         return {}
     labels = ["not_run", "first", *(f"{i}_{_flag_word(c.label)}" for i, c in enumerate(study.retry.changes, 1))]
-    flags: dict[str, Any] = {
-        "long_name": "last change that a retry made",
-        "role": RECORD_ROLE,
-        "flag_values": np.arange(_UNKNOWN, len(labels) - 1, dtype=np.int8),
-        "flag_meanings": " ".join(labels),
-    }
+    flags = cf_flags("last change that a retry made", labels, _UNKNOWN) | {"role": RECORD_ROLE}
     return {
         "attempt": _shaped(points, (), table.attempt, flags),
         "first_outcome": _shaped(
@@ -315,12 +311,8 @@ def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
             points,
             (),
             points.accuracy_met,
-            {
-                "long_name": "whether the estimated error is within the accuracy asked for",
-                "role": RECORD_ROLE,
-                "flag_values": np.array([-1, 0, 1], np.int8),
-                "flag_meanings": "unknown no yes",
-            },
+            cf_flags("whether the estimated error is within the accuracy asked for", ["unknown", "no", "yes"], -1)
+            | {"role": RECORD_ROLE},
         )
         meaning = "whether the pilot ran the point, so that the study did not"
         from_pilot = (table.worker == PILOT).astype(np.int8)
@@ -342,11 +334,7 @@ def _used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -
         return _shaped(points, (), _cf_type(column), attrs | {"units": parameter.unit})
     codes = {word: code for code, word in enumerate(parameter.choices)}
     flags = np.array([codes.get(str(word), _UNKNOWN) for word in column], np.int8)
-    attrs |= {
-        "flag_values": np.arange(_UNKNOWN, len(codes), dtype=np.int8),
-        "flag_meanings": " ".join(["none", *codes]),
-    }
-    return _shaped(points, (), flags, attrs)
+    return _shaped(points, (), flags, attrs | cf_flags(attrs["long_name"], ["none", *codes], _UNKNOWN))
 
 
 def _factor_attributes(parameter: Parameter) -> dict[str, Any]:

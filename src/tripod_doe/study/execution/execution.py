@@ -22,13 +22,14 @@ from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.execution.block_queue import BlockQueue
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
-from tripod_doe.study.execution.executor import Answer, AtWork, Executor, Lost
+from tripod_doe.study.execution.executor import Answer, AtWork, Lost
 from tripod_doe.study.execution.task import make_task
 from tripod_doe.study.execution.this_process import ThisProcess
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 
 if TYPE_CHECKING:  # Dask takes a second to import, and a small study does without
+    from tripod_doe.study.execution.dask_executor import OnDask
     from tripod_doe.study.execution.dask_workers import DaskWorkers
 
 _USUAL_WORKERS = 2
@@ -115,7 +116,11 @@ class Execution:
         return not self._workers.ready
 
     def _empty(
-        self, queue: BlockQueue, asked: StudyPoints, executor: Executor, go_on: Callable[[], bool] = lambda: True
+        self,
+        queue: BlockQueue,
+        asked: StudyPoints,
+        executor: ThisProcess | OnDask,
+        go_on: Callable[[], bool] = lambda: True,
     ) -> Generator[FinishedBlock, None, None]:
         """Run the points of a queue on one executor while `go_on` allows it.
 

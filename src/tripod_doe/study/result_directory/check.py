@@ -7,14 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import (
-    LIST,
-    belongs_unknown,
-    checksums,
-    damaged_lines,
-    refuse_changed,
-    refuse_other_results,
-)
+from tripod_doe.checksum_list import LIST, checksums, damaged_lines, refuse_changed, refuse_other_results
 from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.file_digest import is_sealed
@@ -23,7 +16,6 @@ from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.journal import Journal, damage, journal_path
 from tripod_doe.study.result_directory.stored_study import refuse_changed_study
 
-_EARLIER = "of an earlier version: whether the files of this folder are of this directory is not known"
 _SLAB_BYTES = 32_000_000
 _TEXT_BYTES = 64
 
@@ -89,13 +81,13 @@ def _checked_file(path: Path) -> Iterator[CheckedFile]:
 def _checked_list(path: Path) -> Iterator[CheckedFile]:
     """A list of checksums, and the files that are in it but no longer there."""
     try:
-        sums, damaged, unknown = checksums(path.parent), damaged_lines(path.parent), belongs_unknown(path.parent)
+        sums, damaged = checksums(path.parent), damaged_lines(path.parent)
         refuse_other_results(path.parent)
     except CubeError as error:
         yield CheckedFile(path, str(error).removeprefix(f"{path}: "))
         return
     again = f"make the files of this folder again with the same {option('out')}; finished points are kept"
-    yield CheckedFile(path, f"{damaged} of its lines are damaged; {again}" if damaged else "", _EARLIER * unknown)
+    yield CheckedFile(path, f"{damaged} of its lines are damaged; {again}" if damaged else "")
     for name in sums:
         if not path.with_name(name).exists():
             yield CheckedFile(path.with_name(name), note=f"it is in {LIST}, and not there", is_checked=False)
