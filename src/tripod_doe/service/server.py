@@ -10,7 +10,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -24,6 +24,7 @@ from tripod_doe.regular_files import open_locked
 from tripod_doe.service.app import create_app
 from tripod_doe.service.log import start_log
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs.run_table import TABLE
 from tripod_doe.service.security.connections import limited_protocol
 from tripod_doe.service.security.delivered_files import is_open_to_change
 from tripod_doe.service.service import Service
@@ -125,6 +126,9 @@ def _held(settings: Settings) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         _refuse_exchangeable(folder)
         lock = open_locked(folder / _LOCK, os.O_CREAT | os.O_RDWR)
+        for name in (_LOCK, *(f"{TABLE}{end}" for end in ("", "-wal", "-shm", "-journal"))):  # none of them a pipe
+            with suppress(FileNotFoundError):
+                _make_private(folder / name)
     except OSError as error:
         raise InputError(f"{option('folder', str(folder))}: cannot write here: {error.strerror}") from error
     try:
@@ -146,6 +150,14 @@ def _refuse_exchangeable(folder: Path) -> None:
         is_open = is_open_to_change(state) if place == folder.resolve() else state.st_mode & stat.S_IWOTH
         if is_open and not state.st_mode & stat.S_ISVTX:  # in /tmp, others cannot remove it
             raise InputError(f"{named}: other users can write here; run: chmod go-w {place}")
+
+
+def _make_private(path: Path) -> None:
+    file = open_locked(path)
+    try:
+        os.fchmod(file, 0o600)
+    finally:
+        os.close(file)
 
 
 @contextmanager
