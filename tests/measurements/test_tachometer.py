@@ -8,8 +8,7 @@ from measured import Recorder
 
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.measurement import read_measurement
-from tripod_doe.measurements.pulse_count import infer_pulses
-from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses, mended
+from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses, infer_pulses, mended
 
 
 def bounced(table, random, part=1.0):

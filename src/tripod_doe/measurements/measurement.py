@@ -22,9 +22,8 @@ import numpy as np
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, closest, option
 from tripod_doe.measurements.operating_point import differ, from_columns, from_name, from_notes
-from tripod_doe.measurements.pulse_count import infer_pulses
 from tripod_doe.measurements.record_file import Record, read_record
-from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses
+from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses, infer_pulses
 from tripod_doe.quantities import number
 from tripod_doe.regular_files import read_regular
 

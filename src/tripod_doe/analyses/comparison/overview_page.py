@@ -1,4 +1,4 @@
-"""The overview of many records as text, CSV, JSON and as a page with a page for each record."""
+"""Pages of comparisons: of one record, and the overview of many as text, CSV, JSON and as a page with one for each."""
 
 import csv
 import io
@@ -12,20 +12,72 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
+from tripod_doe.analyses.comparison.charts import comparison_charts
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, UNDECIDED, VERDICTS
 from tripod_doe.analyses.comparison.overview import OverviewRow, overview_rows
-from tripod_doe.analyses.comparison.page import is_page, write_comparison
 from tripod_doe.analyses.comparison.record_comparison import ComparedRecord
-from tripod_doe.analyses.comparison.sentences import asymmetry_text, nothing_decided, orders_text, too_small_text
+from tripod_doe.analyses.comparison.sentences import (
+    ORDER_HEADS,
+    asymmetry_text,
+    find_in_comparison,
+    nothing_decided,
+    order_rows,
+    orders_text,
+    too_small_text,
+)
+from tripod_doe.atomic_files import replace_text
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.orders import agreement, differences
 from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken, unit_text
 from tripod_doe.page_parts.templates import render
 from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
+from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+
+
+def comparison_page(comparison: xr.Dataset) -> str:
+    """The comparison as one self-contained HTML page."""
+    point = json.loads(comparison.attrs["point"])
+    units = json.loads(comparison.attrs["point_units"])
+    facts = [
+        (spoken(name), with_unit(level(value), unit_text(units.get(name, "1"))) if isinstance(value, float) else value)
+        for name, value in point.items()
+    ]
+    sentences, more = answer_first(find_in_comparison(comparison))
+    return render(
+        "comparison.html",
+        attrs=comparison.attrs,
+        facts=facts,
+        sentences=sentences,
+        more=more,
+        charts=comparison_charts(comparison),
+        heads=ORDER_HEADS,
+        rows=order_rows(comparison),
+    )
+
+
+def is_page(output: Path) -> bool:
+    """Whether a path names one page, not a folder."""
+    return output.suffix.lower() in (".html", ".htm")
+
+
+def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
+    """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
+
+    Raises:
+        StorageError: If it cannot be written.
+    """
+    if is_page(output):
+        return replace_text(output, comparison_page(comparison))
+    page = write_listed(output / "index.html", comparison_page(comparison))
+    write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
+    return page
+
 
 _SHOWN = (3, 2)
 """Orders in texts and on the page; the CSV file has all."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tripod_doe.analyses.optimisation.measures import limit_scale
-from tripod_doe.analyses.optimisation.neighbours import places_of
+from tripod_doe.analyses.optimisation.pareto_front import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray

@@ -24,7 +24,7 @@ from tripod_doe.service.runs.listing import (
 )
 from tripod_doe.service.runs.result_directory import has_report
 from tripod_doe.service.runs.run_table import Run, State
-from tripod_doe.service.security.report_keys import report_key
+from tripod_doe.service.security.tokens import report_key
 from tripod_doe.service.service import Service
 
 router = APIRouter(include_in_schema=False)

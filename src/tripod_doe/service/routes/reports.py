@@ -11,7 +11,7 @@ from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.security.delivered_files import file_within
-from tripod_doe.service.security.report_keys import report_key
+from tripod_doe.service.security.tokens import report_key
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.security.report_keys import is_report_address
 from tripod_doe.service.security.share_links import Shares
 from tripod_doe.service.settings import FIRST_PART, Settings
 
@@ -101,3 +100,17 @@ class Accesses:
 
 def _equal(given: str, secret: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), secret.encode())
+
+
+_ADDRESS = re.compile(r"/api/v1/runs/([^/]+)/pages/([0-9a-f]{32})/.+")
+
+
+def report_key(settings: Settings, run_id: str) -> str:
+    """The key to the pages of one run, valid until the server ends."""
+    return hmac.new(settings.token.encode(), f"{settings.key} {run_id}".encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def is_report_address(path: str, settings: Settings) -> bool:
+    """Whether an address leads to a page with the right key."""
+    match = _ADDRESS.fullmatch(path)
+    return match is not None and hmac.compare_digest(match[2], report_key(settings, match[1]))
