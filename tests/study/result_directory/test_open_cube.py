@@ -164,7 +164,7 @@ def test_a_study_that_is_replaced_while_it_is_read_is_read_anew(study, tmp_path,
     derived, look, looks = load_study(study), open_cube.is_shown, []
 
     def look_before_it_is_replaced(path):
-        shown = look(path)
+        shown = len(looks) < 2 or look(path)  # the second time as if it was derived and replaced once more
         if not looks:
             with ResultDirectory(out) as directory:
                 directory.accept(StudyPoints(derived, make_points(derived)))
@@ -174,4 +174,4 @@ def test_a_study_that_is_replaced_while_it_is_read_is_read_anew(study, tmp_path,
     monkeypatch.setattr(open_cube, "is_shown", look_before_it_is_replaced)
     with read(out, "twice") if read is td.query else read(out) as cube:
         assert "twice" in cube.variables
-    assert looks == [True, False]
+    assert looks == [True, True, False]

@@ -6,7 +6,7 @@ While a study runs, and after an interrupt, finished points stand only in the jo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeVar
@@ -27,6 +27,7 @@ _Results = TypeVar("_Results")
 FIT_FILE = "fit.nc"
 """File of a result directory with the result of a fit, which has no cube of its own."""
 
+_MOST_CHANGES = 4  # of a study while it is read; files that do not fit each other stay so
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 
 
@@ -100,16 +101,16 @@ def stored_or_so_far(path: Path, stored: Callable[[], _Results], so_far: Callabl
     """What one function reads from the cube of a directory, or the other from its journal if that holds more.
 
     A derivation or a larger study may replace the study between a look at the journal and one at the cube: what is
-    there then is read.
+    there then is read, again where it is replaced once more.
     """
 
     def read() -> _Results:
         return stored() if is_shown(path) else so_far()
 
-    try:
-        return read()
-    except OtherStudyError:
-        return read()
+    for _ in range(_MOST_CHANGES):
+        with suppress(OtherStudyError):
+            return read()
+    return read()
 
 
 def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:

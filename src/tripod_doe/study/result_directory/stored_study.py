@@ -76,9 +76,6 @@ def with_responses(directory: Path, file: Path | None, drop: Collection[str] = (
         InputError: If the file holds anything else, or a response that the study cannot have, or one to drop is not
             there.
     """
-    if not (directory / STORED).is_file():
-        of_steps = "".join(f", as {path.parent}" for path in sorted(directory.glob(f"steps/*/{STORED}"))[:1])
-        raise InputError(f"{directory}: no {STORED} here; name the result directory of a study{of_steps}")
     stored, origin = _text(directory), str(file or directory / STORED)
     added = {} if file is None else read_responses(file)
     text = text_with_responses(stored, added, drop)
@@ -180,6 +177,9 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 def _text(directory: Path) -> str:
     """The text of the study of a directory; CubeError if it is damaged: numbers must not be made of it."""
     path = directory / STORED
+    if not path.exists():
+        of_steps = "".join(f", as {path.parent}" for path in sorted(directory.glob(f"steps/*/{STORED}"))[:1])
+        raise InputError(f"{directory}: no {STORED} here; name the result directory of a study{of_steps}")
     refuse_irregular(path)
     if journal_path(directory).is_file():
         with Journal(directory, read_only=True) as journal:
