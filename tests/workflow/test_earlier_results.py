@@ -10,7 +10,7 @@ from tripod_doe.checksum_list import write_listed
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.result_directory.check import check_files
 from tripod_doe.workflow import optimise, run_study, run_workflow
-from tripod_doe.workflow.steps_file import STEPS, read_steps, remove_earlier_results
+from tripod_doe.workflow.steps_file import STEPS, begin_search, read_steps
 
 STUDY = """
     [study]
@@ -88,8 +88,9 @@ def test_a_workflow_that_is_killed_in_a_step(write_study, tmp_path, monkeypatch)
     assert all(file.is_whole for file in check_files(out))
 
 
-def test_a_search_that_is_killed_while_it_writes(tmp_path, monkeypatch):
-    """Regression: the new front stood beside the best joint and the page of the earlier search."""
+@pytest.mark.parametrize("killed_in", ["optimisation_lines", "pasted"])
+def test_a_search_that_is_killed(tmp_path, monkeypatch, killed_in):
+    """Regression: the front of the earlier search stood there as that of the new file."""
     file, out = tmp_path / "file.toml", tmp_path / "out"
     text = (
         '[optimisation]\nname = "a"\nfunction = "of_earlier_results:square"\n[variables]\nx = {low = 1, high = 2}\n'
@@ -97,18 +98,12 @@ def test_a_search_that_is_killed_while_it_writes(tmp_path, monkeypatch):
     )
     file.write_text(text)
     td.optimise(file, out, workers=0, progress=False)
-    before = {path.name: path.read_bytes() for path in out.iterdir() if path.suffix in (".nc", ".toml")}
     file.write_text(text.replace("low = 1", "low = 0.5"))
-    with monkeypatch.context() as patch:
-        patch.setattr(optimise, "optimisation_lines", killed)
-        with pytest.raises(KeyboardInterrupt):
-            td.optimise(file, out, workers=0, progress=False)
-    assert before == {name: (out / name).read_bytes() for name in before}
-    with monkeypatch.context() as patch:
-        patch.setattr(optimise, "pasted", killed)
-        with pytest.raises(KeyboardInterrupt):
-            td.optimise(file, out, workers=0, progress=False)
+    monkeypatch.setattr(optimise, killed_in, killed)
+    with pytest.raises(KeyboardInterrupt):
+        td.optimise(file, out, workers=0, progress=False)
     assert (out / "optimise.toml").read_text() == file.read_text()
+    assert (out / "front.nc").exists() == (killed_in == "pasted")
     assert not (out / "base.toml").exists()
     assert not (out / "report" / "index.html").exists()
     assert all(file.is_whole for file in check_files(out))
@@ -119,13 +114,14 @@ def test_what_a_search_removes(tmp_path):
     for name in ("fit.nc", "fit.toml", "base.toml", STEPS, "report/index.html", "steps/points/study.toml"):
         write_listed(tmp_path / name, "earlier")
     first = (tmp_path / "checksums.sha256").read_text().splitlines()[0]
-    remove_earlier_results(tmp_path, "fit.toml")
+    begin_search(tmp_path, "fit.toml", "new")
+    assert (tmp_path / "fit.toml").read_text() == "new"
     left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.suffix != ".sha256"}
     assert {name for name in left if (tmp_path / name).is_file()} == {STEPS, "fit.toml", "steps/points/study.toml"}
     assert (tmp_path / "checksums.sha256").read_text().splitlines()[0] == first
     assert all(file.is_whole for file in check_files(tmp_path))
     shutil.rmtree(tmp_path / "report")
-    remove_earlier_results(tmp_path, "fit.toml")
+    begin_search(tmp_path, "fit.toml", "new")
     assert not (tmp_path / "report").exists()
 
 

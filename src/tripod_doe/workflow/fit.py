@@ -33,7 +33,7 @@ from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
 from tripod_doe.study.result_directory.open_cube import FIT_FILE
 from tripod_doe.workflow.point_batches import POINTS, TABLE, Batch, PointBatches
-from tripod_doe.workflow.steps_file import Stages, remove_earlier_results
+from tripod_doe.workflow.steps_file import Stages, begin_search
 
 _ORDERS = ("thrust_amplitude", "thrust_phase_deg")
 _NEEDLES = ("groove_thrust_amplitude", "groove_thrust_phase_deg", "needle_skew_summary_deg")
@@ -72,7 +72,7 @@ def fit(
     Args:
         file: The fit file.
         out: Result directory: fit.nc, base.toml, tolerance.toml, report/index.html, and all points in steps/points. A
-            fit that was stopped goes on where it was.
+            fit that was stopped goes on where it was. Results of an earlier fit are removed when this one begins.
         workers: Worker processes, see `run`.
         retry_failed: Compute points that failed again.
         progress: Whether stages are printed to standard error.
@@ -90,6 +90,7 @@ def fit(
     stages = Stages(directory)
     with one_thread(), Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
         points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
+        begin_search(directory, "fit.toml", request.text)
 
         def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:
             batch = points(columns)
@@ -110,9 +111,7 @@ def fit(
     result = fit_dataset(rig, solution, error, following)
     result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
     result = stamp_history(result, f"tripod-doe fit: {computed} points computed")
-    remove_earlier_results(directory, "fit.toml")
     write_dataset(result, directory / FIT_FILE, listed=True)
-    write_listed(directory / "fit.toml", request.text)
     known = check_parameters(rig.simulator.parameters, rig.file.base)
     write_listed(directory / "base.toml", base_text(result, known))
     write_listed(directory / "tolerance.toml", tolerance_text(result, known))

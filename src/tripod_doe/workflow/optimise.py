@@ -48,7 +48,7 @@ from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure
 from tripod_doe.study.result_directory.directory import ResultDirectory, make_directory
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
-from tripod_doe.workflow.steps_file import Stages, remove_earlier_results
+from tripod_doe.workflow.steps_file import Stages, begin_search
 
 _OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
@@ -384,7 +384,8 @@ def optimise(
     Args:
         file: The optimisation file.
         out: Result directory: front.nc, candidates.nc, base.toml, report/index.html, and all points in steps/points. A
-            search that was stopped goes on where it was, and ends with the same front.
+            search that was stopped goes on where it was, and ends with the same front. Results of an earlier search
+            are removed when this one begins.
         workers, scheduler, oversubscribe: Where points run, see `run`.
         retry_failed: Compute points that failed again.
         progress: Whether the progress is printed to standard error.
@@ -403,6 +404,7 @@ def optimise(
     with Execution(workers, existing, oversubscribe) as execution:
         with ResultDirectory(place) as kept:
             points = PointBatches(study, kept, execution, retry_failed, progress)
+            begin_search(directory, "optimise.toml", request.text)
             run = _Run(problem, study, points, progress, stages)
             solved = run.solved(run.search())
             solved = replace(solved, around=run.around(solved.front))
@@ -417,8 +419,6 @@ def optimise(
     front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
     candidates = candidates_dataset(problem, solved)
     action = f"tripod-doe optimise: {computed} points computed"
-    remove_earlier_results(directory, "optimise.toml")
-    write_listed(directory / "optimise.toml", request.text)
     write_dataset(stamp_history(front, action), directory / "front.nc", listed=True)
     write_dataset(stamp_history(candidates, action), directory / "candidates.nc", listed=True)
     if len(solved.front.units):

@@ -39,17 +39,21 @@ def read_steps(directory: Path) -> list[dict[str, Any]]:
     return steps if isinstance(steps, list) else []
 
 
-def remove_earlier_results(directory: Path, file: str) -> None:
-    """Remove what an earlier search left in its directory, before its results are written: all but its points.
+def begin_search(directory: Path, file: str, text: str) -> None:
+    """Make a search that of its directory: what an earlier one left there is removed, all but its points.
+
+    A search that is killed then leaves no results of another one as its own.
 
     Args:
-        file: Name of the copy of its file, which stays until the new one replaces it: it may be the one that runs.
+        file: Name of the copy of its file.
+        text: The file.
 
     Raises:
-        StorageError: If the list of its files cannot be written.
+        StorageError: If a file cannot be written.
     """
     remove_pages(directory)
-    remove_listed(directory, {STEPS, file})
+    remove_listed(directory, {STEPS, file})  # the copy may be the file that runs: it is replaced
+    write_listed(directory / file, text)
 
 
 class Stages:
