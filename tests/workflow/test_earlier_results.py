@@ -55,14 +55,6 @@ def test_a_study_that_is_killed_before_its_analyses(write_study, tmp_path, monke
     assert all(file.is_whole for file in check_files(out))
 
 
-def test_a_report_of_an_earlier_version_goes_too(write_study, tmp_path):
-    out = tmp_path / "out"
-    (out / "report").mkdir(parents=True)
-    (out / "report" / "index.html").write_text("without a list")
-    td.run(write_study(STUDY.format(values="1, 2")), out, workers=0, progress=False)
-    assert not (out / "report" / "index.html").exists()
-
-
 def test_a_workflow_that_is_killed_in_a_step(write_study, tmp_path, monkeypatch):
     """Regression: the page and the result of the step before were still there."""
     out, file = tmp_path / "out", tmp_path / "chain.toml"
