@@ -9,6 +9,8 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
+from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.designs import make_points
 
 HOSTILE = "x\n[study]\nfunction = 'upload.evil:f'\nname = '''#"
 
@@ -29,3 +31,17 @@ def test_a_name_stays_in_its_line(result, text_of, end):
     read = tomllib.loads(text)
     assert "function" not in read.get("study", {})
     assert read["base"]["torque_n_m"] == 200.0
+
+
+@pytest.mark.parametrize("correlation", [-0.9954, 0.3, 1.0])
+def test_correlations_are_those_of_the_fit(result, correlation):
+    """Exact but for the sample: the sum of two normal unknowns; regression: 0.98 of it spread -0.9954 twice as far."""
+    names = ["groove_sliding_friction", "needle_sliding_friction"]
+    two = xr.concat([result.isel(unknown=0, unknown_2=0, drop=True)] * 2, "unknown")
+    two = two.assign(correlation=(("unknown", "unknown_2"), [[1, correlation], [correlation, 1]]))
+    two = two.assign_coords(unknown=names, unknown_2=names).assign(verdict=("unknown", ["found", "found"]))
+    two["low"], two["high"] = two["value"] - 0.00196, two["value"] + 0.00196
+    text = tolerance_text(two.assign_attrs(title="two"), {"torque_n_m": 200.0})
+    points = make_points(parse_study(text.replace("samples = 256", "samples = 16384"))).columns
+    one, other = (points[name] for name in names)
+    assert np.std(one + other) == pytest.approx(0.001 * np.sqrt(2 + 2 * correlation), rel=0.03)

@@ -1,8 +1,9 @@
 """The fitted joint as TOML: values to paste into [base], and a study of tolerances with what is not known of them."""
 
+import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -11,9 +12,11 @@ from tripod_doe.analyses.fit.identifiability import FOUND
 from tripod_doe.errors import printable
 from tripod_doe.model_interface import Value
 from tripod_doe.quantities import value_range
+from tripod_doe.study.designs.correlation import rank_correlation
 
 _DEVIATIONS = 1.96  # of half a 95 % interval of a normal distribution
 _SAMPLES = 256
+_DEFINITE = 1e-7  # smallest eigenvalue of correlations, above what rounding changes
 
 
 def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
@@ -79,7 +82,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     for name in shared:
         lines += [f"[factors.{name}]", *_distribution(result.sel(unknown=name)), ""]
     lines += ["[design]", 'kind = "sobol"', f"samples = {_SAMPLES}"]
-    if pairs := list(_correlations(result, shared)):
+    if pairs := _correlations(result, shared):
         lines += ["correlation = [", *(f"    {json.dumps(pair)}," for pair in pairs), "]"]
     return "\n".join([*lines, "", "[keep]", 'outputs = ["thrust_amplitude"]', "", "[analysis.tolerance]", ""])
 
@@ -99,10 +102,18 @@ def _distribution(own: xr.Dataset) -> list[str]:
     ]
 
 
-def _correlations(result: xr.Dataset, names: list[str]) -> Iterator[list[str | float]]:
-    """Pairs of unknowns with a correlation worth a name; slightly below 1, so that the matrix stays definite."""
-    for at, first in enumerate(names):
-        for second in names[at + 1 :]:
-            value = float(result["correlation"].sel(unknown=first, unknown_2=second))
-            if math.isfinite(value) and abs(value) > 0.05:
-                yield [first, second, round(0.98 * value, 3)]
+def _correlations(result: xr.Dataset, names: list[str]) -> list[list[str | float]]:
+    """Rank correlations of pairs of unknowns, as a design takes them.
+
+    They are those of the fit; where these are not definite, as of two unknowns of which only the sum is known, all are
+    made smaller by the smallest common factor that is enough.
+    """
+    matrix = np.nan_to_num(result["correlation"].sel(unknown=names, unknown_2=names).values)
+    np.fill_diagonal(matrix, 1.0)
+    least = float(np.linalg.eigvalsh(matrix).min())
+    ranks = rank_correlation(matrix * min((1 - _DEFINITE) / (1 - least), 1.0) if least < 1 else matrix)
+    pairs = itertools.combinations(range(len(names)), 2)
+    rows: list[list[str | float]] = [
+        [names[at], names[other], round(float(ranks[at, other]), 9)] for at, other in pairs
+    ]
+    return [row for row in rows if row[2]]

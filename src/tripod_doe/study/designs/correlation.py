@@ -61,6 +61,11 @@ def _whole(given: Sequence[Sequence[str | float]], width: int) -> FloatArray:
     return matrix
 
 
+def rank_correlation(normal: FloatArray) -> FloatArray:
+    """Spearman's rank correlations of normal factors with these correlations (Pearson 1907)."""
+    return np.asarray(6 / np.pi * np.arcsin(normal / 2))
+
+
 def correlated(unit: FloatArray, ranks: FloatArray, keep_strata: bool) -> FloatArray:
     """Independent points of the unit cube, correlated.
 
@@ -74,7 +79,7 @@ def correlated(unit: FloatArray, ranks: FloatArray, keep_strata: bool) -> FloatA
     """
     from scipy.stats import norm, rankdata  # slow to import, and most studies correlate nothing
 
-    normal = 2 * np.sin(np.pi * ranks / 6)  # of the normal scores, for these rank correlations (Pearson 1907)
+    normal = 2 * np.sin(np.pi * ranks / 6)  # as `rank_correlation`
     np.fill_diagonal(normal, 1.0)
     if np.linalg.eigvalsh(normal).min() <= _ROUNDING:
         raise InputError("correlation: no factors can have these correlations together; make some of them smaller")
