@@ -406,6 +406,10 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
             "sobol needs a design of kind saltelli; this study's is grid",
         ),
         (STEP + '[steps.s]\nkind = "analysis"\nanalysis = "sobl"\ninputs = ["a"]\n', "did you mean 'sobol'"),
+        (
+            STEP + '[steps.t]\nkind = "tolerance"\ninputs = ["a"]\nsettings = {confirm = 64}\n',
+            r"\[steps.t\]: settings: confirm: a step runs no other points; put .* first.toml, as \[analysis.tolerance\]",
+        ),
         (STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\n', r"\[steps.c\]: settings: measurement is missing"),
         (
             STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\nsettings = {measurement = "no.csv"}\n',

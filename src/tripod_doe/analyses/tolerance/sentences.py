@@ -312,7 +312,7 @@ def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
         f"study, with seed = {seed}{scramble} and samples = {samples} in [design], and run it: "
         f"tripod-doe run COPY.toml --out DIR{_finer(part, samples)}. For the change that is named first, confirm = "
-        f"{samples} in the analysis does that by itself."
+        f"{samples} in this analysis of the study file does that by itself."
     ]
 
 
