@@ -408,7 +408,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         (STEP + '[steps.s]\nkind = "analysis"\nanalysis = "sobl"\ninputs = ["a"]\n', "did you mean 'sobol'"),
         (
             STEP + '[steps.t]\nkind = "tolerance"\ninputs = ["a"]\nsettings = {confirm = 64}\n',
-            r"\[steps.t\]: settings: confirm: a step runs no other points; put .* first.toml, as \[analysis.tolerance\]",
+            r"\[steps.t\]: settings: confirm: a step runs no other points; put .*first.toml, as \[analysis.tolerance\]",
         ),
         (STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\n', r"\[steps.c\]: settings: measurement is missing"),
         (
