@@ -295,7 +295,7 @@ def compile_joint(values: JointValues[float], method: str) -> None:
         result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
         groove_readings(assembly, result.positions, result.velocities)
         thrust_parts(assembly, result.times, result.positions, result.velocities, values)
-        departure_matrices(assembly, [assembly.initial_state()], 1e-3)
+        departure_matrices(assembly, [assembly.initial_state()])
     _COMPILED.add(method)
 
 

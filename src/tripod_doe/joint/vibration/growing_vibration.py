@@ -132,10 +132,10 @@ def growing_vibration(values: JointValues[float], assembly: Assembly | None = No
     if not _may_vibrate(assembly, values):
         return None
     asked = _smooth(assembly, values, _ASKS)
-    if not (asked and (growth := _vibrates(_departures(assembly, asked.middles, values), values))):
+    if not (asked and (growth := _vibrates(departure_matrices(assembly, asked.middles), values))):
         return None
     decides = _smooth(assembly, values, _DECIDES, asked)
-    if decides and not (growth := _vibrates(_departures(assembly, decides.middles, values), values)):
+    if decides and not (growth := _vibrates(departure_matrices(assembly, decides.middles), values)):
         return None
     thrust = groove_thrust(assembly, asked.run.positions[asked.last], asked.run.velocities[asked.last]).sum(0)
     return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.revolution)
@@ -160,7 +160,7 @@ def _may_vibrate(assembly: Assembly, values: JointValues[float]) -> bool:
     if smooth.times.size <= _AT[-1]:
         return True
     states = [_Smooth(smooth, _SUSPECTS).state(sample) for sample in _AT]
-    rates = oscillating_rates(departure_matrices(assembly, states, revolution / 6), _FAST * values.speed)
+    rates = oscillating_rates(departure_matrices(assembly, states), _FAST * values.speed)
     return not revolution * rates.mean() <= _DIES_OUT
 
 
@@ -180,16 +180,11 @@ def damping_against(values: JointValues[float], states: Sequence[State]) -> str:
     own = max(values.contact_damping, _LEAST_FACTOR) if dry else max(values.contact_damping_time, _LEAST_TIME)
     field, parameter = ("contact_damping", FACTOR) if dry else ("contact_damping_time", TIME)
     damped = (replace(values, **{field: factor * own}) for factor in (1, 2))
-    once, twice = (_departures(assemble(build_joint(given, needles=False)), states, given) for given in damped)
+    once, twice = (departure_matrices(assemble(build_joint(given, needles=False)), states) for given in damped)
     for factor in _STRONGER:
         if not _vibrates(once + (factor - 1) * (twice - once), values):
             return f"{parameter} = {factor * own:.2g}"
     return ""
-
-
-def _departures(assembly: Assembly, states: Sequence[State], values: JointValues[float]) -> FloatArray:
-    """Matrices of departures from a revolution through these states."""
-    return departure_matrices(assembly, states, 2 * math.pi / values.speed)
 
 
 def _vibrates(departures: FloatArray, values: JointValues[float]) -> Growth | None:

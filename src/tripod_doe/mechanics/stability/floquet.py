@@ -7,8 +7,9 @@ their equation is
     q' = v + omega x q        v' = A_q q + A_v v        with A_q = da/dq, A_v = da/dv
 
 with the cross product for rotations only, and a the accelerations of Eq. 1 with all reactions, differentiated
-numerically at some states of the motion. Between two states the matrix is assumed constant; its exponential propagates
-departures. Constraints are stabilised: departures that violate them decay.
+numerically at some states of the motion. Constraints leave as many independent coordinates as there are degrees of
+freedom: q and v are the departures of these, which all others follow. Between two states the matrix is assumed
+constant; its exponential propagates departures.
 
 Source: e.g. P. Hagedorn, Non-Linear Oscillations, Clarendon Press, 1988, ch. 2. Cost: 2 evaluations a degree of
 freedom and state, and an exponential of a matrix of twice that size a state.
@@ -21,14 +22,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, qr
 
-from tripod_doe.array_types import FloatArray
-from tripod_doe.mechanics.arithmetic.rotations import move
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.mechanics.arithmetic.rotations import cross, load_vector, move
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.compilation.kernels import kernel
-from tripod_doe.mechanics.solve.equations_of_motion import copy_vectors, evaluate
-from tripod_doe.mechanics.tables import Work
+from tripod_doe.mechanics.forces.constraints import evaluate_constraints
+from tripod_doe.mechanics.solve.equations_of_motion import constraint_rate, copy_vectors, evaluate
 from tripod_doe.one_thread import one_thread
 
 _DIFFERENCE = 1e-6
@@ -37,8 +38,11 @@ _DIFFERENCE = 1e-6
 
 _LARGEST_LOG = 709.0  # of a number that can be represented
 
-_AT, _SPEEDS = range(2)
-"""Rows of `Work.stages`: the state that is evaluated."""
+_REDUNDANT = 1e-10
+"""Size of what is left of a constraint equation by others, over the largest one, below which it is redundant."""
+
+_AT, _SPEEDS, _BEFORE = range(3)
+"""Rows of `Work.stages`: the state that is evaluated, and the accelerations before a difference."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +58,37 @@ class Growth:
     climb: float = 0.0
 
 
-def departure_matrices(assembly: Assembly, states: Sequence[State], duration: float) -> FloatArray:
+def departure_matrices(assembly: Assembly, states: Sequence[State]) -> FloatArray:
     """The matrices of the equation of departures, shape (state, 2 x dof, 2 x dof).
 
     Args:
-        states: States at the middles of equal parts of the motion, in order.
-        duration: How long the motion takes.
+        states: States at the middles of equal parts of the motion, in order. Coordinates that are independent at the
+            first one must be so at all.
     """
-    work = assembly.memory
-    return np.array([_departure_matrix(assembly, work, state, len(states) / duration) for state in states])
+    tables, scene, count = assembly.tables, assembly.scene, len(states)
+    size = 6 * tables.body_of_row.size
+    times = np.array([state.time for state in states])
+    places, velocities = (np.array([getattr(each, name) for each in states]) for name in ("positions", "velocities"))
+    jacobians, rates = np.zeros((count, tables.rows.size, size // 6, 6)), np.zeros((count, tables.rows.size))
+    _constrain(tables, assembly.memory, times, places, velocities, jacobians, rates)
+    turn = scene.length_scale * scene.rotation_scale / scene.speed_scale
+    scales = [[scene.length_scale, turn], [scene.speed_scale, scene.rotation_scale]]
+    steps = _DIFFERENCE * np.tile(np.repeat(scales, 3, axis=1), size // 6)
+    free = np.flatnonzero(tables.bodies["free"][tables.body_of_row].ravel())
+    slopes = jacobians.reshape(count, tables.rows.size, size)
+    dependent = free[_leading(slopes[0][:, free] * steps[0, free])]
+    independent = np.setdiff1d(free, dependent)
+    keep = np.zeros_like(slopes)
+    keep[:, :, dependent] = -np.linalg.pinv(slopes[:, :, dependent]).swapaxes(1, 2)
+    motions = slopes[:, :, independent].swapaxes(1, 2) @ keep
+    motions[:, np.arange(independent.size), independent] = 1.0
+    changes = np.zeros((count, 3, independent.size, size // 6, 6))
+    back, along = keep.reshape(jacobians.shape), motions.reshape(changes[:, 0].shape)
+    steps = np.ascontiguousarray(steps[:, independent])
+    _differentiate(tables, assembly.memory, times, places, velocities, steps, along, back, rates, changes)
+    turned, *slopes_of = changes.reshape(count, 3, independent.size, size)[..., independent].transpose(1, 0, 3, 2)
+    speeds = np.broadcast_to(np.eye(independent.size), turned.shape)
+    return np.concatenate([np.concatenate([turned, speeds], axis=2), np.concatenate(slopes_of, axis=2)], axis=1)
 
 
 def fastest_growth(matrices: FloatArray, duration: float) -> Growth:
@@ -121,62 +147,80 @@ def _exponential(matrix: FloatArray) -> tuple[FloatArray, float]:
     return expm(matrix - largest * np.eye(len(matrix))), largest
 
 
-def _departure_matrix(assembly: Assembly, work: Work, state: State, stabilisation: float) -> FloatArray:
-    """The matrix of the equation of departures at one state, shape (2 x dof, 2 x dof)."""
-    tables, scene = assembly.tables, assembly.scene
-    rows, count = tables.body_of_row, tables.body_of_row.size
-    turn = scene.length_scale * scene.rotation_scale / scene.speed_scale
-    small = _DIFFERENCE * np.array([scene.length_scale, turn, scene.speed_scale, scene.rotation_scale])
-    slopes = np.zeros((2, 6 * count, 6 * count))
-    _differentiate(tables, work, state.positions, state.velocities, state.time, stabilisation, small, slopes)
-    matrix = np.zeros((12 * count, 12 * count))
-    matrix[6 * count :, : 6 * count], matrix[6 * count :, 6 * count :] = slopes[0].T, slopes[1].T
-    matrix[: 6 * count, 6 * count :] = np.eye(6 * count)
-    for row, (x, y, z) in enumerate(state.velocities[rows, 3:]):
-        turns = slice(6 * row + 3, 6 * row + 6)
-        matrix[turns, turns] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-    free = np.flatnonzero(np.tile(tables.bodies["free"][rows].ravel() > 0, 2))
-    return matrix[np.ix_(free, free)]
+def _leading(slopes: FloatArray) -> IntArray:
+    """Columns that determine all others: as many as there are independent rows."""
+    if not slopes.size:
+        return np.zeros(0, int)
+    triangle, order = qr(slopes, mode="r", pivoting=True, check_finite=False)
+    sizes = np.abs(np.diagonal(triangle))
+    return np.asarray(order[: int((sizes > _REDUNDANT * sizes[0]).sum())])
 
 
 @kernel
-def _differentiate(tables, work, positions, velocities, time, stabilisation, small, slopes):
-    """Derivatives of all accelerations by every place and turn (0) and every velocity (1), by differences.
+def _constrain(tables, work, times, positions, velocities, slopes, rates):
+    """Slopes of constraint equations by velocities, shape (state, equation, row, 6), and rates, (state, equation)."""
+    rows = tables.rows
+    for n in range(times.size):
+        at, speeds = positions[n], velocities[n]
+        evaluate_constraints(rows, at, speeds, times[n], work.phi, work.phi_t, work.gamma, work.jacobian)
+        for k in range(rows.size):
+            rates[n, k] = constraint_rate(rows[k], work.jacobian[k], speeds) + work.phi_t[k]
+            for side in range(2):
+                row = tables.bodies[rows[k].body_a if side == 0 else rows[k].body_b].block
+                if row >= 0:
+                    for d in range(6):
+                        slopes[n, k, row, d] += work.jacobian[k, 6 * side + d]
+
+
+@kernel
+def _differentiate(tables, work, times, places, velocities, steps, motions, keep, rates, changes):
+    """Turns of every motion (0) and derivatives of all accelerations by it (1) and by its velocity (2), by differences.
 
     Args:
-        stabilisation: Rate of Baumgarte's stabilisation.
-        small: Differences of places, turns, velocities and angular velocities.
-        slopes: Receives them, shape (2, column, row).
+        times, places, velocities: States, the last two of shape (state, body, 7) and (state, body, 6).
+        steps: Differences, shape (2, motion).
+        motions: Motions that constraints allow, shape (state, motion, row, 6).
+        keep: Velocities that take a unit rate of an equation back, shape (state, equation, row, 6).
+        rates: Rates of the equations, which all motions leave as they are, shape (state, equation).
+        changes: Receives the derivatives, shape (state, 3, motion, row, 6).
     """
-    at, speeds, shift = work.stages[_AT], work.stages[_SPEEDS], work.displacement[0]
-    copy_vectors(positions, at)
-    copy_vectors(velocities, speeds)
-    evaluate(tables, work, at, speeds, time, stabilisation)
-    count = tables.body_of_row.size
-    for other in range(count):
-        for e in range(6):
-            change = work.acceleration[tables.body_of_row[other], e]
-            for column in range(6 * count):
-                slopes[0, column, 6 * other + e] = slopes[1, column, 6 * other + e] = -change
-    for row in range(count):
-        body = tables.body_of_row[row]
-        for d in range(6):
-            if tables.bodies[body].free[d] == 0.0:
-                continue
+    at, speeds, before, shift = work.stages[_AT], work.stages[_SPEEDS], work.stages[_BEFORE], work.displacement[0]
+    bodies = tables.body_of_row
+    for n in range(times.size):
+        copy_vectors(places[n], at)
+        copy_vectors(velocities[n], speeds)
+        evaluate(tables, work, at, speeds, times[n], 0.0)
+        copy_vectors(work.acceleration, before)
+        for m in range(motions.shape[1]):
             for kind in range(2):
-                step = small[2 * kind + d // 3]
-                column = slopes[kind, 6 * row + d]
+                step = steps[kind, m]
+                for row in range(bodies.size):
+                    body = bodies[row]
+                    for d in range(6):
+                        speeds[body, d] = velocities[n, body, d] + kind * step * motions[n, m, row, d]
+                        shift[d] = (1 - kind) * step * motions[n, m, row, d]
+                    move(places[n, body], shift, at[body])
                 if kind == 0:
-                    for e in range(6):
-                        shift[e] = step if e == d else 0.0
-                    move(positions[body], shift, at[body])
-                else:
-                    speeds[body, d] = velocities[body, d] + step
-                evaluate(tables, work, at, speeds, time, stabilisation)
-                for other in range(count):
-                    for e in range(6):
-                        change = work.acceleration[tables.body_of_row[other], e]
-                        column[6 * other + e] = (column[6 * other + e] + change) / step
-                for e in range(7):
-                    at[body, e] = positions[body, e]
-                speeds[body, d] = velocities[body, d]
+                    _keep_rates(tables, work, at, speeds, times[n], keep[n], rates[n])
+                evaluate(tables, work, at, speeds, times[n], 0.0)
+                for row in range(bodies.size):
+                    for d in range(6):
+                        change = work.acceleration[bodies[row], d] - before[bodies[row], d]
+                        changes[n, 1 + kind, m, row, d] = change / step
+            for row in range(bodies.size):
+                turned = cross(load_vector(velocities[n, bodies[row]], 3), load_vector(motions[n, m, row], 3))
+                for d in range(3):
+                    changes[n, 0, m, row, 3 + d] = turned[d]
+
+
+@kernel
+def _keep_rates(tables, work, positions, speeds, time, keep, rates):
+    """Change velocities after a motion so that constraint equations keep their rates."""
+    rows = tables.rows
+    evaluate_constraints(rows, positions, speeds, time, work.phi, work.phi_t, work.gamma, work.jacobian)
+    for k in range(rows.size):
+        work.gamma[k] = constraint_rate(rows[k], work.jacobian[k], speeds) + work.phi_t[k] - rates[k]
+    for k in range(rows.size):
+        for row in range(keep.shape[1]):
+            for d in range(6):
+                speeds[tables.body_of_row[row], d] += work.gamma[k] * keep[k, row, d]
