@@ -147,6 +147,7 @@ def test_a_fit_is_a_run(api, fitted):
     (record,) = api.get(f"/runs/{fitted}/query", params={"variable": "value"}).json()
     assert 0.05 < record["value"] < 0.1
     assert "groove_sliding_friction = " in api.get(f"/runs/{fitted}/base").text
+    assert api.get(f"/runs/{fitted}/base", params={"candidate": 0}).status_code == 404
     assert "groove sliding friction" in api.get(f"/runs/{fitted}/report/").text
     (analysis,) = api.get(f"/runs/{fitted}/analyses").json()
     assert analysis["kind"] == "fit"

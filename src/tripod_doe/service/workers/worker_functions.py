@@ -312,6 +312,8 @@ def base(path: str, kind: str, candidate: int | None) -> str:
     from tripod_doe.study.cube.lazy_dataset import read_dataset
 
     if kind == "fit":
+        if candidate is not None:
+            raise RefusedError(404, "a fit gives one joint: leave out candidate")
         return read_text(Path(path).with_name("base.toml"), "joint")
     front = read_dataset(Path(path))
     try:
