@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.page_parts.main_outputs import left_points, main_outputs
+from tripod_doe.page_parts.main_outputs import left_points, main_outputs, quantile_text
 
 
 @pytest.mark.parametrize(
@@ -23,6 +23,19 @@ def test_an_output_has_its_own_name_and_unit(output, units, words, unit):
     )
     [part] = main_outputs(result, "mean")
     assert (part.output, part.what, part.unit, float(part.answers["mean"])) == (output, words, unit, 3.0)
+
+
+def test_a_quantile_without_an_interval_has_as_many_digits_as_the_others():
+    """Regression: "95 % below 18.916 N (18.913 to 18.918), 99 % below 18.9 N (at least 18.9)"."""
+    values = {"quantile_low": [18.9132, 18.9171], "quantile": [18.9158, 18.9217], "quantile_high": [18.9176, np.nan]}
+    result = xr.Dataset(
+        {name: (("order", "probability"), [[0.0] * 2] * 3 + [column]) for name, column in values.items()},
+        {"probability": [0.95, 0.99], "order": np.arange(4)},
+        {"outputs": "thrust_amplitude", "output_units": '{"thrust_amplitude": "N"}'},
+    )
+    [part] = main_outputs(result, "quantile")
+    assert "99 % below 18.92" in (said := quantile_text(part))
+    assert said.endswith("(at least 18.917)")
 
 
 def test_missing_points_are_counted():

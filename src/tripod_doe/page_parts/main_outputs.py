@@ -109,12 +109,14 @@ def _words(output: str, order: int | None) -> str:
 def quantile_text(part: OutputPart) -> str:
     """Quantiles of a distribution, each with its interval, or with the one end that the points bound, or none."""
     text, answers, unit = [], part.answers, part.unit
-    for probability in answers["probability"].values:
-        at = answers.sel(probability=probability)
-        low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
-        digits = min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite(low) and np.isfinite(high) else 3
-        shown = with_unit(number(value, digits), unit)
-        text.append(f"{100 * probability:g} % below {shown} ({_bounds(low, high, digits)})")
+    ends = np.array([answers[key].values for key in ("quantile_low", "quantile", "quantile_high")]).T
+    known = [
+        min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite([low, high]).all() else 0 for low, _, high in ends
+    ]
+    for probability, (low, value, high), own in zip(answers["probability"].values, ends, known, strict=True):
+        digits = own or max([*known, 3])  # with fewer digits it may lie below a smaller one
+        shown = with_unit(number(float(value), digits), unit)
+        text.append(f"{100 * probability:g} % below {shown} ({_bounds(float(low), float(high), digits)})")
     return f"{'from this mean, ' * part.is_phase}{', '.join(text)}"
 
 
@@ -123,8 +125,8 @@ def _bounds(low: float, high: float, digits: int) -> str:
     if np.isfinite(low) and np.isfinite(high):
         return text_range(number(low, digits), number(high, digits))
     if np.isfinite(low):
-        return f"at least {number(low)}"
-    return f"at most {number(high)}" if np.isfinite(high) else "too few points for an interval"
+        return f"at least {number(low, digits)}"
+    return f"at most {number(high, digits)}" if np.isfinite(high) else "too few points for an interval"
 
 
 def left_points(result: xr.Dataset) -> list[str]:
