@@ -274,6 +274,14 @@ def test_keys_know_a_point_by_its_values():
             "truncated-normal",
         ),
         ('[factors]\ntorque_n_m={distribution="normal",mean=1,std=1}\n[design]\nkind="morris"\nsamples=4', "bounded"),
+        (
+            '[factors]\ntorque_n_m={distribution="discrete",values=[1,2]}\n[design]\nkind="finite-differences"\nsamples=4',
+            r"\[factors.torque_n_m\]: finite-differences needs continuous factors",
+        ),
+        (
+            '[factors]\nneedle_count={low=20,high=27}\n[design]\nkind="finite-differences"\nsamples=4',
+            r"\[factors.needle_count\]: finite-differences needs continuous factors",
+        ),
         ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed_rpm > 5']", "exclude every point"),
         ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed > 5']", "speed_rpm"),
         (

@@ -26,6 +26,7 @@ _MOST_FACTORS = 10  # 1022 sets of factors
 _MOST_POINTS = 4096  # more neighbours than these make sets of few factors no better known
 _NEIGHBOURS = 32
 _MOST_CURVED = 5  # factors whose polynomial has squares and products; with more a plane has to do
+_TIE = 1e-6  # of the ranks: by how much points of equal levels are set apart
 _LEVERAGE = 1e-6  # least part of a point's distance that the polynomial leaves to it
 
 
@@ -89,7 +90,9 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
     if width > _MOST_FACTORS:
         raise InputError(f"shapley takes at most {_MOST_FACTORS} factors, not {width}")
     count = min(sample.rows.size, _MOST_POINTS)
-    ranks, values = sample.ranks[:count], table.parts(components)[:, :count]
+    # at a level, each point has neighbours of its own, not all of them the same few
+    apart = _TIE * np.random.default_rng(settings.seed).random((count, width))
+    ranks, values = sample.ranks[:count] + apart, table.parts(components)[:, :count]
     draws = bootstrap_weights(count, settings.resamples, settings.seed)
     weights = np.concatenate([np.full((1, count), 1 / count), draws])
     known, whole = _explained(ranks, values, weights)

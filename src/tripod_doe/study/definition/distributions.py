@@ -23,6 +23,11 @@ def is_unbounded(factor: Factor) -> bool:
     return factor.table.distribution == "normal"
 
 
+def has_levels(factor: Factor) -> bool:
+    """Whether the factor takes some values only, as whole numbers or those of a list."""
+    return factor.table.distribution == "discrete" or factor.parameter.kind in ("integer", "switch")
+
+
 def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
     """Values of a sampled factor at given points of the unit interval.
 
@@ -49,7 +54,7 @@ def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
         weights = np.array(table.weights or [1.0] * len(values))
         chosen = np.searchsorted(np.cumsum(weights) / weights.sum(), unit, side="right")
         return values[np.minimum(chosen, len(values) - 1)]
-    if parameter.kind in ("integer", "switch"):
+    if has_levels(factor):
         low, high = math.ceil(table.low or 0), math.floor(table.high or 0)
         return np.minimum(np.floor(low + unit * (high - low + 1)), high)
     if is_unbounded(factor):

@@ -9,7 +9,7 @@ from typing import Any
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.distributions import is_unbounded, quantile
+from tripod_doe.study.definition.distributions import has_levels, is_unbounded, quantile
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
@@ -51,6 +51,7 @@ def sampled(
     block: Block | None = None,
     grouped: bool = False,
     bounded: bool = False,
+    continuous: bool = False,
 ) -> Family:
     """A sampled design.
 
@@ -58,6 +59,7 @@ def sampled(
         uncorrelated, grouped: See `Family`.
         block: See `Family`; the points of a sample if omitted.
         bounded: Whether distributions with infinite tails are refused.
+        continuous: Whether factors with levels are refused.
     """
 
     def make(request: Request) -> Made:
@@ -67,6 +69,11 @@ def sampled(
         if bounded and unbounded:
             raise InputError(
                 f"[factors.{unbounded[0]}]: {table.kind} needs bounded factors; use a truncated-normal distribution"
+            )
+        if continuous and (levelled := [name for name, factor in factors.items() if has_levels(factor)]):
+            raise InputError(
+                f"[factors.{levelled[0]}]: {table.kind} needs continuous factors, since a small step changes no level; "
+                "use a saltelli or morris design"
             )
         unit = sample(table, request.tables)
         if table.correlation:
