@@ -67,8 +67,9 @@ from tripod_doe.joint.massless_needles.load_along_needle import (
     SKEW,
     STOP,
     TRUNNION,
+    UNKNOWN,
     VARIANCE,
-    deepest,
+    balance_unknown,
     follow_spread,
     load_centre,
 )
@@ -85,8 +86,6 @@ RECORD = np.dtype([(name, float) for name in ("load", "angle", "place", "skew", 
 _REFRESHED = 4
 """Steps between updates of the load distribution along straight needles. For crowned needles each step updates it: it
 changes more with the load, and with it all resistance to yaw."""
-_FIRST_LOOKS = 3
-"""Newton steps for the load distribution of a newly loaded needle."""
 _MOST_SLIP = 200.0
 """Limit of a needle's slip over its transition velocity: products of larger exponentials overflow."""
 _LITTLE_SLIP = 1e-2
@@ -198,7 +197,6 @@ class NeedleRing(ByReference):
     placed: FloatArray  # mean place of each roller's needles, shape (1, 3)
     # sums over the needles of each roller in the order of `PLACED` and so on, shape (2, 24)
     sums: FloatArray
-    entered: FloatArray  # 1 where a needle of a trunnion has come under load in this step, shape (1, 3)
     carrying: IntArray  # outermost needles that carried a step ago, shape (3, 2)
     past: FloatArray  # skews of all needles one and two revolutions ago, shape (blocks, 2, 24)
 
@@ -206,8 +204,8 @@ class NeedleRing(ByReference):
     def for_blocks(cls, blocks: int) -> NeedleRing:
         """Memory for `blocks` blocks of eight needles that carry."""
         state, past = np.zeros((blocks, ROWS, 3 * WIDTH)), np.zeros((blocks, 2, 3 * WIDTH))
-        rows, each = (lambda: np.zeros((2, 3 * WIDTH))), (lambda: np.zeros((1, 3)))
-        return cls(state, rows(), each(), rows(), each(), np.zeros((3, 2), np.int64), past)
+        rows = lambda: np.zeros((2, 3 * WIDTH))  # noqa: E731
+        return cls(state, rows(), np.zeros((1, 3)), rows(), np.zeros((3, 2), np.int64), past)
 
 
 TILTED, YAWED = range(2)
@@ -219,46 +217,42 @@ FORCE, MOMENT = range(2)
 
 
 @inlined_kernel
-def _come_under_load(c, state, deep, k, slots, number, other):
+def _come_under_load(c, state, k, slots, number, other):
     """Put a needle of trunnion k at its outer stop, along the one next to it."""
     slot, of = number % slots, other % slots
     one, lane = state[slot // WIDTH], WIDTH * k + slot % WIDTH
     one[PLACE, lane], one[SKEW, lane] = c.reach, state[of // WIDTH, SKEW, WIDTH * k + of % WIDTH]
     one[SIDE, lane] = 1.0
-    one[TRUNNION + DEPTH, lane] = one[BORE + DEPTH, lane] = deep
     one[TRUNNION + LEAN, lane] = one[BORE + LEAN, lane] = 0.0
+    one[TRUNNION + VARIANCE, lane] = one[BORE + VARIANCE, lane] = UNKNOWN
 
 
 @kernel_part
-def _admit(c, state, needles, k, step, carrying, first, last):
+def _admit(c, state, needles, k, carrying, first, last):
     """Start newly loaded needles in their unloaded state, along their neighbours; returns whether there are any."""
     slots, new = WIDTH * needles.blocks, first < carrying[0] or last > carrying[1]
     if new:
         for number in range(carrying[1] + 1, last + 1):
-            slot = number % slots
-            deep = deepest(c, needles.loads[slot // WIDTH, step, WIDTH * k + slot % WIDTH])
-            _come_under_load(c, state, deep, k, slots, number, number - 1)
+            _come_under_load(c, state, k, slots, number, number - 1)
         for number in range(carrying[0] - 1, first - 1, -1):
-            slot = number % slots
-            deep = deepest(c, needles.loads[slot // WIDTH, step, WIDTH * k + slot % WIDTH])
-            _come_under_load(c, state, deep, k, slots, number, number + 1)
+            _come_under_load(c, state, k, slots, number, number + 1)
     carrying[0], carrying[1] = first, last
     return new
 
 
 @kernel_part
-def _look(c, needles, ring, step, offset, new):
-    """Follow the spread of loads along the needles where it is time to, and along newly loaded ones."""
-    usual = 1 if c.drop > 0.0 or step % _REFRESHED == 0 else 0
-    looks = _FIRST_LOOKS if new else usual
-    if looks == 0:
+def _look(c, needles, ring, step, motion, new):
+    """Follow the spread of loads along the needles where it is time to, and find it along `new` ones."""
+    usual = c.drop > 0.0 or step % _REFRESHED == 0
+    if not (usual or new):
         return
     for b in range(needles.blocks):
-        carried = load_three(needles.loads[b], step)
-        deep = deepest(c, carried)
-        for look in range(looks):
-            changes = across(ring.entered, 0) + (1.0 if look < usual else 0.0)
-            follow_spread(c, ring.state[b], carried, offset, deep, changes)
+        carried, known, looks = needles.loads[b], not new, 2 if usual else 0
+        while looks > 0:
+            known = follow_spread(c, ring.state[b], load_three(carried, step), across(motion, OFFSET))
+            looks = 0 if known else looks - 1
+        if not known:
+            balance_unknown(c, ring.state[b], carried[step], motion[OFFSET])
 
 
 @kernel_part
@@ -266,9 +260,7 @@ def step_on(c, tilt, at, needles, ring, step, duration):
     """Move all needles that carry load on by a step; `ring` receives their sums and mean places."""
     i, n, new = step // WIDTH, step % WIDTH, False
     for k in range(3):
-        entered = _admit(c, ring.state, needles, k, step, ring.carrying[k], at.first[k, i, n], at.last[k, i, n])
-        ring.entered[0, k] = 1.0 if entered else 0.0
-        new = new or entered
+        new = _admit(c, ring.state, needles, k, ring.carrying[k], at.first[k, i, n], at.last[k, i, n]) or new
     motion, pace = at.motion[step], 1.0 / duration
     offset, yaw = across(motion, OFFSET), across(motion, YAW)
     lean = tilt * (offset - across(ring.placed, 0))
@@ -284,7 +276,7 @@ def step_on(c, tilt, at, needles, ring, step, duration):
     store(ring.sums, 0, row_of_sums(placed, skewed, 0.0, 0.0, 0.0, 0.0))
     for k in range(3):
         ring.placed[0, k] = ring.sums[0, WIDTH * k + PLACED] / at.carried[k, i, n]
-    _look(c, needles, ring, step, offset, new)
+    _look(c, needles, ring, step, motion, new)
     acting = (across(motion, SPIN), across(motion, PLUNGE), offset, c.sliding * across(motion, RUBBING))
     for b in range(needles.blocks):
         turned = load_three(needles.cosines[b], step), load_three(needles.sines[b], step)
@@ -298,23 +290,18 @@ def step_on(c, tilt, at, needles, ring, step, duration):
 def start_needles(c, skews, tilt, at, needles, ring):
     """Put all needles in the middle, at their initial skews."""
     motion = at.motion[0]
-    offset = across(motion, OFFSET)
-    store(ring.roller, TILTED, tilt * offset)
+    store(ring.roller, TILTED, tilt * across(motion, OFFSET))
     store(ring.roller, YAWED, across(motion, YAW))
     for k in range(3):
-        ring.placed[0, k], ring.entered[0, k] = 0.0, 1.0
+        ring.placed[0, k] = 0.0
         ring.carrying[k, 0], ring.carrying[k, 1] = at.first[k, 0, 0], at.last[k, 0, 0]
     clear(ring.state)
     for b in range(needles.blocks):
-        state, carried = ring.state[b], load_three(needles.loads[b], 0)
-        deep = deepest(c, carried)
-        for k in range(3):
-            for lane in range(WIDTH * k, WIDTH * (k + 1)):
-                state[SKEW, lane] = skews[k]
-        store(state, TRUNNION + DEPTH, deep)
-        store(state, BORE + DEPTH, deep)
-        for _ in range(2 * _FIRST_LOOKS):
-            follow_spread(c, state, carried, offset, deep, across(ring.entered, 0))
+        state = ring.state[b]
+        for lane in range(3 * WIDTH):
+            state[SKEW, lane] = skews[lane // WIDTH]
+            state[TRUNNION + VARIANCE, lane] = state[BORE + VARIANCE, lane] = UNKNOWN
+        balance_unknown(c, state, needles.loads[b, 0], motion[OFFSET])
 
 
 @kernel_part
