@@ -1,7 +1,7 @@
 """Does a model answer everywhere? Random points of the field in which a tripod joint is used: outcomes and prices.
 
     python benchmarks/field.py [MODEL] [--count 1000] [--seed 1] [--calm] [--against FACTOR] [--beside MODEL] [--plain]
-                               [--held 40] [--record FILE]
+                               [--rounding] [--held 40] [--record FILE]
 
 Every point has operating conditions, frictions, skews and a geometry of its own, as far as the parts fit; every 25th is
 a straight joint. `needles` have as many needles as fit. The balances have random mechanisms switched off. `--calm` stays near the paper's point instead: what
@@ -12,8 +12,9 @@ how far the orders moved, over the largest order of the thrust, and at how many 
 than 5 %; joints that were followed as vibrating are left to vibration.py, since their revolutions differ by chance.
 `--beside kinetostatic` holds a balance against the runs of a multibody model at the points where both finish, and tells
 at how many it is off by more than 5 % and more than the errors that both state. `--plain` tells the price beside that of a
-run with one tolerance for all points, as runs were before they found their own. `--held` takes the first so many points
-only for these. Bounds are Clopper and Pearson's at 95 %.
+run with one tolerance for all points, as runs were before they found their own. `--rounding` tells at how many points of a
+balance the third order hangs on rounding: it spreads by more than 0.05 % where the torque changes by a relative 3e-15 to
+2.1e-14. `--held` takes the first so many points only for these. Bounds are Clopper and Pearson's at 95 %.
 
 `--record FILE` keeps every answer as a line of JSON. The same command goes on from there where it was stopped, also
 with a larger count: the first points of a seed are the same whatever the count.
@@ -85,6 +86,8 @@ NO_THRUST = 1e-3
 """N; the orders of a straight joint are rounding."""
 WRONG = 0.05
 """Relative error of the third order above which a point counts as wrong."""
+HANGS = 5e-4
+"""Relative spread of the third order above which a point hangs on rounding."""
 _BATCH = 1000
 _EVALUATIONS = 10**7
 
@@ -292,6 +295,21 @@ def tell_against(columns: dict[str, np.ndarray], orders: np.ndarray, reference: 
     )
 
 
+def tell_rounding(model: str, columns: dict[str, np.ndarray], orders: np.ndarray, rows: np.ndarray) -> None:
+    """Print at how many points the third order spreads where the torque changes by rounding."""
+    sizes = [np.abs(orders[:, 3])]
+    for k in range(1, 8):
+        changed = columns | {"torque_n_m": columns["torque_n_m"] * (1 + k * 3e-15)}
+        sizes.append(np.abs(answers(model, changed)[3][:, 3]))
+    spread = np.ptp(sizes, axis=0) / thirds(columns, orders)
+    hang = np.flatnonzero(spread > HANGS)
+    print(
+        f"third order hangs on rounding at {hang.size} of {rows.size} points; largest spread {100 * spread.max():.2g} %"
+    )
+    for at in hang:
+        print(f"  point {rows[at]}: spread {100 * spread[at]:.2g} %")
+
+
 def tell_beside(
     model: str, beside: str, columns: dict[str, np.ndarray], reference: np.ndarray, record: Record, rows: np.ndarray
 ) -> None:
@@ -322,6 +340,7 @@ def main(given: list[str] | None = None) -> None:
     parser.add_argument("--against", type=float, metavar="FACTOR")
     parser.add_argument("--beside", choices=BALANCES)
     parser.add_argument("--plain", action="store_true")
+    parser.add_argument("--rounding", action="store_true")
     parser.add_argument("--held", type=int, metavar="COUNT")
     parser.add_argument("--record", type=Path, metavar="FILE")
     parser.add_argument("--listed", type=int, default=3)
@@ -349,6 +368,9 @@ def main(given: list[str] | None = None) -> None:
         both = tight == Outcome.FINISHED
         what = f"{'an accuracy' if MODELS[model].settles else 'a tolerance'} {arguments.against:g} times smaller"
         tell_against({n: c[both] for n, c in asked.items()}, orders[rows][both], reference[both], what)
+    if arguments.rounding:
+        rows = np.flatnonzero(finished)
+        tell_rounding(model, {n: c[rows] for n, c in columns.items()}, orders[rows], rows)
     if arguments.beside:
         rows = np.flatnonzero(finished)
         tell_beside(arguments.beside, model, {n: c[rows] for n, c in columns.items()}, orders[rows], record, rows)

@@ -3,8 +3,9 @@
 A needle's sphere at the station x is pressed by d + (b - h x) x, with its depth d, lean b, and the drop h of its crown
 and of its skew; depth and lean balance the load and its moment about the middle. One Newton step per time step follows
 them. It fails where spheres come and go, as under strongly skewed needles, which touch with their middle or with their
-ends: needles whose load is at the wrong place are balanced anew. The balance is the minimum of a convex energy: for each
-lean there is one depth, and the moment rises with the lean.
+ends: they jump from end to end, nothing holds their skew meanwhile, and where they go hangs on rounding. So needles
+whose load is at the wrong place are balanced anew. The balance is the minimum of a convex energy: for each lean there
+is one depth, and the moment rises with the lean.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ ROWS = 10
 _ONE = 1e-9
 """Limit of the determinant over its largest value; below it one sphere carries all load."""
 _OFF, _FAR = 0.05, 4.0
-"""A Newton step is not taken where the load is farther off its place, over the length, or spheres would move by more,
-over their mean compression."""
+"""A Newton step is repeated, then replaced, where it began farther off the load's place, over the length, and not taken
+where it would move an end by more, over the mean compression."""
 _BALANCED, _MOST_LEANS, _MOST_DEPTHS = 1e-3, 60, 20
 """Largest error of a balance, over the load; most iterations, of which five and three are usual."""
 
@@ -111,7 +112,7 @@ def _pressed(c, depth, lean, drop):
 
 @inner_kernel
 def _press(c, carried, lean, drop, most):
-    """Depth at which a contact of this lean carries a load, with `_pressed`; `most` is that of one sphere with all load.
+    """Depth at which a contact of this lean carries a load, with `_pressed`; `most` is that of one sphere alone.
 
     From too deep, Newton's method comes up without overshooting: forces are convex.
     """
@@ -152,7 +153,7 @@ def _balance(c, carried, centre, drop, lean):
 
 @inner_kernel
 def balance_unknown(c, state, loads, offsets):
-    """Balance all loaded needles whose spread of loads is `UNKNOWN`; `offsets` are the places of the bearings' loads."""
+    """Balance all loaded needles whose spread of loads is `UNKNOWN`; `offsets`: places of the bearings' loads."""
     for lane in range(loads.size):
         place, skew = state[PLACE, lane], state[SKEW, lane]
         for contact in range(2):

@@ -204,8 +204,8 @@ class NeedleRing(ByReference):
     def for_blocks(cls, blocks: int) -> NeedleRing:
         """Memory for `blocks` blocks of eight needles that carry."""
         state, past = np.zeros((blocks, ROWS, 3 * WIDTH)), np.zeros((blocks, 2, 3 * WIDTH))
-        rows = lambda: np.zeros((2, 3 * WIDTH))  # noqa: E731
-        return cls(state, rows(), np.zeros((1, 3)), rows(), np.zeros((3, 2), np.int64), past)
+        roller, sums = np.zeros((2, 2, 3 * WIDTH))
+        return cls(state, roller, np.zeros((1, 3)), sums, np.zeros((3, 2), np.int64), past)
 
 
 TILTED, YAWED = range(2)
