@@ -296,11 +296,14 @@ def tell_against(columns: dict[str, np.ndarray], orders: np.ndarray, reference: 
 
 
 def tell_rounding(model: str, columns: dict[str, np.ndarray], orders: np.ndarray, rows: np.ndarray) -> None:
-    """Print at how many points the third order spreads where the torque changes by rounding."""
-    sizes = [np.abs(orders[:, 3])]
+    """Print at how many points of a balance the third order spreads where the torque changes by rounding."""
+    sizes, solver = [np.abs(orders[:, 3])], MODELS[model]
+    method, numerics = next(iter(solver.methods.items()))
     for k in range(1, 8):
-        changed = columns | {"torque_n_m": columns["torque_n_m"] * (1 + k * 3e-15)}
-        sizes.append(np.abs(answers(model, changed)[3][:, 3]))
+        full = all_columns(columns | {"torque_n_m": columns["torque_n_m"] * (1 + k * 3e-15)})
+        full["relative_tolerance"] = np.full_like(full["accuracy"], numerics["relative_tolerance"])
+        block = solver.simulate(internal(full), method, 360, {"thrust_amplitude"})
+        sizes.append(block.outputs["thrust_amplitude"].data[:, 3])
     spread = np.ptp(sizes, axis=0) / thirds(columns, orders)
     hang = np.flatnonzero(spread > HANGS)
     print(
