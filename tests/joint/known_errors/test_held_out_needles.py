@@ -37,11 +37,11 @@ def balances():
 
 
 def test_the_law_of_the_needles_holds_where_it_was_not_looked_at(balances):
-    """Measured: third order 0.26 (0.98) %, second 5.7 (21) % where it is above 0.5 % of the third, phase 2.2 (7.4) deg,
-    skew 0.02 deg, in the median (90th percentile); of which needles' own error is 0.14 (0.24) and 2.3 (4.9) %.
+    """Measured: third order 0.26 (0.98) %, second 5.7 (21) % where it is above 0.5 % of the third, phase 1.3 (8.1) deg,
+    skew 0.03 deg, in the median (90th percentile); of which needles' own error is 0.14 (0.24) and 2.3 (4.9) %.
 
     Of the 19 second orders, 15 are within 12 %, the others off by 16, 18, 35 and 41 %. While loads along needles jumped
-    from end to end, a sixteenth was within 12 %, and these hung on rounding.
+    from end to end, a sixteenth was within 12 %, by chance or not.
     """
     orders, skews = balances
     counts = (HELD_OUT["amplitude_2"] > 0.005 * HELD_OUT["amplitude_3"]).to_numpy()
