@@ -304,7 +304,10 @@ def of_records(seed: int) -> Hits:
     force = 14 * np.cos(np.radians(3 * rotation - 75)) + rng.standard_normal(rotation.size)
     orders = np.arange(13)
     model = xr.Dataset(
-        {"thrust_amplitude": ("order", 14.0 * (orders == 3)), "thrust_phase_deg": ("order", -75.0 * (orders == 3))},
+        {
+            "thrust_amplitude": ("order", 14.0 * (orders == 3), {"units": "N"}),
+            "thrust_phase_deg": ("order", -75.0 * (orders == 3), {"units": "degree"}),
+        },
         coords={"order": orders},
     )
     third = compare(Measurement(rotation, force, None, "zero"), model, 0.0).sel(order=3)

@@ -134,7 +134,7 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
         closure = f"; they add up to {at_each(100 - part.closure[rows], percent)}"
     remainder = 100 - np.nansum(values, axis=1)
     if leading == "share_direct" and np.abs(remainder).max() > _PRINTED:
-        closure = f"; {at_each(remainder, percent)} is the part of no friction (inertia, numerical error)"
+        closure = f"; {at_each(remainder, percent)} is {_rest(part)}"
     points = stated_over(part, rows)
     over = f", {points}" if points else ""
     size = f" ({part.amplitude})" if part.amplitude and not side else ""
@@ -142,6 +142,13 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
         f"Of {part.what}{size}{f' in {side}' if side else ''}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "
         f"{', '.join(text)}{opposed}{closure} (analysis {part.analysis})."
     )
+
+
+def _rest(part: Contribution) -> str:
+    """What the rest of a direct decomposition is; a study may switch some of the mechanisms alone."""
+    if set(part.mechanisms) >= set(MECHANISMS):
+        return "the part of no friction (inertia, numerical error)"
+    return "the part of all else: mechanisms that this study does not switch, inertia, numerical error"
 
 
 def _without(part: Contribution) -> list[str]:

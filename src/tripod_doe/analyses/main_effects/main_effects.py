@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import Column, is_numeric
 from tripod_doe.analyses.main_effects.curve_shape import Shape, curve_shapes
 from tripod_doe.analyses.main_effects.regression import Fit, Separation, fit_factor, separation
+from tripod_doe.analyses.main_effects.repeated_sample import own_sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.one_thread import one_thread
 
@@ -123,7 +124,7 @@ class FactorEffect:
     largest: float = np.nan
     relative: float = np.nan
     # settings, of_settings: settings of the others that were used, and at which there are at least two levels. For
-    # steps: pairs. For a regression: points.
+    # steps: pairs. For a regression: independent points, and all of them.
     settings: int = 0
     of_settings: int = 0
     alike: int = 0  # settings at which the course agrees with the mean
@@ -272,6 +273,8 @@ def _outward_steps(ends: FloatArray, steps: FloatArray, any_side: bool) -> Float
 
 def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:
     """Fit where the columns separate the factor; words and single points are left to the other grounds."""
+    others, points = tuple(other for other in columns if other != name), response.size
+    columns, response = own_sample(columns, name, response)
     rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
     numeric, response = is_numeric(columns[name]), response[rows]
     columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}
@@ -290,7 +293,7 @@ def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArra
         fit.mean,
         error,
         settings=response.size,
-        of_settings=response.size,
-        averaged=tuple(other for other in columns if other != name),
+        of_settings=min(points, _MOST_ROWS),
+        averaged=others,
         fit=fit,
     )

@@ -365,7 +365,7 @@ class EffectWording:
             text.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")
         return (
             f"By regression on all factors, {self.name} {', and '.join(text)} (95 % interval, "
-            f"{effect.settings:,} points)."
+            f"{effect.settings:,} {'independent ' * (effect.settings < effect.of_settings)}points)."
         )
 
     def _estimate(self, estimate: Estimate) -> str:
