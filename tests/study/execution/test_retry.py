@@ -158,16 +158,29 @@ def test_a_bad_retry_is_refused_before_anything_runs(entries, message):
 
 
 def test_retries_of_many_levels_are_checked_on_few_of_their_combinations():
-    """Regression: all 10^9 combinations were listed, whatever the design, and even without a retry."""
-    names = ("torque_n_m", "joint_angle_deg", "speed_rpm")
-    factors = "".join(f"[factors.{name}]\nlow = 1\nhigh = 10\ncount = 1000\n" for name in names)
-    text = f'[study]\nname = "z"\n[base]\nmodel = "equilibrium"\n{factors}[design]\nkind = "zip"\n[run]\nretry = '
+    """Regression: all combinations were listed, whatever the design, and even without a retry."""
+    levels = "low = 1e-6\nhigh = 1e-3\ncount = 3000\n"
+    factors = "".join(f"[factors.{name}]\n{levels}" for name in ("step_s", "relative_tolerance"))
+    text = f'[study]\nname = "z"\n[base]\nmodel = "rollers"\n{factors}[design]\nkind = "zip"\n[run]\nretry = '
     began = time.process_time()
-    study = parse_study(text + "[{ torque_n_m = 7.0, joint_angle_deg = 3.0, speed_rpm = 50.0 }]\n")
-    assert [change.label for change in study.retry.changes] == ["torque_n_m = 7, joint_angle_deg = 3, speed_rpm = 50"]
-    with pytest.raises(td.InputError, match="makes no difference"):  # the second time
-        parse_study(text.replace("1000", "20") + "[{ torque_n_m = 7.0 }, { torque_n_m = 7.0 }]\n")
+    study = parse_study(text + '["smaller-step", "smaller-step"]\n')
+    assert len(study.retry.changes) == 2
     assert time.process_time() - began < 10
+
+
+@pytest.mark.parametrize(
+    ("factor", "change", "reason"),
+    [
+        ("roller_width_mm", "roller_width_mm = 12", "roller_width_mm: this study varies it"),
+        ("speed_rpm", "roller_width_mm = 12", "only model, method and numerics may change"),
+        ("cycles", "cycles = 12", "cycles: this study varies it"),
+    ],
+)
+def test_a_retry_of_what_a_point_stands_for_is_refused(factor, change, reason):
+    """Regression: the thrust force of a width of 12 mm was given as that of 80 mm."""
+    factors = f'[factors.{factor}]\nvalues = [11, 80]\n[base]\nmodel = "rollers"\n'
+    with pytest.raises(td.InputError, match=reason):
+        parse_study(f'[study]\nname = "r"\n{factors}[run]\nretry = [{{ {change} }}]\n')
 
 
 def test_a_smaller_step_needs_something_to_halve(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.model_interface import Outcome, Simulator, Value, check_parameters
+from tripod_doe.model_interface import Outcome, Parameter, Simulator, Value, check_parameters
 
 SMALLER_STEP = "smaller-step"
 """The change that halves the step or tolerance, given or chosen by the run."""
@@ -72,6 +72,8 @@ def check_retries(
         InputError: If a change is unknown, cannot run, or changes no point.
     """
     changes = tuple(_change(simulator, entry) for entry in entries)
+    for name in dict.fromkeys(name for change in changes for name in change.values):
+        _refuse_another_point(simulator.parameters[name], name in factors)
     touched = {name for change in changes for name in change.values}
     unsure = {name for name, levels in factors.items() if not levels} | set(unknown)
     trials = [_Trial(change, bool(unsure & change.values.keys())) for change in changes]
@@ -139,6 +141,16 @@ def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
         return Change(check_parameters(simulator.parameters, entry))
     except InputError as error:
         raise InputError(f"retry: {error}") from error
+
+
+def _refuse_another_point(parameter: Parameter, is_factor: bool) -> None:
+    """Refuse (InputError) to change what a point stands for: its answer would be given as that of another one."""
+    if is_factor:
+        raise InputError(f"retry: {parameter.name}: this study varies it, so a changed point would be another one")
+    if parameter.kind != "argument" and parameter.group != "numerics":
+        raise InputError(
+            f"retry: {parameter.name}: only model, method and numerics may change, else the joint is another"
+        )
 
 
 def _kinds_of_points(
