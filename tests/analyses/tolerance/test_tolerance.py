@@ -180,6 +180,32 @@ def test_a_point_at_the_end_of_a_triangle_has_no_weight():
     assert "with seed = 1, scramble = true and samples = " in " ".join(find_in_tolerance(result, "t"))
 
 
+def test_nothing_is_proposed_for_a_factor_that_is_correlated():
+    """Regression: a factor without effect was to be moved, since its weights moved the one that goes with it."""
+    text = TEXT.replace("seed = 1", 'seed = 1\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.8]]')
+    result = tolerance(
+        cube_of(lambda angle, torque, speed: torque + (speed - 600) / 400 + 0 * angle, text),
+        ToleranceSettings(outputs=["y"], limits={"y": 50.8}),
+    )
+    for key in ("gain_of_halving", "shift_to_keep"):
+        assert np.isfinite(result[key]).values.tolist() == [False, False, key == "gain_of_halving"]
+    said = " ".join(find_in_tolerance(result, "t"))
+    assert "Joint angle and torque are correlated: " in said
+    assert "halve" not in said.replace("halving", "")
+    for factor in ("angle", "torque"):
+        assert f"move the nominal value of {factor}" not in said
+        assert f"tighten {factor}" not in said
+
+
+def test_a_factor_of_listed_values_is_named():
+    """Regression: the factor with most of the variance was left out of what to tighten, without a word."""
+    text = TEXT.replace(
+        "speed_rpm = {low = 500, high = 700}", "speed_rpm = {distribution = 'discrete', values = [500, 700]}"
+    )
+    result = tolerance(cube_of(lambda angle, torque, speed: angle + torque + speed, text))
+    assert "Speed has listed values: no other scatter is judged" in " ".join(find_in_tolerance(result, "t"))
+
+
 def test_two_scatters_where_one_is_not_enough():
     """Exact: with one scatter gone 2.8 % or more exceed 60.8; 1 % where torque and angle scatter 0.41 times as far."""
     cube = cube_of(lambda angle, torque, speed: angle + torque + 0.5 * (speed - 600) / 100)

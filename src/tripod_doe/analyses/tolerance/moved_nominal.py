@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.tolerance.chances import Exceeding, density_ratio, weighted_chances
-from tripod_doe.analyses.tolerance.narrower_scatter import together
+from tripod_doe.analyses.tolerance.narrower_scatter import own_scatter, together
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.definition.distributions import Scatter, scatter_density
+from tripod_doe.study.definition.distributions import Scatter
 
 _STEPS = np.arange(0.05, 3.025, 0.05)  # shifts that are tried, in standard deviations, to both sides
 _WIDTH, _PLACES = 12.0, 6001  # of the range over which a density is integrated, in standard deviations
@@ -34,8 +34,8 @@ def shift_to_keep(
     """
     answers = np.full((4, len(sample.tables), wanted.size), np.nan)
     part, confident = points.of(wanted), together(confidence, 2 * len(sample.tables))
-    for at, (name, table) in enumerate(sample.tables.items() if wanted.any() else ()):
-        scatter = scatter_density(table)
+    for at, name in enumerate(sample.tables if wanted.any() else ()):
+        scatter = own_scatter(sample, name)
         if scatter is None:
             continue
         column = np.asarray(sample.columns[name], float)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.tolerance.chances import Exceeding, density_ratio, points_to_resolve, weighted_chances
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.definition.distributions import scatter_density
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.distributions import Scatter, scatter_density
+from tripod_doe.study.designs.correlation import correlated_factors
 
 SCALES = np.arange(0.95, 0.075, -0.05)
 """Scales that are tried, from the widest scatter."""
@@ -27,9 +27,19 @@ def together(confidence: float, ways: int) -> float:
     return 1 - (1 - confidence) / max(ways, 1)
 
 
-def scaled_weights(table: FactorTable, column: NDArray[np.generic], scales: FloatArray) -> FloatArray:
-    """Weights of the points at some scales of the scatter of a factor, shape (scale, point); NaN where it has none."""
-    scatter = scatter_density(table)
+def own_scatter(sample: Sample, name: str) -> Scatter | None:
+    """The scatter of a factor, if weights can change it alone; None for listed values and for correlated factors.
+
+    Weights of a correlated factor would change the factors that go with it, too.
+    """
+    if name in correlated_factors(sample.design.correlation, list(sample.tables)):
+        return None
+    return scatter_density(sample.tables[name])
+
+
+def scaled_weights(sample: Sample, name: str, scales: FloatArray) -> FloatArray:
+    """Weights of the points at some scales of the scatter of a factor, shape (scale, point); else NaN."""
+    scatter, column = own_scatter(sample, name), np.asarray(sample.columns[name])
     if scatter is None:
         return np.full((scales.size, column.size), np.nan)
     x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
@@ -56,7 +66,7 @@ def scale_to_keep(
             Number of points that would resolve one scale; infinite if these points give no estimate, NaN if one is
             resolved.
     """
-    weights = [scaled_weights(table, np.asarray(sample.columns[name]), SCALES) for name, table in sample.tables.items()]
+    weights = [scaled_weights(sample, name, SCALES) for name in sample.tables]
     count = len(weights)
     answers = np.full((4, count, count, wanted.size), np.nan)
     excluded, times = np.zeros((count, count, wanted.size)), np.full(wanted.size, np.inf)
@@ -129,13 +139,7 @@ def cheapest_to_keep(
 def _ways(sample: Sample, own: list[str], sizes: FloatArray) -> Iterator[tuple[str, str, float, FloatArray]]:
     """Yield (factor, factor, scale of the first, weights at all scales of the second); a single factor twice."""
     weights = {
-        name: np.concatenate(
-            [
-                np.ones((1, sample.rows.size)),
-                scaled_weights(sample.tables[name], np.asarray(sample.columns[name]), sizes[1:]),
-            ]
-        )
-        for name in own
+        name: np.concatenate([np.ones((1, sample.rows.size)), scaled_weights(sample, name, sizes[1:])]) for name in own
     }
     pairs = [(first, second) for at, first in enumerate(own) for second in own[:at]]
     for first, second in pairs or [(name, name) for name in own]:

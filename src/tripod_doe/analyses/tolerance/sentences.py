@@ -13,7 +13,7 @@ from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_t
 from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
-from tripod_doe.quantities import count_of, duration, interval, number, text_range, with_unit
+from tripod_doe.quantities import capital, count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable
 
@@ -53,9 +53,26 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
         what, unit, part = each.what, each.unit, each.answers
         sentences += [_quantiles(each, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
         sentences += _keeping(what, part, unit)
-    sentences += left_points(result)
+    sentences += _not_judged(result) + left_points(result)
     if region := str(result.attrs.get("failing_region", "")):
         sentences.append(f"Points fail {region}; the distribution leaves them out.")
+    return sentences
+
+
+def _not_judged(result: xr.Dataset) -> list[str]:
+    """The factors of which no other scatter and no other nominal value is judged."""
+    related = [name for name in str(result.attrs.get("correlated", "")).split(", ") if name]
+    tables = factor_tables(result)
+    in_lists = [name for name in tables if name not in related and scatter_density(tables[name]) is None]
+    sentences = []
+    if related:
+        sentences.append(
+            f"{capital(listed(list(map(spoken, related))))} are correlated: these points do not show a change of the "
+            "scatter or of the nominal value of one of them alone; a run of the changed study does."
+        )
+    if in_lists:
+        names, verb = capital(listed(list(map(spoken, in_lists)))), "has" if len(in_lists) == 1 else "have"
+        sentences.append(f"{names} {verb} listed values: no other scatter is judged, however large the effect.")
     return sentences
 
 
@@ -256,7 +273,7 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     shifts = part["shift_to_keep"].values
     moved = [at for at in range(len(names)) if np.isfinite(shifts[at])][:_MOST_NAMED]
     if not moved:
-        return _no_shift(names, tables), []
+        return _no_shift(names, tables, str(part.attrs.get("correlated", "")).split(", ")), []
     ways = []
     for at in moved:
         name, shift = names[at], float(shifts[at])
@@ -267,16 +284,19 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
 
 
-def _no_shift(names: list[str], tables: Mapping[str, FactorTable]) -> str:
+def _no_shift(names: list[str], tables: Mapping[str, FactorTable], correlated: list[str]) -> str:
     """Why no nominal value is proposed to be moved."""
-    listed_values = [name for name in names if scatter_density(tables[name]) is None]
-    bounded = [name for name in names if name not in listed_values and tables[name].high is not None]
+    related = [name for name in names if name in correlated]
+    listed_values = [name for name in names if name not in related and scatter_density(tables[name]) is None]
+    bounded = [name for name in names if name not in [*related, *listed_values] and tables[name].high is not None]
     reasons = []
     if bounded:
         reasons.append(f"these points lie between the bounds of {listed(list(map(spoken, bounded)))}, which would move")
     if listed_values:
         reasons.append(f"{listed(list(map(spoken, listed_values)))} has listed values")
-    if len(bounded) + len(listed_values) < len(names):
+    if related:
+        reasons.append(f"{listed(list(map(spoken, related)))} are correlated")
+    if len(bounded) + len(listed_values) + len(related) < len(names):
         reasons.append("too few points lie where a moved scatter would have most of them")
     return (
         f"Whether the limit is kept by moving one nominal value is not resolved: {', and '.join(reasons)}; "

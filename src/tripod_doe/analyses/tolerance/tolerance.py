@@ -38,6 +38,7 @@ from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.designs.correlation import correlated_factors
 
 _THIRD = "thrust_amplitude_3"  # the quantity whose error of the model is on record
 
@@ -100,9 +101,7 @@ def _exceedance(points: Exceeding, limit: FloatArray, confidence: float) -> dict
 def _halved_weights(sample: Sample) -> FloatArray:
     """Weights of the points if one factor scattered half as far, shape (factor, point); NaN where it has no scatter."""
     half = np.array([0.5])
-    return np.concatenate(
-        [scaled_weights(table, np.asarray(sample.columns[name]), half) for name, table in sample.tables.items()]
-    )
+    return np.concatenate([scaled_weights(sample, name, half) for name in sample.tables])
 
 
 def _gains(
@@ -313,6 +312,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
         **_model_attributes(cube, sample),
         seed_of_points=sample.design.seed,
+        correlated=", ".join(correlated_factors(sample.design.correlation, list(sample.tables))),
         scramble_of_points=int(sample.design.scramble),
         samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),

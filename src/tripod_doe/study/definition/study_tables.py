@@ -205,7 +205,7 @@ class RunTable(Table):
     retry: list[str | dict[str, Scalar]] = Field(
         [],
         description='changes tried in this order, each on top of those before, on points that failed: "smaller-step" '
-        "(half the step or tolerance) or a table of parameters to set",
+        "(half the step or tolerance) or a table of model, method or numerics to set",
     )
 
 

@@ -44,6 +44,12 @@ def correlation_matrix(given: Correlation, names: list[str]) -> FloatArray:
     return matrix
 
 
+def correlated_factors(given: Correlation, names: list[str]) -> list[str]:
+    """Names of the factors that are correlated with another one; arguments as of `correlation_matrix`."""
+    matrix = correlation_matrix(given, names) if given else np.eye(len(names))
+    return [name for name, row in zip(names, matrix, strict=True) if np.count_nonzero(row) > 1]
+
+
 def _triple(row: Sequence[str | float]) -> tuple[str, str, float]:
     if len(row) != 3 or not isinstance(row[0], str) or not isinstance(row[1], str) or isinstance(row[2], str):
         raise InputError(f"correlation: {list(row)}: give [factor, factor, rank correlation]")
