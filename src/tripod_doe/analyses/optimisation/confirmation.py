@@ -14,9 +14,11 @@ _LEAST = 1.001  # times the hypervolume: less is as good as the joint beside it
 def confirmation_batches(confirmed: int, objectives: int) -> list[int]:
     """Numbers of candidates that are judged once more, one batch after the other: each learns from those before.
 
-    The first ones of a single objective only teach; of several, they are on the front if its limits hold.
+    The first ones of a single objective only teach; of several, they are on the front if its limits hold. One at least
+    is left for what the search finds with what they teach.
     """
-    first, each = min(max(confirmed // 3, 2 if objectives > 1 else 4), confirmed), max(confirmed // 6, 1)
+    first, each = max(confirmed // 3, 2 if objectives > 1 else 4), max(confirmed // 6, 1)
+    first = min(first, max(confirmed - 1, 1))
     rest = confirmed - first
     return [first, *(min(each, rest - done) for done in range(0, rest, each))]
 
