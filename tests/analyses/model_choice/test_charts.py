@@ -48,6 +48,11 @@ def test_only_orders_that_were_asked_for_are_stated(chosen, grid_cube):
     assert "second order" not in told
     assert "ninth order" not in told
     assert "Accuracy was asked for the third order only: other orders and the waveform are not shown" in told
+    assert "may use them" not in told
+    second = chosen["thrust_amplitude"].sel(order=2, drop=True).assign_attrs(role="result of its own", units="N")
+    assert "second may use them: such values may jump where the model changes." in " ".join(
+        find(chosen.assign(second=second))
+    )
 
 
 def test_without_a_pilot_all_orders_are_shown_and_no_choice_is_drawn(chosen):
