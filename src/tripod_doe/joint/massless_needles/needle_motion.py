@@ -223,7 +223,8 @@ def _come_under_load(c, state, k, slots, number, other):
     one, lane = state[slot // WIDTH], WIDTH * k + slot % WIDTH
     one[PLACE, lane], one[SKEW, lane] = c.reach, state[of // WIDTH, SKEW, WIDTH * k + of % WIDTH]
     one[SIDE, lane] = 1.0
-    one[TRUNNION + LEAN, lane] = one[BORE + LEAN, lane] = 0.0
+    for row in (DEPTH, LEAN):
+        one[TRUNNION + row, lane] = one[BORE + row, lane] = 0.0  # what is left there may be of another joint
     one[TRUNNION + VARIANCE, lane] = one[BORE + VARIANCE, lane] = UNKNOWN
 
 
