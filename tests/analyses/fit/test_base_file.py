@@ -45,3 +45,9 @@ def test_correlations_are_those_of_the_fit(result, correlation):
     points = make_points(parse_study(text.replace("samples = 256", "samples = 16384"))).columns
     one, other = (points[name] for name in names)
     assert np.std(one + other) == pytest.approx(0.001 * np.sqrt(2 + 2 * correlation), rel=0.03)
+
+
+def test_unknowns_of_each_record_leave_no_study_of_correlations(result):
+    """Regression: a fit whose unknowns are all of single records ended with an error of numpy."""
+    own = result.assign(value=("unknown", [np.nan]))
+    assert "correlation" not in tolerance_text(own, {"torque_n_m": 200.0})

@@ -110,7 +110,7 @@ def _correlations(result: xr.Dataset, names: list[str]) -> list[list[str | float
     """
     matrix = np.nan_to_num(result["correlation"].sel(unknown=names, unknown_2=names).values)
     np.fill_diagonal(matrix, 1.0)
-    least = float(np.linalg.eigvalsh(matrix).min())
+    least = float(np.linalg.eigvalsh(matrix).min(initial=1.0))
     ranks = rank_correlation(matrix * min((1 - _DEFINITE) / (1 - least), 1.0) if least < 1 else matrix)
     pairs = itertools.combinations(range(len(names)), 2)
     rows: list[list[str | float]] = [
