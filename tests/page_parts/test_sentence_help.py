@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 import tripod_doe
-from tripod_doe.page_parts.templates import guide_entries, reading_of, readings, render
+from tripod_doe.page_parts.sentence_help import guide_entries, reading_of, readings
+from tripod_doe.page_parts.templates import render
 
 SOURCE = Path(tripod_doe.__file__).parent
 STATED = [
@@ -109,7 +110,7 @@ def test_a_page_explains_its_sentences_and_no_others():
 
 
 def test_the_guide_has_every_entry():
-    """Made by: python -c "from tripod_doe.page_parts.templates import guide_entries; print(guide_entries())"."""
+    """Made by: python -c "from tripod_doe.page_parts.sentence_help import guide_entries; print(guide_entries())"."""
     text = GUIDE.read_text(encoding="utf-8")
     assert text.partition("<!-- entries -->\n")[2].partition("<!-- end -->")[0].strip() == guide_entries().strip()
 

@@ -118,7 +118,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _show_one(options: argparse.Namespace, record: ComparedRecord) -> int:
-    from tripod_doe.analyses.comparison.overview_page import write_record
+    from tripod_doe.analyses.comparison.page import write_record
     from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
 
     if record.comparison is None:
@@ -131,7 +131,7 @@ def _show_one(options: argparse.Namespace, record: ComparedRecord) -> int:
 
 def _show_many(options: argparse.Namespace, records: list[ComparedRecord], cube: xr.Dataset) -> int:
     from tripod_doe.analyses.comparison.overview import overview_rows
-    from tripod_doe.analyses.comparison.overview_page import is_page, overview_json, overview_text, write_overview
+    from tripod_doe.analyses.comparison.page import is_page, overview_json, overview_text, write_overview
 
     if options.out is not None and is_page(options.out):
         raise InputError(f"--out {options.out}: several records have a page each: name a folder")

@@ -1,41 +1,17 @@
 """Pages from the templates beside this module, and typographic signs in their sentences."""
 
 import base64
-import contextlib
 import re
-import tomllib
-from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
-from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined
-from jinja2.bccache import Bucket
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from tripod_doe.mechanics.compilation.sources import cache_root
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.markdown import markdown
+from tripod_doe.page_parts.sentence_help import reading_of, readings
+from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import number, size
-
-
-class _CompiledTemplates(FileSystemBytecodeCache):
-    """Compiled templates on disk; if they cannot be stored, they are compiled again."""
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Store a compiled template if there is room."""
-        with contextlib.suppress(OSError):
-            super().dump_bytecode(bucket)
-
-
-def compiled_templates() -> FileSystemBytecodeCache | None:
-    """Folder of compiled templates, beside the kernels: compiling them took a tenth of a small run."""
-    folder = cache_root() / "templates"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return None
-    return _CompiledTemplates(str(folder))
-
 
 _TO_READING = re.compile(r'<a class="why" href="#reading-([\w-]+)"')
 _MOST_BYTES = 10_000_000
@@ -110,48 +86,3 @@ def _svg(chart: Chart) -> Markup:
 
 def _csv_link(chart: Chart) -> str:
     return "data:text/csv;base64," + base64.b64encode(chart.csv().encode()).decode()
-
-
-@dataclass(frozen=True)
-class Reading:
-    """The meaning of a kind of sentence."""
-
-    key: str  # anchor on pages and in the guide
-    group: str  # kind of page
-    title: str
-    meaning: str
-    computed: str
-    patterns: tuple[re.Pattern[str], ...]
-
-
-@cache
-def readings() -> tuple[Reading, ...]:
-    """All entries, in the order in which they are tried."""
-    tables = tomllib.loads(files("tripod_doe.page_parts").joinpath("sentence_help.toml").read_text(encoding="utf-8"))
-    return tuple(
-        Reading(
-            key,
-            table["group"],
-            table["title"],
-            table["meaning"],
-            table["computed"],
-            tuple(re.compile(pattern) for pattern in table["match"]),
-        )
-        for key, table in tables.items()
-    )
-
-
-def reading_of(sentence: str) -> Reading | None:
-    """The entry that explains a sentence; None for a sentence that a user wrote."""
-    return next((each for each in readings() if any(pattern.search(sentence) for pattern in each.patterns)), None)
-
-
-def guide_entries() -> str:
-    """All entries as Markdown, by kind of page: a part of docs/reference/reports.md."""
-    lines, group = [], ""
-    for each in readings():
-        if each.group != group:
-            group = each.group
-            lines.append(f"### {group}\n")
-        lines.append(f"#### {each.title}\n\n{each.meaning}\n\n*Computed:* {each.computed}\n")
-    return "\n".join(lines)

@@ -40,7 +40,7 @@ def read_steps(directory: Path) -> list[dict[str, Any]]:
 
 
 def begin_search(directory: Path, file: str, text: str) -> None:
-    """Make a search that of its directory: what an earlier one left there is removed, all but its points.
+    """Prepare a directory for a new search: remove what an earlier one left there, all but its points.
 
     A search that is killed then leaves no results of another one as its own.
 

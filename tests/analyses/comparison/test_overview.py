@@ -11,7 +11,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, UNDECIDED, VERDICTS
 from tripod_doe.analyses.comparison.overview import OverviewRow, compare_records, overview_rows, read_table
-from tripod_doe.analyses.comparison.overview_page import _differing_orders
+from tripod_doe.analyses.comparison.page import _differing_orders
 from tripod_doe.analyses.comparison.record_comparison import Reading
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError

@@ -13,7 +13,7 @@ import tripod_doe as td
 from tripod_doe.analyses.comparison.charts import comparison_charts
 from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.comparison.model_point import model_point
-from tripod_doe.analyses.comparison.overview_page import comparison_page, write_comparison
+from tripod_doe.analyses.comparison.page import comparison_page, write_comparison
 from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text, find_in_comparison, order_rows
 from tripod_doe.measurements.measurement import Measurement, rotation_from_tachometer
 

@@ -11,6 +11,11 @@ from tripod_doe.analyses.main_effects.main_effects import factor_effects
 from tripod_doe.analyses.main_effects.repeated_sample import own_sample
 
 
+def sample_of(columns, factor, response):
+    codes = {name: np.unique(column, return_inverse=True)[1] for name, column in columns.items()}
+    return own_sample(columns, codes, factor, response)
+
+
 def crossed(seed):
     """Forty sample points of a, b and d, each at eight values of s; the response depends on a, b and s."""
     sample = np.random.default_rng(seed).random((40, 3))
@@ -36,7 +41,7 @@ def test_each_sample_point_counts_once(lost):
     columns, _ = crossed(1)
     kept = np.sort(np.random.default_rng(2).permutation(320)[lost:])
     additive = 3 * columns["a"] + columns["d"] + 100 * columns["s"] ** 2
-    own, mean = own_sample({name: column[kept] for name, column in columns.items()}, "d", additive[kept])
+    own, mean = sample_of({name: column[kept] for name, column in columns.items()}, "d", additive[kept])
     assert set(own) == {"a", "b", "d"}
     assert mean.size == 40
     line = 3 * own["a"] + own["d"]
@@ -50,6 +55,6 @@ def test_other_designs_stay_as_they_are():
     for points in (sample, half):
         columns = {f"x{at}": column for at, column in enumerate(points.T)}
         for name in columns:
-            own, response = own_sample(columns, name, points[:, 0])
+            own, response = sample_of(columns, name, points[:, 0])
             assert own.keys() == columns.keys()
             assert response.tolist() == points[:, 0].tolist()

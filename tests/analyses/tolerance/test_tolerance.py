@@ -190,7 +190,7 @@ def test_nothing_is_proposed_for_a_factor_that_is_correlated():
     for key in ("gain_of_halving", "shift_to_keep"):
         assert np.isfinite(result[key]).values.tolist() == [False, False, key == "gain_of_halving"]
     said = " ".join(find_in_tolerance(result, "t"))
-    assert "Joint angle and torque are correlated: " in said
+    assert "Some factors are correlated (joint angle and torque): " in said
     assert "halve" not in said.replace("halving", "")
     for factor in ("angle", "torque"):
         assert f"move the nominal value of {factor}" not in said
@@ -203,7 +203,9 @@ def test_a_factor_of_listed_values_is_named():
         "speed_rpm = {low = 500, high = 700}", "speed_rpm = {distribution = 'discrete', values = [500, 700]}"
     )
     result = tolerance(cube_of(lambda angle, torque, speed: angle + torque + speed, text))
-    assert "Speed has listed values: no other scatter is judged" in " ".join(find_in_tolerance(result, "t"))
+    assert "Of factors with listed values (speed) no other scatter is judged" in " ".join(
+        find_in_tolerance(result, "t")
+    )
 
 
 def test_two_scatters_where_one_is_not_enough():

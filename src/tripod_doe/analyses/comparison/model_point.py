@@ -80,7 +80,9 @@ def refuse_other_units(cube: xr.Dataset) -> None:
     expected = {name: JOINT_OUTPUTS[name].unit for name in _MODEL_OUTPUTS} | {"rotation_deg": "degree"}
     expected |= {name: parameter.unit for name, parameter in JOINT_PARAMETERS.items() if parameter.kind != "choice"}
     for name, needed in expected.items():
-        attrs = cube[name].attrs if name in cube.variables else {"units": needed}
+        if name not in cube.variables:
+            continue
+        attrs = cube[name].attrs
         unnamed = "1" if attrs.get("source") == "user function" else needed  # an argument has its unit in its name
         if (unit := attrs.get("units")) not in (needed, unnamed):
             known = "states no unit" if unit is None else f"is in {unit!r}"

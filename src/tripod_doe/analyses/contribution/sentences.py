@@ -20,7 +20,6 @@ from tripod_doe.analyses.contribution.shares import (
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.page_parts.main_results import listed, spoken
-from tripod_doe.quantities import capital
 
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
 _AGREE = 4.0  # percentage points within which two shares count as agreeing
@@ -39,7 +38,7 @@ def find_in_contribution(result: xr.Dataset, name: str) -> list[str]:
 def contribution_findings(part: Contribution) -> list[str]:
     """State the shares, who opposes the sum, the most unusual operating point, and what is closest to the paper."""
     if part.missing:
-        return [f"{capital(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
+        return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
     return [
         *_changes(part),
         *(_who_makes_it(part, side, rows) for side, rows in part.sides.items() if part.shared[rows].any()),
@@ -94,6 +93,10 @@ def _lost_combinations(part: Contribution) -> list[str]:
     if more := len(places) - len(sentences):
         sentences.append(f"Combinations are missing at {more:,} more operating point{'s' * (more > 1)}.")
     return sentences
+
+
+def _start(text: str) -> str:
+    return text[0].upper() + text[1:] if text.startswith("the ") else text  # a name of a user stays as it is
 
 
 def _changes(part: Contribution) -> list[str]:
@@ -226,7 +229,7 @@ def _all_passes(part: Contribution) -> list[str]:
     shapley = part.shares.get("share_shapley", np.full_like(part.shares["share_off"], np.nan))[:, needed]
     if np.isfinite(shapley).all() and np.ptp(shapley, axis=1).max() < _ALL_OF_IT:
         clauses.append("their Shapley values are equal")
-    return [f"{capital(part.what)} needs {listed(names)} together: {', '.join(clauses)}."]
+    return [f"{_start(part.what)} needs {listed(names)} together: {', '.join(clauses)}."]
 
 
 def _halves(part: Contribution, needed: int) -> str:

@@ -171,7 +171,7 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
         return []
     error = max(error, _ROUNDING * float(np.abs(response).max()))
     codes = np.stack([levels[name][1] for name in varying], axis=1).astype(np.int64)
-    settings = setting_of_others(codes)
+    settings, own_codes = setting_of_others(codes), dict(zip(varying, codes.T, strict=True))
     effects = []
     for at, name in enumerate(varying):
         compared = compare_settings(settings[:, at], codes[:, at], response)
@@ -182,7 +182,7 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
             effects.append(_by_steps(name, varying, levels[name][0], compared, settings[:, at], error))
         else:
             with one_thread():
-                effects.append(_by_regression(name, varying, response, error))
+                effects.append(_by_regression(name, varying, own_codes, response, error))
     return effects
 
 
@@ -271,10 +271,12 @@ def _outward_steps(ends: FloatArray, steps: FloatArray, any_side: bool) -> Float
     return steps[rows] * further[rows]
 
 
-def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:
+def _by_regression(
+    name: str, columns: Mapping[str, Column], codes: Mapping[str, IntArray], response: FloatArray, error: float
+) -> FactorEffect:
     """Fit where the columns separate the factor; words and single points are left to the other grounds."""
     others, points = tuple(other for other in columns if other != name), response.size
-    columns, response = own_sample(columns, name, response)
+    columns, response = own_sample(columns, codes, name, response)
     rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
     numeric, response = is_numeric(columns[name]), response[rows]
     columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}

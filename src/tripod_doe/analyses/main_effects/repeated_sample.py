@@ -15,7 +15,7 @@ _COMPLETE = 2 / 3  # share of all combinations that must be there: some points f
 
 
 def own_sample(
-    columns: Mapping[str, Column], factor: str, response: FloatArray
+    columns: Mapping[str, Column], codes: Mapping[str, IntArray], factor: str, response: FloatArray
 ) -> tuple[dict[str, Column], FloatArray]:
     """The points of the sample to which a factor belongs, each once, with its mean response.
 
@@ -24,13 +24,13 @@ def own_sample(
 
     Args:
         columns: Values of all factors that vary, shape (point,) each.
+        codes: Numbers of their levels, from 0 on.
         response: Shape (point,).
 
     Returns:
         The factors of the sample, and the response, at the points of the sample.
     """
     unchanged = dict(columns), response
-    codes = {name: np.unique(column, return_inverse=True)[1] for name, column in columns.items()}
     if int(codes[factor].max()) + 1 == response.size:  # each point has a value of its own
         return unchanged
     own = _beside(codes, factor)

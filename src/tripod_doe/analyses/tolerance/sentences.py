@@ -13,7 +13,7 @@ from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_t
 from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.main_results import listed, spoken, unit_text
-from tripod_doe.quantities import capital, count_of, duration, interval, number, text_range, with_unit
+from tripod_doe.quantities import count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable
 
@@ -61,19 +61,25 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
 
 def _not_judged(result: xr.Dataset) -> list[str]:
     """The factors of which no other scatter and no other nominal value is judged."""
-    related = [name for name in str(result.attrs.get("correlated", "")).split(", ") if name]
-    tables = factor_tables(result)
-    in_lists = [name for name in tables if name not in related and scatter_density(tables[name]) is None]
+    related, in_lists = ([spoken(name) for name in names] for names in _unweighted(result))
     sentences = []
     if related:
         sentences.append(
-            f"{capital(listed(list(map(spoken, related))))} are correlated: these points do not show a change of the "
-            "scatter or of the nominal value of one of them alone; a run of the changed study does."
+            f"Some factors are correlated ({listed(related)}): these points do not show a change of the scatter or of "
+            "the nominal value of one of them alone; a run of the changed study does."
         )
     if in_lists:
-        names, verb = capital(listed(list(map(spoken, in_lists)))), "has" if len(in_lists) == 1 else "have"
-        sentences.append(f"{names} {verb} listed values: no other scatter is judged, however large the effect.")
+        sentences.append(
+            f"Of factors with listed values ({listed(in_lists)}) no other scatter is judged, however large the effect."
+        )
     return sentences
+
+
+def _unweighted(result: xr.Dataset) -> tuple[list[str], list[str]]:
+    """Factors whose points cannot be weighted for another scatter: correlated ones, and others with listed values."""
+    related, tables = str(result.attrs.get("correlated", "")).split(", "), factor_tables(result)
+    in_lists = [name for name in tables if name not in related and scatter_density(tables[name]) is None]
+    return [name for name in tables if name in related], in_lists
 
 
 def _quantiles(part: OutputPart, name: str) -> str:
@@ -273,7 +279,7 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     shifts = part["shift_to_keep"].values
     moved = [at for at in range(len(names)) if np.isfinite(shifts[at])][:_MOST_NAMED]
     if not moved:
-        return _no_shift(names, tables, str(part.attrs.get("correlated", "")).split(", ")), []
+        return _no_shift(part, names, tables), []
     ways = []
     for at in moved:
         name, shift = names[at], float(shifts[at])
@@ -284,10 +290,9 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
     return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
 
 
-def _no_shift(names: list[str], tables: Mapping[str, FactorTable], correlated: list[str]) -> str:
+def _no_shift(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> str:
     """Why no nominal value is proposed to be moved."""
-    related = [name for name in names if name in correlated]
-    listed_values = [name for name in names if name not in related and scatter_density(tables[name]) is None]
+    related, listed_values = _unweighted(part)
     bounded = [name for name in names if name not in [*related, *listed_values] and tables[name].high is not None]
     reasons = []
     if bounded:
@@ -324,10 +329,8 @@ def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     samples = points_to_decide(chance, allowed, int(part.attrs["samples_of_points"]))
     if samples is None:
         return []
-    seed, scramble = (
-        int(part.attrs["seed_of_points"]) + 1,
-        "" if part.attrs["scramble_of_points"] else ", scramble = true",
-    )
+    seed = int(part.attrs["seed_of_points"]) + 1
+    scramble = "" if part.attrs["scramble_of_points"] else ", scramble = true"
     return [
         "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
         f"study, with seed = {seed}{scramble} and samples = {samples} in [design], and run it: "

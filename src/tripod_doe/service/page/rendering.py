@@ -12,7 +12,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from tripod_doe.page_parts.markdown import markdown
-from tripod_doe.page_parts.templates import compiled_templates
+from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import duration, in_words, level, number, size
 from tripod_doe.service.page.asset_files import stamp
 from tripod_doe.service.problems import RefusedError
