@@ -609,6 +609,17 @@ def test_a_front_that_the_better_judgement_rejects(solve, tmp_path):
     assert "None of 40 candidates is feasible" in (tmp_path / "out" / "report" / "index.html").read_text()
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
+@pytest.mark.parametrize("words", [[], ["--format", "pdf"]])
+def test_a_report_of_its_directory_says_what_it_is(solve, tmp_path, capsys, words):
+    """Regression: no cube.nc in this directory, run a study."""
+    solve("slope", {"x": {"values": [0.9, 1.0]}}, {"f": {"output": "f"}})
+    assert main(["report", str(tmp_path / "out"), *words]) == 2
+    refusal = capsys.readouterr().err
+    assert "the directory of an optimisation: tripod-doe optimise writes its page" in refusal
+    assert f"its studies are folders of {tmp_path / 'out' / 'steps'}" in refusal
+
+
 def test_limits_that_only_the_first_sample_keeps(solve):
     """Exact: 95 % of the joints stay below 0.164; the few joints of the search below less."""
     summary = solve(

@@ -157,6 +157,23 @@ def test_steps_run_after_what_they_need_and_once(bench):
     assert 'href="../first/report/index.html"' in report
 
 
+def test_its_surrogate_is_asked_what_if(bench, capsys):
+    """Regression: only a surrogate of a study was asked, and the directory of a workflow was one of a study."""
+    bench.study("first", ", ".join(map(str, range(1, 25))))
+    bench.write(ANALYSED.replace("highest", "surrogate"))
+    assert set(bench.run().values()) == {"finished"}
+    place = bench.out / "steps" / "surrogate"
+    assert main(["report", str(place), "--format", "what-if"]) == 0
+    page = (place / "report" / "what_if.html").read_text()
+    assert "Surrogate of first" in page
+    assert "<script" in page
+    assert main(["check", str(bench.out)]) == 0
+    for words in ([], ["--format", "what-if"]):
+        capsys.readouterr()
+        assert main(["report", str(bench.out), *words]) == 2
+        assert "the directory of a workflow: tripod-doe workflow writes its page" in capsys.readouterr().err
+
+
 def test_a_step_of_another_workflow_is_refused_and_made_again(bench, monkeypatch):
     """Regression: copied with its record it was taken for a step of this one, in silence."""
 

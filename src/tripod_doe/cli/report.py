@@ -74,14 +74,8 @@ def _hand_on(directory: Path, form: str, output: Path | None) -> int:
     from tripod_doe.checksum_list import write_listed
     from tripod_doe.reports.one_page import figures_of, one_page, what_if_alone
     from tripod_doe.reports.workbook import tables_of
-    from tripod_doe.study.result_directory.open_cube import FIT_FILE
 
     refuse_links(directory)
-    if (directory / FIT_FILE).is_file() or (directory / "front.nc").is_file():
-        raise InputError(
-            f"--format {form}: it hands on results of studies; of a fit or an optimisation name the points: "
-            f"{directory / 'steps' / 'points'}"
-        )
     if form == "figures":
         files = figures_of(directory)
     elif form == "xlsx":

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.errors import InputError
 from tripod_doe.page_parts.charts.chart import Chart
@@ -14,7 +15,7 @@ from tripod_doe.page_parts.templates import render, typeset
 from tripod_doe.quantities import count_of
 from tripod_doe.reports.study_report import answered, read_analyses
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
-from tripod_doe.study.result_directory.open_cube import is_shown, opened_study
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube, opened_study
 
 _LONGEST_NOTE, _MOST_LINES = 800, 8  # letters and lines
 
@@ -91,15 +92,22 @@ def _origin(attributes: Mapping[str, str]) -> str:
 def what_if_alone(directory: Path) -> str:
     """The part of a report that answers "what if", as a page by itself.
 
+    Args:
+        directory: Result directory of a study, or of a surrogate step of a workflow.
+
     Raises:
         CubeError: If the cube or an analysis is missing or damaged.
         InputError: If the results have no surrogate that can be asked.
     """
-    pages = what_if_pages(read_analyses(directory) if is_shown(directory) else {})
-    if not pages:
-        raise InputError("no surrogate that can be asked: the study needs [analysis.surrogate]")
-    with opened_study(directory) as cube:
+    with opened_cube(directory) as cube:
         attributes = {name: str(value) for name, value in cube.attrs.items()}
+        analyses = read_analyses(directory) if is_shown(directory) else {}
+        pages = what_if_pages(analyses | of_kind({directory.name: cube}, "surrogate"))
+    if not pages:
+        raise InputError(
+            "no surrogate that can be asked: the study needs [analysis.surrogate]; of a workflow give the folder of "
+            "its surrogate step"
+        )
     return render(
         "what_if_page.html",
         title=read_annotation(directory).name or attributes.get("title") or "Study",

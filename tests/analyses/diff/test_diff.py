@@ -151,6 +151,14 @@ def test_study_files_are_compared_without_results(runs):
     assert diff_text(diff(runs / "a.toml", runs / "a.toml")).startswith("the studies are equal")
 
 
+def test_a_value_that_stands_more_often_is_added(runs, tmp_path):
+    """Regression: lists of other lengths with the same values were in another order."""
+    text = (runs / "list.toml").read_text()
+    for angles, told in (("12, 30, 7", "in another order"), ("12, 7, 30, 7, 7", "added 7, 7")):
+        (tmp_path / "other.toml").write_text(text.replace("12, 7, 30", angles))
+        assert f"joint_angle_deg.values: {told}" in diff_text(diff(runs / "list.toml", tmp_path / "other.toml"))
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

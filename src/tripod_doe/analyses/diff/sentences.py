@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -105,8 +105,13 @@ def _change(one: KeyDifference) -> str:
     return f"{_value(one.a)} -> {_value(one.b)}"
 
 
-def _without(values: Iterable[Any], others: list[Any]) -> list[Any]:
-    return [value for value in values if value not in others]
+def _without(values: list[Any], others: list[Any]) -> list[Any]:
+    """What is left of a list without the values of another one, each taken away as often as it is there."""
+    rest = values.copy()
+    for value in others:
+        if value in rest:
+            rest.remove(value)
+    return rest
 
 
 def _listed(values: list[Any]) -> str:

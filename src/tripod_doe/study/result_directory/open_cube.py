@@ -27,6 +27,11 @@ _Results = TypeVar("_Results")
 FIT_FILE = "fit.nc"
 """File of a result directory with the result of a fit, which has no cube of its own."""
 
+_OTHER_KINDS = {
+    "optimise.toml": ("an optimisation", "optimise"),
+    "fit.toml": ("a fit", "fit"),
+    "steps.json": ("a workflow", "workflow"),
+}
 _MOST_CHANGES = 4  # of a study while it is read; files that do not fit each other stay so
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 
@@ -94,7 +99,8 @@ def opened_study(path: str | Path) -> xr.Dataset:
     cube.close()
     kind = cube.attrs.get("analysis_kind")
     made = f"this is the result of an analysis of kind {kind}" if kind else "this is no result cube"
-    raise CubeError(f"{path}: {made}, without the points of a study; give the directory or the cube of a study")
+    reason = f"{made}, without the points of a study; give the directory or the cube of a study"
+    raise CubeError(f"{path}: {_other_kind(Path(path)) or reason}")
 
 
 def stored_or_so_far(path: Path, stored: Callable[[], _Results], so_far: Callable[[], _Results]) -> _Results:
@@ -143,8 +149,20 @@ def cube_files(path: Path) -> list[Path]:
         if (path / FIT_FILE).exists():
             return [path / FIT_FILE]
         out = option("out", str(path))
-        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with {out}")
+        reason = _other_kind(path) or f"no cube.nc and no finished point in this directory; run a study with {out}"
+        raise CubeError(f"{path}: {reason}")
     return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
+
+
+def _other_kind(path: Path) -> str:
+    """What a directory holds in place of a study, what writes its page, and where its studies are; empty if none."""
+    for file, (kind, command) in _OTHER_KINDS.items():
+        if (path / file).is_file():
+            return (
+                f"this is the directory of {kind}: tripod-doe {command} writes its page, {path / 'report/index.html'}; "
+                f"its studies are folders of {path / 'steps'}: name one"
+            )
+    return ""
 
 
 def is_shown(path: Path) -> bool:
