@@ -357,6 +357,35 @@ def test_a_limit_that_the_better_model_moves_is_used_up(tmp_path):
     assert best.attrs["confirmed"] <= 6
 
 
+@pytest.mark.usefixtures("charts_not_drawn")
+def test_one_confirmed_candidate_leaves_the_whole_search_to_its_own_model(tmp_path):
+    """Regression: half of the candidates were kept for a corrected search that one confirmed candidate cannot teach."""
+    (tmp_path / "one.toml").write_text("""
+        [optimisation]
+        name = "one"
+        [base]
+        model = "equilibrium"
+        [variables.joint_angle_deg]
+        low = 4
+        high = 8
+        [objectives.third]
+        output = "thrust_amplitude"
+        order = 3
+        goal = "maximise"
+        [search]
+        evaluations = 60
+        confirm = "kinetostatic"
+        confirmed = 1
+    """)
+    front = td.optimise(tmp_path / "one.toml", tmp_path / "out", workers=0, progress=False).front
+    with xr.open_dataset(tmp_path / "out" / "candidates.nc") as candidates:
+        tried = candidates.sizes["candidate"]
+        best = candidates["third"].where(candidates["feasible"]).max()
+    assert tried > 45
+    assert front.attrs["confirmed"] == 1
+    assert float(front["third_search"][0]) == pytest.approx(float(best), rel=1e-12)
+
+
 COUNTED = """
 [optimisation]
 name = "needles"

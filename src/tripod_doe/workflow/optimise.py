@@ -100,11 +100,6 @@ class _Run:
         self.ended: list[float] = []  # best first objective, to minimise, of each completed search
 
     @property
-    def is_corrected(self) -> bool:
-        """Whether a better model confirms the candidates."""
-        return self.problem.confirm != self.problem.model
-
-    @property
     def left(self) -> int:
         """Number of candidates that may still be tried."""
         return self.table.evaluations - len(self._rows)
@@ -184,8 +179,8 @@ class _Run:
     def search(self) -> float:
         """Try candidates until none is left or new; return the step at which the best one is at rest, or NaN."""
         self._stages.begin("search")
-        share = last_share(self.problem.variables, len(self.problem.signs), self.is_corrected)
-        is_polished = len(self.problem.signs) == 1 and not self.is_corrected
+        share = last_share(self.problem.variables, len(self.problem.signs), self.problem.is_corrected)
+        is_polished = len(self.problem.signs) == 1 and not self.problem.is_corrected
         kept = int(share * self.table.evaluations)
         generation, known, quiet = 0, -1, np.nan
         while self.left > kept and len(self._units) > known:  # until all candidates are known
@@ -322,12 +317,12 @@ class _Run:
         )
         sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
         first, *batches = confirmation_batches(self.table.confirmed, len(problem.signs))
-        chosen = first_confirmed(archive, problem.signs, first, self.is_corrected)
+        chosen = first_confirmed(archive, problem.signs, first, problem.confirm != problem.model)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
         for at, count in enumerate(batches if fine else []):
             assert fine is not None
             correction = Correction.of(archive, chosen, fine)
-            if self.left and self.is_corrected:
+            if self.left and problem.is_corrected:
                 self._search_corrected(correction, len(batches) - at)
                 archive = self.archive()
             new = next_confirmed(correction(archive), problem.signs, chosen, count)

@@ -104,7 +104,7 @@ def _steps(problem: Problem) -> int:
 def _refined(problem: Problem, whole: PlannedPart, by: str) -> list[PlannedPart]:
     """The search, and the part of its candidates with which a single objective is refined, one after the other."""
     has_ranges = any(not variable.levels for variable in problem.variables.chosen)
-    share = last_share(problem.variables, len(problem.signs), problem.confirm != problem.model) if has_ranges else 0.0
+    share = last_share(problem.variables, len(problem.signs), problem.is_corrected) if has_ranges else 0.0
     last = round(share * whole.candidates)
     if not last:
         return [whole]

@@ -23,15 +23,15 @@ def confirmation_batches(confirmed: int, objectives: int) -> list[int]:
     return [first, *(min(each, rest - done) for done in range(0, rest, each))]
 
 
-def first_confirmed(archive: Archive, signs: FloatArray, count: int, is_corrected: bool) -> IntArray:
+def first_confirmed(archive: Archive, signs: FloatArray, count: int, by_better: bool) -> IntArray:
     """Candidates that promise most; of a single objective that a better model judges, leading ones far apart.
 
     Args:
         signs: 1 for an objective to minimise, -1 for one to maximise.
-        is_corrected: Whether a better model judges them.
+        by_better: Whether a better model judges them.
     """
     some = archive.judged.feasible.any()
-    if not is_corrected or (some and signs.size > 1):
+    if not by_better or (some and signs.size > 1):
         none = np.empty(0, int)
         return next_confirmed(archive.judged, signs, none, count) if some else none
     aims = archive.judged.objectives * signs

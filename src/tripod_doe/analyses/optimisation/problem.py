@@ -62,6 +62,11 @@ class Problem:
         return np.array([1.0 if table.goal == "minimise" else -1.0 for table in self.objectives.values()])
 
     @property
+    def is_corrected(self) -> bool:
+        """Whether a better model corrects the search; from a single confirmed candidate it would learn in vain."""
+        return self.confirm != self.model and self.request.file.search.confirmed > 1
+
+    @property
     def confirmed_base(self) -> dict[str, Value]:
         """[base] of the file with the model whose answers the front holds."""
         return confirmed_base(self.request.file.base, self.model, self.confirm)
