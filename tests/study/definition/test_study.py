@@ -194,7 +194,11 @@ def test_functions_get_their_arguments_checked(tmp_path):
     study = parse_study(text + "[factors]\nx={values=[1, 2]}", folder=StudyFolder(tmp_path))
     assert list(study.simulator.parameters) == ["x", "y"]
     with pytest.raises(InputError, match="needs x"):
-        parse_study(text + "[factors]\ny={values=[1, 2]}", folder=StudyFolder(tmp_path))
+        make_points(parse_study(text + "[factors]\ny={values=[1, 2]}", folder=StudyFolder(tmp_path)))
+    # regression: a column of a table needed an empty [factors.x]
+    (tmp_path / "xs.csv").write_text("x\n3\n5\n")
+    table = parse_study(text + "[design]\nkind = 'table'\ntable = 'xs.csv'", folder=StudyFolder(tmp_path))
+    assert make_points(table).columns["x"].tolist() == [3, 5]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.model_interface import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Value, Values
+from tripod_doe.model_interface import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Values
 from tripod_doe.names import check_cube_name
 
 _TAKEN_NAMES = frozenset(
@@ -39,19 +39,6 @@ class FunctionSimulator(Simulator):
         self.outputs = {}
         self.candidates = tuple(getattr(function, "candidates", ()))
         self._function = function
-
-    def check(
-        self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
-    ) -> list[str]:
-        """Refuse a study that leaves an argument without a value."""
-        missing = [
-            name
-            for name, parameter in self.parameters.items()
-            if parameter.default is None and name not in base and name not in factors
-        ]
-        if missing:
-            raise InputError(f"{self.name} needs {', '.join(missing)}: set each as a base value or as a factor")
-        return []
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Call the function for every point; an exception is the outcome error of that point alone.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -121,6 +121,7 @@ def make_points(study: Study) -> Points:
         allowed = _allowed(points, design.constraints)
     except InputError as error:
         raise study.fail("[design]", error) from error
+    _refuse_missing(study, points.columns)
     if not allowed.any():
         raise study.fail("[design]", "constraints exclude every point; relax them")
     if points.is_grid or allowed.all():
@@ -157,6 +158,18 @@ def _length_values(study: Study, points: Points) -> dict[str, Column]:
     names = study.simulator.length_parameters.intersection(points.columns)
     columns = points.levels or points.columns
     return {name: np.unique(columns[name]) for name in names}
+
+
+def _refuse_missing(study: Study, columns: Collection[str]) -> None:
+    """Refuse a study that leaves an argument of its function without a value."""
+    known = {*study.base, *columns, *(study.auto_model.parameters if study.auto_model else ())}
+    arguments = [
+        name for name, each in study.simulator.parameters.items() if each.kind == "argument" and each.default is None
+    ]
+    if missing := [name for name in arguments if name not in known]:
+        raise study.fail(
+            "[base]", f"{study.simulator.name} needs {', '.join(missing)}: set each as a base value or as a factor"
+        )
 
 
 def _allowed(points: Points, constraints: Sequence[str]) -> NDArray[np.bool_]:
