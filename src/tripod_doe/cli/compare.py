@@ -130,8 +130,8 @@ def _show_one(options: argparse.Namespace, record: ComparedRecord) -> int:
 
 
 def _show_many(options: argparse.Namespace, records: list[ComparedRecord], cube: xr.Dataset) -> int:
-    from tripod_doe.analyses.comparison.overview import overview_rows
-    from tripod_doe.analyses.comparison.page import is_page, overview_json, overview_text, write_overview
+    from tripod_doe.analyses.comparison.overview import overview_json, overview_rows
+    from tripod_doe.analyses.comparison.page import is_page, overview_text, write_overview
 
     if options.out is not None and is_page(options.out):
         raise InputError(f"--out {options.out}: several records have a page each: name a folder")

@@ -1,11 +1,14 @@
-"""Many records compared with one cube: an order of a record is a row, with both uncertainties and a verdict.
+"""Many records compared with one cube: a row for each order of a record, with uncertainties and a verdict; CSV, JSON.
 
 The operating point of a record stands in a table of records. A point that the cube lacks is simulated.
 """
 
+import csv
+import io
+import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import xarray as xr
@@ -17,6 +20,7 @@ from tripod_doe.csv_table import read_csv_table, refuse_misspelt
 from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.quantities import csv_cell
 
 
 @dataclass(frozen=True)
@@ -99,3 +103,27 @@ def _row(record: ComparedRecord, order: int) -> OverviewRow:
         float(own[name + part]) for name in ("measured_amplitude", "model_amplitude") for part in ("", "_uncertainty")
     )
     return OverviewRow(record.name, order, measured, unsure, computed, error, VERDICTS[int(own["agrees"])])
+
+
+def overview_csv(rows: Sequence[OverviewRow]) -> str:
+    """The overview as a table: file, order, measured, measured_error, computed, computed_error, verdict."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow([one.name for one in fields(OverviewRow)])
+    for row in rows:
+        cells = ["" if isinstance(value, float) and math.isnan(value) else value for value in asdict(row).values()]
+        writer.writerow(map(csv_cell, cells))
+    return buffer.getvalue()
+
+
+def overview_json(rows: Sequence[OverviewRow]) -> str:
+    """The overview as a list of objects; NaN is null."""
+    return json.dumps(
+        [
+            {
+                key: None if isinstance(value, float) and math.isnan(value) else value
+                for key, value in asdict(row).items()
+            }
+            for row in rows
+        ]
+    )

@@ -1,13 +1,11 @@
-"""Pages of comparisons: of one record, and the overview of many as text, CSV, JSON and as a page with one for each."""
+"""Pages of comparisons: of one record, and the overview of many as text and as a page with one for each."""
 
-import csv
-import io
 import json
 import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,7 @@ import xarray as xr
 
 from tripod_doe.analyses.comparison.charts import comparison_charts
 from tripod_doe.analyses.comparison.comparison import AGREES, DIFFERS, NONE_IN_MODEL, NOT_COMPARED, UNDECIDED, VERDICTS
-from tripod_doe.analyses.comparison.overview import OverviewRow, overview_rows
+from tripod_doe.analyses.comparison.overview import OverviewRow, overview_csv, overview_rows
 from tripod_doe.analyses.comparison.record_comparison import ComparedRecord
 from tripod_doe.analyses.comparison.sentences import (
     ORDER_HEADS,
@@ -36,7 +34,7 @@ from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.orders import agreement, differences
 from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken, unit_text
 from tripod_doe.page_parts.templates import render
-from tripod_doe.quantities import count_of, csv_cell, interval, level, with_unit
+from tripod_doe.quantities import count_of, interval, level, with_unit
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 
 
@@ -84,30 +82,6 @@ _SHOWN = (3, 2)
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _FOLDER = "records"
 _NOT, _NONE = VERDICTS[NOT_COMPARED], VERDICTS[NONE_IN_MODEL]
-
-
-def overview_csv(rows: Sequence[OverviewRow]) -> str:
-    """The overview as a table: file, order, measured, measured_error, computed, computed_error, verdict."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([one.name for one in fields(OverviewRow)])
-    for row in rows:
-        cells = ["" if isinstance(value, float) and math.isnan(value) else value for value in asdict(row).values()]
-        writer.writerow(map(csv_cell, cells))
-    return buffer.getvalue()
-
-
-def overview_json(rows: Sequence[OverviewRow]) -> str:
-    """The overview as a list of objects; NaN is null."""
-    return json.dumps(
-        [
-            {
-                key: None if isinstance(value, float) and math.isnan(value) else value
-                for key, value in asdict(row).items()
-            }
-            for row in rows
-        ]
-    )
 
 
 def overview_text(records: Sequence[ComparedRecord]) -> str:

@@ -7,15 +7,10 @@ from tripod_doe.documentation import BUILD, INSTALL, site_folder
 from tripod_doe.service.page.rendering import show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import AnyService
+from tripod_doe.service.security import content_policy
 from tripod_doe.service.security.delivered_files import file_within
 
 router = APIRouter(include_in_schema=False)
-
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
-)
-"""Policy of the site: no inline code, nothing from other servers; its search may read pages of the site."""
 
 _KINDS = {
     ".css": "text/css; charset=utf-8",
@@ -36,5 +31,5 @@ def help_page(place: str, service: AnyService) -> Response:
     path = file_within(site, place or "index.html")
     if path is None or path.suffix not in _KINDS:
         raise RefusedError(404, "the documentation has no such page")
-    headers = {"content-security-policy": _POLICY, "cache-control": "private, max-age=60"}
+    headers = {"content-security-policy": content_policy.DOCUMENTATION, "cache-control": "private, max-age=60"}
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=headers)

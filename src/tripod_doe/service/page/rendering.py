@@ -1,4 +1,4 @@
-"""Page rendering: the templates, functions that put values into words, and the content security policy."""
+"""Page rendering: the templates, and functions that put values into words."""
 
 import json
 from datetime import datetime
@@ -17,18 +17,8 @@ from tripod_doe.quantities import duration, in_words, level, number, size
 from tripod_doe.service.page.asset_files import stamp
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs.run_table import Run
+from tripod_doe.service.security import content_policy
 from tripod_doe.service.settings import Settings
-
-_EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
-POLICY = (
-    "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
-    f"style-src 'self' {_EMPTY_STYLE}; frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
-)
-"""No inline script, no inline style, nothing from other servers.
-
-Two exceptions: the hash of an empty style element, which Plotly creates and fills with rules, not with text; and
-pictures from data: and blob: addresses, with which Plotly draws heat maps and saves figures.
-"""
 
 HELP = {
     "Runs": "reference/service_page.html",
@@ -85,7 +75,7 @@ def show(template: str, settings: Settings, here: str = "", root: str | None = N
     pages = [page for page in _PAGES if not (settings.read_only and page[0] in ("/new", "/compare"))]
     pages = [] if settings.only_run else pages
     text = part(template, pages=pages, here=here, root=root, read_only=settings.read_only, **values)
-    return HTMLResponse(text, headers={"content-security-policy": POLICY})
+    return HTMLResponse(text, headers={"content-security-policy": content_policy.PAGES})
 
 
 def part(template: str, **values: Any) -> str:

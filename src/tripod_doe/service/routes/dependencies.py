@@ -14,6 +14,7 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Errors
 from tripod_doe.service.runs.listing import PAGE, RunFilter, Sort
 from tripod_doe.service.runs.run_table import State, stamp
+from tripod_doe.service.security import content_policy
 from tripod_doe.service.security.connections import left_of
 from tripod_doe.service.security.guard import API
 from tripod_doe.service.service import Service
@@ -30,11 +31,8 @@ def gives(*media_types: str) -> dict[int | str, dict[str, Any]]:
     return {200: {"content": {name: {"schema": {}} if name == "application/json" else text for name in media_types}}}
 
 
-IN_SANDBOX = {
-    "content-security-policy": "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
-    "script-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
-}
-"""Headers of pages with inline styles and scripts: the sandbox keeps them from the cookie and the interface."""
+IN_SANDBOX = {"content-security-policy": content_policy.SANDBOX}
+"""Headers of pages with inline styles and scripts."""
 
 REFUSALS = errors_at(400, 401, 413, 422, 500, 503)
 """Errors that any route may give."""

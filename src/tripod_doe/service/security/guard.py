@@ -22,6 +22,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripod_doe.http_opener import LOOPBACK
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError
+from tripod_doe.service.security import content_policy
 from tripod_doe.service.security.connections import BODY_RATE, BODY_SECONDS, giving_way, left_of
 from tripod_doe.service.security.sessions import LIFETIME, Sessions
 from tripod_doe.service.security.tokens import Access, Accesses
@@ -46,9 +47,8 @@ _PIECE = (
 )
 _HOST = re.compile(r"(?P<name>[a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
 
-_POLICY = "default-src 'none'; frame-ancestors 'none'"
 _HEADERS = (
-    (b"content-security-policy", _POLICY.encode()),
+    (b"content-security-policy", content_policy.OTHERS.encode()),
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
     (b"cross-origin-resource-policy", b"same-origin"),

@@ -1,17 +1,29 @@
-"""Checks of a netCDF file before it is read: undamaged, and in a result directory one of its results.
+"""Checks of a netCDF file before it is read: undamaged, in a result directory one of its results, usable attributes.
 
 All readers of netCDF files call `refuse_unfit`.
 """
 
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tripod_doe.checksum_list import names_results, number_in, refuse_changed
 from tripod_doe.errors import CubeError
+from tripod_doe.model_interface import Outcome
 from tripod_doe.regular_files import refuse_irregular
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, results_in_history
 from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path
+from tripod_doe.study.memory import refuse_too_many_points
+
+if TYPE_CHECKING:
+    import xarray as xr  # queries do without it
 
 MOST_CHECKED = 100_000_000
 """Bytes of a file up to which its digest is checked when it is opened: 0.2 s."""
@@ -21,6 +33,16 @@ ANALYSES = "analysis"
 
 _RESULTS = ("cube.nc", "cost.nc", "choice.nc")
 _LISTED = ("cube.nc", "fit.nc", "front.nc", "candidates.nc")  # of a step, a fit and an optimisation
+_POINT_BYTES = 16  # at least, of a point while its outcome is checked
+_TABLES = {"fixed_parameters", "package_versions"}
+_WORDS = {"flag_meanings", "long_name", "role", "units"}
+"""Attributes of variables that pages and tables read."""
+
+_TEXTS = {
+    "design_notes", "history", "kernel_source_hash", "model_notes", "question", "source", "study", "study_hash",
+    "title",
+}  # fmt: skip
+"""Attributes of cubes and analyses that pages and tables read."""
 
 
 class OtherStudyError(CubeError):
@@ -106,3 +128,36 @@ def _stored_origin(path: Path, version: tuple[int, ...]) -> tuple[str, int]:
             str(stored.getncattr(name)) if name in stored.ncattrs() else "" for name in ("study_hash", "history")
         )
         return study, results_in_history(history)
+
+
+def refuse_unusable(path: Path, stored: xr.Dataset) -> None:
+    """Refuse unusable attributes and unknown outcomes, as in files from another program."""
+    if path.parent.name == ANALYSES and not isinstance(stored.attrs.get("analysis_kind"), str):
+        raise CubeError(f"{path}: it does not say of which kind of analysis it is; {remedy(path)}")
+    for name in _TEXTS.intersection(stored.attrs):
+        if not isinstance(stored.attrs[name], str):
+            raise CubeError(f"{path}: the attribute {name} holds no text; {remedy(path)}")
+    for label, variable in stored.variables.items():
+        for key in _WORDS.intersection(variable.attrs):
+            if not isinstance(variable.attrs[key], str):
+                raise CubeError(f"{path}: {label}: the attribute {key} holds no text; {remedy(path)}")
+        if "flag_values" in variable.attrs and not _are_flags(variable.attrs):
+            raise CubeError(f"{path}: {label}: flag_values and flag_meanings do not fit each other; {remedy(path)}")
+    for name in _TABLES.intersection(stored.attrs):
+        try:
+            table = isinstance(json.loads(stored.attrs[name]), dict)
+        except (ValueError, TypeError, RecursionError):
+            table = False
+        if not table:
+            raise CubeError(f"{path}: the attribute {name} holds no table in JSON; {remedy(path)}")
+    if "outcome" not in stored:
+        return
+    refuse_too_many_points(stored["outcome"].size, _POINT_BYTES)
+    if not np.isin(stored["outcome"].values, list(Outcome)).all():
+        raise CubeError(f"{path}: it holds an outcome that does not exist; {remedy(path)}")
+
+
+def _are_flags(attributes: Mapping[str, Any]) -> bool:
+    """Whether a flag has a number for each word."""
+    values = np.atleast_1d(attributes["flag_values"])
+    return values.dtype.kind in "iuf" and values.size == len(attributes.get("flag_meanings", "").split())

@@ -4,7 +4,6 @@ Texts of points are stored as numbers of rows in a table of all different texts,
 become a list of points on request.
 """
 
-import json
 import math
 import warnings
 from collections.abc import Mapping
@@ -20,25 +19,13 @@ from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
 from xarray.core import indexing
 from xarray.indexes import PandasIndex
 
-from tripod_doe.errors import CubeError
-from tripod_doe.model_interface import Outcome
-from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, remedy, shared_file
+from tripod_doe.study.cube.file_checks import refuse_unfit, refuse_unusable
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, shared_file
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.memory import refuse_too_many_points, refuse_too_much_memory
+from tripod_doe.study.memory import refuse_too_much_memory
 
 _SLAB_BYTES, _COPIES = 32_000_000, 2
-_POINT_BYTES = 16  # at least, of a point while its outcome is checked
-_TABLES = {"fixed_parameters", "package_versions"}
-_WORDS = {"flag_meanings", "long_name", "role", "units"}
-"""Attributes of variables that pages and tables read."""
-
-_TEXTS = {
-    "design_notes", "history", "kernel_source_hash", "model_notes", "question", "source", "study", "study_hash",
-    "title",
-}  # fmt: skip
-"""Attributes of cubes and analyses that pages and tables read."""
 
 
 def read_dataset(path: Path) -> xr.Dataset:
@@ -102,7 +89,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
                 cache=False,
                 create_default_indexes=False,
             )
-        _refuse_strange(path, stored)
+        refuse_unusable(path, stored)
         read = _with_texts(stored)
         for dim in stored.dims:
             if dim not in stored.coords or (dim == "point" and not by_number):
@@ -113,39 +100,6 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
                 read = read.set_xindex(str(dim))
         read.set_close(stored.close)
         return read
-
-
-def _refuse_strange(path: Path, stored: xr.Dataset) -> None:
-    """Refuse unusable attributes and unknown outcomes, as in files from another program."""
-    if path.parent.name == ANALYSES and not isinstance(stored.attrs.get("analysis_kind"), str):
-        raise CubeError(f"{path}: it does not say of which kind of analysis it is; {remedy(path)}")
-    for name in _TEXTS.intersection(stored.attrs):
-        if not isinstance(stored.attrs[name], str):
-            raise CubeError(f"{path}: the attribute {name} holds no text; {remedy(path)}")
-    for label, variable in stored.variables.items():
-        for key in _WORDS.intersection(variable.attrs):
-            if not isinstance(variable.attrs[key], str):
-                raise CubeError(f"{path}: {label}: the attribute {key} holds no text; {remedy(path)}")
-        if "flag_values" in variable.attrs and not _are_flags(variable.attrs):
-            raise CubeError(f"{path}: {label}: flag_values and flag_meanings do not fit each other; {remedy(path)}")
-    for name in _TABLES.intersection(stored.attrs):
-        try:
-            table = isinstance(json.loads(stored.attrs[name]), dict)
-        except (ValueError, TypeError, RecursionError):
-            table = False
-        if not table:
-            raise CubeError(f"{path}: the attribute {name} holds no table in JSON; {remedy(path)}")
-    if "outcome" not in stored:
-        return
-    refuse_too_many_points(stored["outcome"].size, _POINT_BYTES)
-    if not np.isin(stored["outcome"].values, list(Outcome)).all():
-        raise CubeError(f"{path}: it holds an outcome that does not exist; {remedy(path)}")
-
-
-def _are_flags(attributes: Mapping[str, Any]) -> bool:
-    """Whether a flag has a number for each word."""
-    values = np.atleast_1d(attributes["flag_values"])
-    return values.dtype.kind in "iuf" and values.size == len(attributes.get("flag_meanings", "").split())
 
 
 class _FlatCells(BackendArray):
