@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.execution.executor import Answer
+from tripod_doe.study.execution.block_answer import Answer
 from tripod_doe.study.execution.task import Task, matching_simulator, run_task
 from tripod_doe.study.execution.user_code import UserCode, check_imported, placed
 

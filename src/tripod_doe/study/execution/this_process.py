@@ -5,7 +5,7 @@ import threading
 import time
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.study.execution.executor import Answer, AtWork, Lost
+from tripod_doe.study.execution.block_answer import Answer, AtWork, Lost
 from tripod_doe.study.execution.task import Task, run_task
 
 NAME = "main process"
