@@ -29,8 +29,8 @@ from distributed.comm import CommClosedError
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.execution.dask_task import Unfit, our_version, read_answer, run_block
 from tripod_doe.study.execution.block_answer import Answer, Lost
+from tripod_doe.study.execution.dask_task import Unfit, our_version, read_answer, run_block
 from tripod_doe.study.execution.task import Task
 from tripod_doe.study.execution.user_code import UserCode
 

@@ -20,9 +20,9 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.definition.study import Study
+from tripod_doe.study.execution.block_answer import Answer, AtWork, Lost
 from tripod_doe.study.execution.block_queue import BlockQueue
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
-from tripod_doe.study.execution.block_answer import Answer, AtWork, Lost
 from tripod_doe.study.execution.task import make_task
 from tripod_doe.study.execution.this_process import ThisProcess
 from tripod_doe.study.journal import FinishedBlock
