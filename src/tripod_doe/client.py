@@ -28,7 +28,7 @@ from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
-from tripod_doe.study.result_directory.stored_study import read_responses
+from tripod_doe.study.result_directory.derived_responses import read_responses
 
 if TYPE_CHECKING:
     import xarray as xr

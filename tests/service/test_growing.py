@@ -13,7 +13,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.runs.found_directories import _is_another_study
 from tripod_doe.study.journal import Journal
-from tripod_doe.study.result_directory.stored_study import DERIVED
+from tripod_doe.study.result_directory.derived_responses import DERIVED
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.cube.file_digest import stored_digest
+from tripod_doe.study.result_directory.derived_responses import with_responses
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.result_directory.open_cube import points_of
-from tripod_doe.study.result_directory.stored_study import with_responses
 from tripod_doe.workflow.run_study import RunSummary, summary_of
 
 

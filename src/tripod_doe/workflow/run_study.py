@@ -40,9 +40,9 @@ from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import Failure, failures_in
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.query.look_for_sentence import found_points
+from tripod_doe.study.result_directory.derived_responses import with_derived
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.result_directory.stored_choice import chosen_keys, chosen_points
-from tripod_doe.study.result_directory.stored_study import with_derived
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 from tripod_doe.workflow.notebook import summary_html

@@ -114,7 +114,7 @@ def plan_extension(body: bytes, path: str, texts: Mapping[str, str], limits: Lim
 
 def _with_responses(texts: Mapping[str, str], tables: Mapping[str, Any], drop: Collection[str] = ()) -> dict[str, str]:
     """The texts of an upload, its study with responses, or without some."""
-    from tripod_doe.study.result_directory.stored_study import text_with_responses
+    from tripod_doe.study.result_directory.derived_responses import text_with_responses
 
     return {**texts, STUDY: text_with_responses(texts[STUDY], tables, drop)}
 

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, first_messages, near_match
-from tripod_doe.model_interface import NUMERICS, Accuracy, Outcome, Parameter, Simulator, Value, check_parameters
+from tripod_doe.model_interface import NUMERICS, Accuracy, Outcome, Simulator, Value, check_parameters
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel, check_accuracy, check_auto_model
+from tripod_doe.study.definition.design_tables import (
+    at_operating_points,
+    check_parts,
+    fidelity_factor,
+    parts,
+    refuse_unread_keys,
+    switches_of_study,
+    varied_around_base,
+)
 from tripod_doe.study.definition.factors import Factor, checked_factor, refuse_unread
 from tripod_doe.study.definition.responses import check_responses, stored_outputs
 from tripod_doe.study.definition.retry_plan import check_retries
@@ -18,14 +26,11 @@ from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.study_tables import (
-    DESIGN_KEYS,
     AccuracyTable,
-    DesignTable,
     FactorTable,
     RunTable,
     StudyFile,
     StudyTable,
-    keys_read_by,
     parse_file,
 )
 from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
@@ -63,16 +68,16 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
         raise InputError("\n".join([str(error), *_wrong_besides(text, origin)])) from error
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
     _check_sources(origin, file, folder)
-    _at(origin, "[design]", lambda: _check_parts(file))
+    _at(origin, "[design]", lambda: check_parts(file))
     if not folder.has_results:
         _refuse_unread(origin, file)
     auto = file.base.get("model") == AUTO
     base = _base(origin, simulator, _given(file.base), file.factors)
-    file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
-    switches = _at(origin, "[design]", lambda: _switches(simulator, file))
+    file = _at(origin, "[design]", lambda: at_operating_points(simulator, file))
+    switches = _at(origin, "[design]", lambda: switches_of_study(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
-    tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
-    center = {name: base.pop(name) for name in _varied_around_base(file) & base.keys()}
+    tables |= _at(origin, "[design]", lambda: fidelity_factor(simulator, file))
+    center = {name: base.pop(name) for name in varied_around_base(file) & base.keys()}
     factors = _factors(origin, simulator, tables, base)
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     first = {name: factor.values[0] for name, factor in factors.items() if factor.values} | center
@@ -88,7 +93,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     levels = _levels(factors, center, auto_model)
     run = file.run
-    tabulated = "table" in (part.kind for part in _parts(file))
+    tabulated = "table" in (part.kind for part in parts(file))
     unknown = simulator.parameters.keys() - base if tabulated else ()
     retry = _at(
         origin,
@@ -218,32 +223,13 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
     return base
 
 
-def _parts(file: StudyFile) -> list[DesignTable]:
-    """The existing sub-designs of a product; of any other study its only design."""
-    if file.design.kind != "product":
-        return [file.design]
-    return [file.designs[name] for name in file.design.of]
-
-
-def _check_parts(file: StudyFile) -> None:
-    """Refuse a product whose sub-designs are not named, before an analysis misses one of them."""
-    names, known = file.design.of, list(file.designs)
-    if file.design.kind != "product":
-        return
-    if len(names) < 2:
-        example, tables = (json.dumps(known), "") if len(known) > 1 else ("[...]", ", each with a table [design.NAME]")
-        raise InputError(f"a product needs of = {example}, the names of two or more sub-designs{tables}")
-    if unknown := [name for name in names if name not in known]:
-        raise InputError(f"of: no sub-design [design.{unknown[0]}]{near_match(unknown[0], known)}")
-
-
 def _refuse_unread(origin: str, file: StudyFile) -> None:
     """Refuse what the design would leave out in silence: keys, sub-designs and factors."""
     design = file.design
-    _at(origin, "[design]", lambda: _refuse_unread_keys(design))
+    _at(origin, "[design]", lambda: refuse_unread_keys(design))
     for name, part in file.designs.items():
         where = f"[design.{name}]"
-        _at(origin, where, lambda p=part: _refuse_unread_keys(p))
+        _at(origin, where, lambda p=part: refuse_unread_keys(p))
         if name not in design.of:
             remedy = "add it to of" if design.kind == "product" else 'only kind = "product" has sub-designs'
             raise InputError(f"{origin}: {where}: no design uses it: {remedy}, or leave it out")
@@ -253,74 +239,6 @@ def _refuse_unread(origin: str, file: StudyFile) -> None:
         _at(origin, f"[factors.{name}]", lambda t=table: refuse_unread(t))
         if design.factors is not None and name not in design.factors and design.kind != "ablation":
             raise InputError(f"{origin}: [design]: factors leaves out {name}; add it, or leave out [factors.{name}]")
-
-
-def _refuse_unread_keys(design: DesignTable) -> None:
-    if unread := sorted(design.model_fields_set - keys_read_by(design.kind)):
-        kinds = ", ".join(kind for kind, keys in DESIGN_KEYS.items() if unread[0] in keys) or "sub-designs"
-        raise InputError(
-            f'{", ".join(unread)}: not used by kind = "{design.kind}"; leave it out ({unread[0]}: {kinds})'
-        )
-
-
-def _varied_around_base(file: StudyFile) -> set[str]:
-    """Factors that one-at-a-time designs vary: their values in [base] are the base point."""
-    around = [part for part in _parts(file) if part.kind == "one-at-a-time"]
-    return {name for part in around for name in part.factors or file.factors}
-
-
-def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
-    """Turn an ablation beside other factors into a product: the ablation at each of their grid points."""
-    if file.design.kind != "ablation":
-        return file
-    switches = _switches_of(file.design, simulator.parameters, list(file.factors))
-    operating = [name for name in file.factors if name not in switches]
-    if not operating:
-        return file
-    mechanisms = file.design.model_copy(update={"factors": switches, "constraints": []})
-    parts = {"operating": DesignTable(factors=operating), "mechanisms": mechanisms}
-    product = file.design.model_copy(update={"kind": "product", "of": list(parts), "factors": None})
-    return file.model_copy(update={"design": product, "designs": parts})
-
-
-def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
-    """Switches of the ablations of a study: as named, else the factors of the study, else all of the scene."""
-    alone = file.design.kind != "product"
-    switches: list[str] = []
-    for part in _parts(file):
-        if part.kind == "ablation":
-            switches += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
-    return tuple(dict.fromkeys(switches))
-
-
-def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: list[str]) -> list[str]:
-    known = [name for name, each in parameters.items() if each.kind == "switch" and each.default == 1]  # what is on
-    names = part.factors or ([name for name in own if name in known] if known else own) or known
-    if not names:
-        raise InputError(
-            "an ablation needs factors = [...]: its arguments with values 0 and 1, since no parameter is a switch"
-        )
-    for name in names:
-        if name not in parameters:
-            raise InputError(f"factors: unknown parameter {name!r}{near_match(name, known or parameters)}")
-        if name not in (known or names):
-            raise InputError(f"factors: {name} is no switch (those are {', '.join(known)})")
-    return names
-
-
-def _fidelity(simulator: Simulator, file: StudyFile) -> dict[str, FactorTable]:
-    """The factor with all models of the scene, if a multifidelity study does not list models."""
-    name = file.design.fidelity
-    if file.design.kind != "multifidelity" or name in file.factors:
-        return {}
-    if name in file.base:
-        raise InputError(f"fidelity: {name} is a base value, so there is one model only; remove it from [base]")
-    if name != "model" or not simulator.model_names:
-        raise InputError(
-            f"fidelity: add [factors.{name}] with values, from the cheapest model to the one that counts as the truth, "
-            "or name the factor that has them"
-        )
-    return {name: FactorTable(values=list(simulator.model_names))}
 
 
 def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:

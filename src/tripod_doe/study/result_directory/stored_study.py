@@ -5,23 +5,22 @@ arguments are recorded in the journal, and its tables are copies in the director
 """
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import tomlkit
-from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.checksum_list import refuse_other_results, write_listed
-from tripod_doe.errors import CubeError, InputError, near_match, option
+from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.regular_files import STUDY_BYTES, TEXT_BYTES, read_regular, refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder, table_copy
 from tripod_doe.study.definition.study_tables import StudyFile, parse_file
-from tripod_doe.study.definition.toml_text import parse_toml, read_text
+from tripod_doe.study.definition.toml_text import read_text
 from tripod_doe.study.journal import STUDY, Journal, journal_path, text_digest
 
 STORED = "study.toml"
@@ -29,9 +28,6 @@ STORED = "study.toml"
 
 FUNCTION = "function"
 """Note in the journal: arguments and candidates of the study's function."""
-
-DERIVED = "derived"
-"""Note in the journal: responses that were added to the results, as JSON of their tables by name."""
 
 
 _TABLE_BYTES = 100_000_000  # of a table that is sent to a client
@@ -62,60 +58,6 @@ class ResultFolder(StudyFolder):
         return RecordedFunction(function, self.record)
 
 
-def with_responses(directory: Path, file: Path | None, drop: Collection[str] = ()) -> tuple[Study, dict[str, Any]]:
-    """Read the study of a result directory, with the responses of a file added to its own, or in place of them.
-
-    Args:
-        file: TOML file of responses; None where none is added.
-        drop: Names of responses that are left out.
-
-    Returns:
-        The study, and the tables of the responses that were added.
-
-    Raises:
-        InputError: If the file holds anything else, or a response that the study cannot have, or one to drop is not
-            there.
-    """
-    stored, origin = _text(directory), str(file or directory / STORED)
-    added = {} if file is None else read_responses(file)
-    text = text_with_responses(stored, added, drop)
-    folder = ResultFolder(directory, False, None, _record(directory, parse_file(text, origin)))
-    return parse_study(text, origin, folder), added
-
-
-def read_responses(file: Path) -> dict[str, Any]:
-    """The tables of a file that holds responses alone."""
-    added = parse_toml(read_text(file, "file of responses"), str(file))
-    if wrong := [key for key in added if key != "responses"] or ([] if added.get("responses") else ["responses"]):
-        reason = "is missing" if wrong == ["responses"] else "only [responses.NAME] is allowed here"
-        raise InputError(f"{file}: [{wrong[0]}]: {reason}; to change anything else, run the study again")
-    if not isinstance(added["responses"], dict):
-        raise InputError(f"{file}: responses = {added['responses']!r}: expected tables, as [responses.NAME]")
-    tables: dict[str, Any] = added["responses"]
-    return tables
-
-
-def text_with_responses(text: str, tables: Mapping[str, Any], drop: Collection[str] = ()) -> str:
-    """The text of a study with responses added, or in place of those of the same names, and without those to drop."""
-    document: Any = tomlkit.parse(text)
-    there = {**document.get("responses", {}), **tables}
-    if unknown := [name for name in drop if name not in there]:
-        raise InputError(f"drop: {unknown[0]!r} is not a response here{near_match(unknown[0], there)}")
-    try:
-        document["responses"] = {name: table for name, table in there.items() if name not in drop}
-        return tomlkit.dumps(document)
-    except TOMLKitError as error:  # null in JSON
-        raise InputError(f"responses: {error}: expected texts and numbers") from error
-
-
-def with_derived(study: Study, tables: Mapping[str, Any]) -> Study:
-    """A study with the responses that were added to its results, unless it has others of the same names."""
-    kept = {name: table for name, table in tables.items() if name not in study.file.responses}
-    if not kept:
-        return study
-    return parse_study(text_with_responses(study.text, kept), study.origin, study.folder)
-
-
 def stored_study(directory: Path, most_points: int | None = None) -> Study:
     """Read the study of a result directory.
 
@@ -125,14 +67,19 @@ def stored_study(directory: Path, most_points: int | None = None) -> Study:
     Raises:
         InputError: If it can no longer be read, or is damaged.
     """
-    path, text = directory / STORED, _text(directory)
+    path, text = directory / STORED, stored_text(directory)
     try:
-        folder = ResultFolder(directory, False, most_points, _record(directory, parse_file(text, str(path))))
-        return parse_study(text, str(path), folder)
+        return read_again(directory, text, str(path), most_points)
     except InputError as error:
         raise type(error)(
             f"{error}\n  this is the study whose results are in {directory}: put the file that was run in its place"
         ) from error
+
+
+def read_again(directory: Path, text: str, origin: str, most_points: int | None = None) -> Study:
+    """Read a text as the study of a result directory; see `stored_study`."""
+    record = _record(directory, parse_file(text, origin))
+    return parse_study(text, origin, ResultFolder(directory, False, most_points, record))
 
 
 def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
@@ -142,7 +89,7 @@ def texts_of_study(directory: Path) -> tuple[str, dict[str, str]]:
         Its text, which names its tables without folders; and its tables by these names.
     """
     path, tables = directory / STORED, {}
-    text = _text(directory)
+    text = stored_text(directory)
     file, document = parse_file(text, str(path)), tomlkit.parse(text)
     folder, table_of = ResultFolder(directory, trusted=False), document.get("design", {})
     for part, design in ((table_of, file.design), *((table_of[name], file.designs[name]) for name in file.designs)):
@@ -174,7 +121,7 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
         )
 
 
-def _text(directory: Path) -> str:
+def stored_text(directory: Path) -> str:
     """The text of the study of a directory; CubeError if it is damaged: numbers must not be made of it."""
     path = directory / STORED
     if not path.exists():
