@@ -10,7 +10,7 @@ from tripod_doe.model_interface import Parameter, Simulator
 from tripod_doe.study.definition.study_tables import DESIGN_KEYS, DesignTable, FactorTable, StudyFile, keys_read_by
 
 
-def parts(file: StudyFile) -> list[DesignTable]:
+def designs_of(file: StudyFile) -> list[DesignTable]:
     """The existing sub-designs of a product; of any other study its only design."""
     if file.design.kind != "product":
         return [file.design]
@@ -40,11 +40,11 @@ def refuse_unread_keys(design: DesignTable) -> None:
 
 def varied_around_base(file: StudyFile) -> set[str]:
     """Factors that one-at-a-time designs vary: their values in [base] are the base point."""
-    around = [part for part in parts(file) if part.kind == "one-at-a-time"]
+    around = [part for part in designs_of(file) if part.kind == "one-at-a-time"]
     return {name for part in around for name in part.factors or file.factors}
 
 
-def at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
+def ablation_at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
     """Turn an ablation beside other factors into a product: the ablation at each of their grid points."""
     if file.design.kind != "ablation":
         return file
@@ -62,7 +62,7 @@ def switches_of_study(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
     """Switches of the ablations of a study: as named, else the factors of the study, else all of the scene."""
     alone = file.design.kind != "product"
     switches: list[str] = []
-    for part in parts(file):
+    for part in designs_of(file):
         if part.kind == "ablation":
             switches += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
     return tuple(dict.fromkeys(switches))

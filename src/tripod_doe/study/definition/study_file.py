@@ -11,10 +11,10 @@ from tripod_doe.errors import InputError, first_messages, near_match
 from tripod_doe.model_interface import NUMERICS, Accuracy, Outcome, Simulator, Value, check_parameters
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel, check_accuracy, check_auto_model
 from tripod_doe.study.definition.design_tables import (
-    at_operating_points,
+    ablation_at_operating_points,
     check_parts,
+    designs_of,
     fidelity_factor,
-    parts,
     refuse_unread_keys,
     switches_of_study,
     varied_around_base,
@@ -73,7 +73,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
         _refuse_unread(origin, file)
     auto = file.base.get("model") == AUTO
     base = _base(origin, simulator, _given(file.base), file.factors)
-    file = _at(origin, "[design]", lambda: at_operating_points(simulator, file))
+    file = _at(origin, "[design]", lambda: ablation_at_operating_points(simulator, file))
     switches = _at(origin, "[design]", lambda: switches_of_study(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     tables |= _at(origin, "[design]", lambda: fidelity_factor(simulator, file))
@@ -93,7 +93,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     levels = _levels(factors, center, auto_model)
     run = file.run
-    tabulated = "table" in (part.kind for part in parts(file))
+    tabulated = "table" in (part.kind for part in designs_of(file))
     unknown = simulator.parameters.keys() - base if tabulated else ()
     retry = _at(
         origin,
