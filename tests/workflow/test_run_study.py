@@ -184,6 +184,26 @@ def test_an_error_in_a_function_is_a_flagged_cell(write_study, tmp_path):
     assert cube["z"].sel(x=4).values.tolist() == [4, 4]
 
 
+def test_points_of_another_version_of_a_function_are_not_taken(write_study, tmp_path):
+    """Regression: the code was in no hash: old points were given as those of the changed function, and mixed with new ones."""
+    (tmp_path / "factors_of.py").write_text("K = 2.0\ndef times(x):\n    return K * x\n")
+    (tmp_path / "watched.py").write_text("def f(x):\n    from factors_of import times\n    return {'y': times(x)}\n")
+    study = write_study('[study]\nname = "w"\nfunction = "watched:f"\n[factors.x]\nvalues = [1, 2]\n')
+    assert run(study, tmp_path / "out", workers=0).computed == 2
+    (tmp_path / "factors_of.py").write_text("K = 2.0  # still\n\ndef times(x):\n    return K * x\n")
+    assert run(study, tmp_path / "out", workers=0).reused == 2
+    (tmp_path / "factors_of.py").write_text("K = 20.0\ndef times(x):\n    return K * x\n")
+    with pytest.raises(td.InputError, match=r"computed by another version of watched:f \(\w{16}, now \w{16}\); choose"):
+        run(study, tmp_path / "out", workers=0)
+    assert run(study, tmp_path / "new", workers=0).good
+    assert td.open_cube(tmp_path / "new")["y"].values.tolist() == [20, 40]
+    kept = td.open_cube(tmp_path / "new").attrs["kernel_source_hash"]
+    (tmp_path / "more.toml").write_text('[responses.twice]\nformula = "2 * y"\n')
+    td.derive(tmp_path / "new", tmp_path / "more.toml")
+    assert td.open_cube(tmp_path / "new")["twice"].values.tolist() == [40, 80]
+    assert td.open_cube(tmp_path / "new").attrs["kernel_source_hash"] == kept != ""
+
+
 def test_constraints_and_fail_fast(write_study, tmp_path):
     text = GRID + '    [design]\n    constraints = ["joint_angle_deg * torque_n_m < 600"]\n'
     assert run(write_study(text), tmp_path / "out").good

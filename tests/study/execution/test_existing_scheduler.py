@@ -11,7 +11,6 @@ import threading
 import time
 from collections import Counter
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +21,11 @@ from distributed.security import Security
 import tripod_doe as td
 from started import Process
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.scenes import load_simulator, matching_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution import dask_executor, dask_workers
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler, TlsFiles
-from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
+from tripod_doe.study.execution.user_code import placed, read_user_code
 from tripod_doe.workflow.run_study import run
 
 sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))
@@ -259,10 +258,10 @@ def test_code_that_a_worker_does_not_see_is_copied_there(tmp_path, monkeypatch):
     copy = placed(code, "/nowhere")
     assert "far" not in sys.modules  # imported again, from the copy
     assert (Path(copy) / "far" / "inner.py").read_bytes() == code.files["far/inner.py"]
-    load_simulator(function="far:y", folder=StudyFolder(copy))
-    check_imported(code)
-    with pytest.raises(td.InputError, match="it has another version of far; install the same"):
-        check_imported(replace(code, digest="other"))
+    loaded = load_simulator(function="far:y", folder=StudyFolder(Path(copy)))
+    assert matching_simulator("joint", "far:y", StudyFolder(Path(copy)), loaded.source_hash) is loaded
+    with pytest.raises(td.InputError, match="it has another version of far:y"):
+        matching_simulator("joint", "far:y", StudyFolder(Path(copy)), "other")
 
 
 @pytest.mark.slow

@@ -22,19 +22,20 @@ class FunctionSimulator(Simulator):
     """A plain Python function as a simulator.
 
     Its parameters are the function's arguments; a study must set each one without a default. Its outputs are known
-    from its first answer, and its source is not tracked. With model = "auto" the choice is among the attribute
-    ``candidates`` of the function: `Candidate` objects over its arguments.
+    from its first answer. With model = "auto" the choice is among the attribute ``candidates`` of the function:
+    `Candidate` objects over its arguments.
 
     Args:
         name: ``package.module:function``.
         function: Called once for each point.
+        source_hash: Hash of its code.
 
     Raises:
         InputError: If an argument cannot be given by its name.
     """
 
-    def __init__(self, name: str, function: Callable[..., Any]) -> None:
-        self.name = name
+    def __init__(self, name: str, function: Callable[..., Any], source_hash: str = "") -> None:
+        self.name, self.source_hash = name, source_hash
         self.parameters = _arguments(name, function)
         self.outputs = {}
         self.candidates = tuple(getattr(function, "candidates", ()))
@@ -65,10 +66,11 @@ class FunctionSimulator(Simulator):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Arguments and candidates as plain data, for `RecordedFunction`."""
+        """Arguments, candidates and version as plain data, for `RecordedFunction`."""
         return {
             "arguments": {name: parameter.default for name, parameter in self.parameters.items()},
             "candidates": [asdict(candidate) for candidate in self.candidates],
+            "source_hash": self.source_hash,
         }
 
 
@@ -81,7 +83,7 @@ class RecordedFunction(Simulator):
     """
 
     def __init__(self, name: str, record: Mapping[str, Any]) -> None:
-        self.name = name
+        self.name, self.source_hash = name, str(record.get("source_hash", ""))
         self.parameters = {
             argument: _argument(name, argument, default) for argument, default in record.get("arguments", {}).items()
         }

@@ -2,12 +2,14 @@
 
 import importlib
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.model_interface import Simulator
 from tripod_doe.study.definition.function import FunctionSimulator
+from tripod_doe.study.definition.function_sources import module_names, source_hash, sources_of
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 SCENES = {
@@ -17,6 +19,13 @@ SCENES = {
     "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:simulator",
 }
 """Scenes by the name that study files and the command line use, each ``package.module:object``."""
+
+_latest: dict[str, tuple[StudyFolder | None, Simulator]] = {}
+"""The latest import of each function, and the folder of its study."""
+_loaded_for: dict[str, list[str]] = {}
+"""Folders of the studies for which a module was loaded, the latest last, by the module's name."""
+_sources: dict[str, dict[str, bytes]] = {}
+"""Files of the latest import for a study, by the module's name."""
 
 
 def load_simulator(scene: str = "joint", function: str | None = None, folder: StudyFolder | None = None) -> Simulator:
@@ -40,14 +49,29 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: St
             return recorded
         folder.refuse_functions(function)
         _search_first(str(folder.path), function.partition(":")[0].partition(".")[0])
-    called = _import_object(function)
-    if not callable(called):
-        raise InputError(f"function = {function!r}: this is not a function")
-    return FunctionSimulator(function, called)
+    called, sources = _import_function(function)
+    loaded = FunctionSimulator(function, called, source_hash(called, sources))
+    _latest[function] = folder, loaded
+    return loaded
 
 
-_loaded_for: dict[str, list[str]] = {}
-"""Folders of the studies for which a module was loaded, the latest last, by the module's name."""
+def matching_simulator(scene: str, function: str | None, folder: StudyFolder | None, wanted: str) -> Simulator:
+    """The simulator of a study that is running, as this process has loaded it: files may have changed meanwhile.
+
+    Args:
+        wanted: Hash of the sources in the process that plans the study.
+
+    Raises:
+        InputError: If this machine, a worker, has another version.
+    """
+    known, simulator = _latest.get(function or "", (None, None))
+    if not simulator or known != folder or simulator.source_hash != wanted:
+        simulator = load_simulator(scene, function, folder)
+    if simulator.source_hash != wanted:
+        if function:
+            raise InputError(f"it has another version of {function}; a file may have changed since the run began")
+        raise InputError("it has another version of the kernels; install the same tripod-doe on all machines")
+    return simulator
 
 
 def _search_first(folder: str, module: str) -> None:
@@ -58,16 +82,34 @@ def _search_first(folder: str, module: str) -> None:
         return
     file = getattr(sys.modules.get(module), "__file__", None) or ""
     if any(Path(file).is_relative_to(other) for other in earlier):  # and no installed package
-        for name in [name for name in sys.modules if name == module or name.startswith(f"{module}.")]:
-            del sys.modules[name]
-        importlib.invalidate_caches()
+        _unload([name for name in sys.modules if name == module or name.startswith(f"{module}.")])
     earlier[:] = [*(other for other in earlier if other != folder), folder]
+
+
+def _unload(names: Iterable[str]) -> None:
+    for name in names:
+        sys.modules.pop(name, None)
+    importlib.invalidate_caches()
 
 
 def modules_of_scenes() -> list[str]:
     """Modules that the scenes simulated so far have imported, in the order of their import."""
     packages = tuple({".".join(reference.split(".")[:2]) + "." for reference in SCENES.values()})
     return [name for name in sys.modules if name.startswith(packages)]
+
+
+def _import_function(reference: str) -> tuple[Callable[..., Any], dict[str, bytes]]:
+    """A function, and the files of its code; imported again if they have changed since this process imported it."""
+    module = reference.partition(":")[0]
+    called = _import_object(reference)
+    sources = sources_of(module)
+    if (before := _sources.get(module, sources)) != sources:
+        _unload(module_names({*before, *sources}))
+        called = _import_object(reference)
+    if not callable(called):
+        raise InputError(f"function = {reference!r}: this is not a function")
+    _sources[module] = sources
+    return called, sources
 
 
 def _import_object(reference: str) -> Any:

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
+from tripod_doe.study.definition.scenes import matching_simulator
 from tripod_doe.study.execution.block_answer import Answer
-from tripod_doe.study.execution.task import Task, matching_simulator, run_task
-from tripod_doe.study.execution.user_code import UserCode, check_imported, placed
+from tripod_doe.study.execution.task import Task, run_task
+from tripod_doe.study.execution.user_code import UserCode, placed
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,6 @@ def answer_as_bytes(work: bytes, name: str) -> bytes | str:
             place = Path(placed(code, str(task.folder.path)))
             task = replace(task, folder=replace(task.folder, path=place))
         matching_simulator(task.scene, task.function, task.folder, task.source_hash)
-        if code:
-            check_imported(code)
     except InputError as error:
         return str(error)
     return pickle.dumps(Answer(*run_task(task), name))

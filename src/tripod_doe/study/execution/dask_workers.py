@@ -7,12 +7,12 @@ from contextlib import ExitStack, suppress
 import dask
 from distributed import Client
 
+from tripod_doe.study.definition.scenes import matching_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.dask_executor import OnDask
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.dask_local_cluster import QUIET, LocalWorkers
-from tripod_doe.study.execution.task import matching_simulator
 from tripod_doe.study.execution.user_code import read_user_code
 
 

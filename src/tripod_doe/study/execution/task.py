@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.errors import InputError
-from tripod_doe.model_interface import Accuracy, BlockResult, Simulator, Value
+from tripod_doe.model_interface import Accuracy, BlockResult, Value
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.scenes import matching_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.retry import simulate_with_retries
 
@@ -35,18 +34,6 @@ class Task:
     keep: tuple[str, ...]
     retry: RetryPlan = NO_RETRIES
     accuracy: Accuracy | None = None
-
-
-def matching_simulator(scene: str, function: str | None, folder: StudyFolder | None, source_hash: str) -> Simulator:
-    """The simulator of a study on this machine.
-
-    Raises:
-        InputError: If this machine, a worker, has another version of the kernels than the one that plans the study.
-    """
-    simulator = load_simulator(scene, function, folder)
-    if simulator.source_hash != source_hash:
-        raise InputError("it has another version of the kernels; install the same tripod-doe on all machines")
-    return simulator
 
 
 def run_task(task: Task) -> tuple[BlockResult, float, float]:

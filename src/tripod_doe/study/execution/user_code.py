@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tripod_doe.errors import InputError
+from tripod_doe.study.definition.function_sources import module_names, sources_of
 
 _OURS = "tripod_doe"
 
@@ -27,22 +27,28 @@ class UserCode:
     module: str  # where the function is imported from
     # sources of this module and of all others that it imports from the study's folder, by their paths below it
     files: Mapping[str, bytes]
-    digest: str  # of the module and these files
+
+    @property
+    def digest(self) -> str:
+        """A digest of these files."""
+        parts = (part for path in sorted(self.files) for part in (path.encode(), self.files[path]))
+        return hashlib.blake2b(b"\0".join(parts), digest_size=16).hexdigest()
 
 
 def read_user_code(function: str, folder: Path) -> UserCode:
-    """The code of a function that this process has imported.
+    """The code of a function that this process has imported, with modules that it has imported by other ways.
 
     Args:
         function: ``package.module:function``.
     """
     module = function.partition(":")[0]
-    files = {
+    loaded = {
         path: (folder / path).read_bytes()
         for name, loaded in sorted(sys.modules.items())
         if (path := _path_below(folder, name, getattr(loaded, "__file__", None)))
     }
-    return UserCode(module, files, _digest(module, files))
+    here = {path: text for path, text in sources_of(module).items() if (folder / path).is_file()}
+    return UserCode(module, here | loaded)
 
 
 def _path_below(folder: Path, name: str, file: str | None) -> str:
@@ -52,13 +58,6 @@ def _path_below(folder: Path, name: str, file: str | None) -> str:
     stem = name.replace(".", "/")
     paths = (f"{stem}.py", f"{stem}/__init__.py")
     return next((path for path in paths if Path(file).absolute() == (folder / path).absolute()), "")
-
-
-def _digest(module: str, files: Mapping[str, bytes]) -> str:
-    file = getattr(sys.modules[module], "__file__", None)
-    own = Path(file).read_bytes() if file else b""  # a module without a file is part of Python
-    parts = [own, *(part for path in sorted(files) for part in (path.encode(), files[path]))]
-    return hashlib.blake2b(b"\0".join(parts), digest_size=16).hexdigest()
 
 
 _placed: dict[str, str] = {}
@@ -72,18 +71,11 @@ def placed(code: UserCode, folder: str) -> str:
     place = folder if _sees(code, folder) else _copy(code)
     here = f"{code.digest} {place}"
     if _placed.get(code.module, here) != here:
-        names = {path.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for path in code.files}
-        for name in names & sys.modules.keys():
+        for name in module_names(code.files) & sys.modules.keys():
             del sys.modules[name]
         importlib.invalidate_caches()
     _placed[code.module] = here
     return place
-
-
-def check_imported(code: UserCode) -> None:
-    """On a worker: refuse (InputError) another version of a module that is installed there."""
-    if _digest(code.module, code.files) != code.digest:
-        raise InputError(f"it has another version of {code.module}; install the same on all machines")
 
 
 def _sees(code: UserCode, folder: str) -> bool:

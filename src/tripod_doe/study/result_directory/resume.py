@@ -59,14 +59,15 @@ class Resume:
         )
 
     def refuse_other_kernels(self, study: Study) -> None:
-        """Refuse (InputError) a study whose points another version of the kernels has begun; else note the version."""
+        """Refuse (InputError) a study whose points another version of the code has begun; else note the version."""
         kernels = self._journal.recall(KERNELS)
         if kernels is None:
             self._journal.remember({KERNELS: study.simulator.source_hash})
         elif kernels != study.simulator.source_hash:
+            code = study.file.study.function or "the kernels"
             raise InputError(
-                f"{self._path}: its points were computed by another version of the kernels ({kernels}, now "
-                f"{study.simulator.source_hash}); choose another {option('out')}"
+                f"{self._path}: its points were computed by another version of {code} ({kernels or 'not on record'}, "
+                f"now {study.simulator.source_hash}); choose another {option('out')}"
             )
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
