@@ -14,7 +14,7 @@ from tripod_doe.measurements.record_file import read_record
 from tripod_doe.regular_files import open_locked, read_regular
 from tripod_doe.service.runs.processes import is_held, run_log, run_process, start_run
 from tripod_doe.service.runs.run_table import TABLE, RunTable
-from tripod_doe.service.server import _held
+from tripod_doe.service.server import _locked_folder
 from tripod_doe.service.settings import Settings
 
 
@@ -70,7 +70,7 @@ def test_a_pipe_in_a_found_directory_does_not_block_the_supervisor(tmp_path, nam
 def test_a_pipe_in_place_of_the_table_of_runs_is_refused(tmp_path, name):
     """Regression: the server waited for a writer before it listened."""
     os.mkfifo(tmp_path / name)
-    with pytest.raises(InputError), _held(Settings(tmp_path)):
+    with pytest.raises(InputError), _locked_folder(Settings(tmp_path)):
         pass
     if name != ".service.lock":
         with pytest.raises(InputError, match="a pipe"):

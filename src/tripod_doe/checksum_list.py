@@ -79,7 +79,7 @@ def number_in(journal: Path) -> int:
         return 0
 
 
-def _places(folder: Path) -> tuple[Path, Path]:
+def _owners(folder: Path) -> tuple[Path, Path]:
     """The result directory or step of a workflow to which a folder belongs, and the directory with all its steps."""
     place = folder.absolute()
     while place.name in _PARTS and place.parent.name not in _STEPS and not (place / JOURNAL).exists():
@@ -89,7 +89,7 @@ def _places(folder: Path) -> tuple[Path, Path]:
 
 def _results_in(folder: Path) -> Results:
     """Whose results a folder holds, without a look at its own list."""
-    place, root = _places(folder)
+    place, root = _owners(folder)
     whole = 0
     if not (root / JOURNAL).exists():  # a list that is lost, or is the last, gets the number in the others
         parts, steps = (root / part for part in _PARTS), (path.parent for path in _lists_of_steps(root))
@@ -127,7 +127,7 @@ def refuse_other_results(folder: Path) -> None:
 
 def _numbers(folder: Path) -> Iterator[tuple[Path, int, Path, int]]:
     """Files that name whose results a folder holds, in pairs that must agree, each with its number."""
-    (place, root), here = _places(folder), _results_in(folder)
+    (place, root), here = _owners(folder), _results_in(folder)
     for path in (folder / LIST, folder / _NEXT):
         named = _named_in(folder, path.name)
         yield path, named.study, place / JOURNAL, here.study
@@ -223,7 +223,7 @@ def _one_writer(folder: Path) -> Iterator[None]:
 def _upcoming(folder: Path) -> tuple[Results, dict[str, str]]:
     """Whose results a folder holds, and its checksums, with the one that a kill kept from the list."""
     here = _results_in(folder)
-    if not any(here) and not (_places(folder)[1] / JOURNAL).exists():
+    if not any(here) and not (_owners(folder)[1] / JOURNAL).exists():
         here = Results(0, 1 + secrets.randbelow(MOST_RESULTS))
     sums, late = ({} if _named_in(folder, name).differs(here) else _sums(folder / name) for name in (LIST, _NEXT))
     for name, digest in late.items():

@@ -179,7 +179,7 @@ def _dominant_order(cube: xr.Dataset) -> str:
     next_size, _ = _mean_text(amplitude.sel(order=second), points)
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
     beyond = rotating.max("order") - rotating.sel(order=first)
-    other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
+    other = int(((beyond > _insignificant_difference(cube)) & finished(cube)).sum())
     text = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
     return (
         f"The {ORDINALS[first]} of the thrust force is the largest: {size} N{over}; "
@@ -222,7 +222,7 @@ def _by_model(amplitude: xr.DataArray) -> tuple[dict[str, float], bool]:
     return {str(name): float(value) for name, value in values if value == value}, everywhere
 
 
-def _left_over(cube: xr.Dataset) -> xr.DataArray:
+def _insignificant_difference(cube: xr.Dataset) -> xr.DataArray:
     """Differences below this are not significant: numerical errors, or rounding to zero."""
     amplitude = cube["thrust_amplitude"]
     error = _FLAT * float(amplitude.max()) + xr.zeros_like(cube["outcome"], dtype=float)
@@ -251,11 +251,11 @@ def _range(response: Response, cube: xr.Dataset) -> str:
     ends, digits = [], digits_apart(low, high)
     for value, at in ((low, np.nanargmin(values)), (high, np.nanargmax(values))):
         text = with_unit(number(0.0 if abs(value) < _FLAT * largest else value, digits), response.unit)
-        ends.append(text + _place(cube, int(at)))
+        ends.append(text + _point_text(cube, int(at)))
     return f"{name} lies between {ends[0]} and {ends[1]}."
 
 
-def _place(cube: xr.Dataset, at: int) -> str:
+def _point_text(cube: xr.Dataset, at: int) -> str:
     """The point with this number in brackets, described by its varying factors; empty if they are too many."""
     columns = point_columns(cube, np.ones(cube["outcome"].shape, bool))
     varying = {name: column for name, column in columns.items() if varies(column)}

@@ -102,7 +102,7 @@ def _run_command(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return code
     except SystemExit as stop:
-        return _flushed(int(stop.code or 0))
+        return _code_after_flush(int(stop.code or 0))
     except InputError as error:
         print(f"tripod-doe: {error}", file=sys.stderr)
         return WRONG_INPUT
@@ -123,7 +123,7 @@ def _run_command(arguments: Sequence[str]) -> int:
             damaged = f"a netCDF file of these results is damaged ({error}); tripod-doe check DIR names it"
             print(f"tripod-doe: {damaged}", file=sys.stderr)
             return WRONG_INPUT
-        return _printed(error)
+        return _print_reason(error)
 
 
 def _ran(options: argparse.Namespace) -> int:
@@ -153,16 +153,16 @@ def _ran(options: argparse.Namespace) -> int:
             print(f"tripod-doe: --notify: {trouble}", file=sys.stderr)
 
 
-def _flushed(code: int) -> int:
+def _code_after_flush(code: int) -> int:
     """The exit code of a call for help, which argparse prints."""
     try:
         sys.stdout.flush()
     except OSError as error:
-        return _printed(error)
+        return _print_reason(error)
     return code
 
 
-def _printed(error: Exception) -> int:
+def _print_reason(error: Exception) -> int:
     """Print the reason of an error on standard error; return the exit code."""
     try:
         if reason := _reason(error):

@@ -264,11 +264,13 @@ def responses(cube: xr.Dataset) -> list[Response]:
                 error = _error_of_order(cube, order)
                 zero_at = tuple(str(amplitude.attrs.get(ZERO_AT, "")).split())
                 chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error, zero_at))
-        return chosen + _own(cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE])
-    return _own(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
+        return chosen + _point_responses(
+            cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE]
+        )
+    return _point_responses(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
 
 
-def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
+def _point_responses(cube: xr.Dataset, names: list[str]) -> list[Response]:
     """Variables with one number per point as responses; an infinite number is no response."""
     values = {name: cube[name].where(np.isfinite(cube[name])) for name in names}
     return [Response(name, _own_label(cube, name), factor_unit(cube, name), values[name]) for name in names]

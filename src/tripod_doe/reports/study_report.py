@@ -245,17 +245,22 @@ def _content(
             *charts.values(),
         ]
     )
-    return picture, {name: _without(picture, group) for name, group in charts.items()} | {
+    return picture, {name: _charts_without(picture, group) for name, group in charts.items()} | {
         "tables": [
             (result.attrs.get("title", name), *table)
             for name, result in analyses.items()
             if (table := table_of(result))
         ],
         "contribution": [
-            (part, contribution_notes(part), _without(picture, group), None if part.missing else share_rows(part))
+            (
+                part,
+                contribution_notes(part),
+                _charts_without(picture, group),
+                None if part.missing else share_rows(part),
+            )
             for part, group in zip(parts, shares, strict=True)
         ],
-        "effects": [(group.response, rest) for group in effects if (rest := _without(picture, group.charts))],
+        "effects": [(group.response, rest) for group in effects if (rest := _charts_without(picture, group.charts))],
         "cost": cost_rows(cube),
         "failed": failed_points(cube, _MOST_FAILED),
     }
@@ -284,6 +289,6 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
     }
 
 
-def _without(picture: Chart | None, charts: list[Chart]) -> list[Chart]:
+def _charts_without(picture: Chart | None, charts: list[Chart]) -> list[Chart]:
     """The charts without the chart at the top of the page."""
     return [chart for chart in charts if chart is not picture]

@@ -44,7 +44,7 @@ def serve(settings: Settings) -> None:
     Raises:
         InputError: If the folder or the port cannot be used.
     """
-    with _private_files(), _held(settings), _listening(settings) as listener:
+    with _private_files(), _locked_folder(settings), _listening(settings) as listener:
         host, port = listener.getsockname()[:2]
         settings = replace(settings, folder=settings.folder.resolve(), port=port)
         start_log()
@@ -113,7 +113,7 @@ def _private_files() -> Iterator[None]:
 
 
 @contextmanager
-def _held(settings: Settings) -> Iterator[None]:
+def _locked_folder(settings: Settings) -> Iterator[None]:
     """Make the folder if needed, and lock it for this server; a read-only server locks nothing."""
     folder = settings.folder
     if settings.read_only:

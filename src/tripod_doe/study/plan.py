@@ -134,7 +134,7 @@ def plan(
         able = StudyPoints(study, points).to_compute
         unique = int(able.sum())
     looked_at = int(able.sum())
-    foreseen = common_failures(_foreseen(study, checked, able))
+    foreseen = common_failures(_known_failures(study, checked, able))
     share = unique / max(looked_at, 1)
     foreseen = [replace(each, count=round(each.count * share)) for each in foreseen] if many else foreseen
     count = unique - sum(each.count for each in foreseen)
@@ -174,7 +174,7 @@ def _blocks(fixed: int | None, points: int, seconds: float) -> int:
     return -(-points // fixed) if fixed else min(points, max(1, round(seconds / _BLOCK_SECONDS)))
 
 
-def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator[tuple[int, str]]:
+def _known_failures(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator[tuple[int, str]]:
     """Outcome and reason of each point that is known to fail; `able`, shape (point,), is cleared there."""
     if study.auto_model:  # a pilot sets the deciding parameters
         return

@@ -23,7 +23,7 @@ def point_table(point: SimulatedPoint) -> str:
     detail = f": {point.detail}" if point.detail else ""
     lines = [
         f"outcome  {point.outcome.label}{detail}",
-        *_place(point),
+        *_operating_point(point),
         *_largest_orders(point.outputs),
         *(re.sub(r'with model = "(\w+)"', r"with --model \1", note) for note in point.model_notes),
     ]
@@ -63,17 +63,19 @@ def _without_value(point: SimulatedPoint, unknown: list[str]) -> list[str]:
     return [f"No value of {name}: {point.simulator.outputs[name].meaning}." for name in unknown]
 
 
-def _place(point: SimulatedPoint) -> list[str]:
+def _operating_point(point: SimulatedPoint) -> list[str]:
     """The point: its operating point, and other given parameters."""
     values, known = point.parameters, point.simulator.parameters
     first = next(iter(known.values())).group if known else ""
     operating = [name for name in known if known[name].group == first and (name in point.given or values.get(name))]
     others = [name for name in point.given if name not in operating]
-    texts = [", ".join(f"{name} {_given(values[name])}" for name in names) for names in (operating, others) if names]
+    texts = [
+        ", ".join(f"{name} {_value_text(values[name])}" for name in names) for names in (operating, others) if names
+    ]
     return [f"point  {'; '.join(texts)}"] if texts else []
 
 
-def _given(value: Value) -> str:
+def _value_text(value: Value) -> str:
     return level(float(value)) if isinstance(value, int | float) else str(value)
 
 

@@ -91,7 +91,7 @@ def plan_optimisation(
         joints = table.confirm_samples if sampled else 1
         parts.append(_part(problem, f"confirm{by}", most, joints, problem.confirm, how))
     if any(how):
-        parts.append(_beside(table, parts))
+        parts.append(_overhead(table, parts))
     return parts
 
 
@@ -115,7 +115,7 @@ def _refined(problem: Problem, whole: PlannedPart, by: str) -> list[PlannedPart]
     ]
 
 
-def _beside(table: SearchTable, parts: Sequence[PlannedPart]) -> PlannedPart:
+def _overhead(table: SearchTable, parts: Sequence[PlannedPart]) -> PlannedPart:
     """The work of one process beside the points: its start, each generation or refined candidate, and each point."""
     points, population = sum(part.points for part in parts), population_of(table.evaluations, table.population)
     batches = sum(part.candidates / (1 if part.at_once else population) for part in parts)

@@ -34,7 +34,7 @@ class WorkflowPlan:
     def describe(self, workers: int = 2) -> str:
         """The plan as text: a line per study, their sum, and the warnings of each."""
         width = max(map(len, (*self.steps, "all studies")))
-        lines = [f"{name:{width}}  {_line(step)}" for name, step in self.steps.items()]
+        lines = [f"{name:{width}}  {_table_line(step)}" for name, step in self.steps.items()]
         points = sum(step.points for step in self.steps.values())
         stored = sum(step.cube_bytes or 0 for step in self.steps.values())
         lines.append(f"{'all studies':{width}}  {points:7,} points  {_price(self.cpu_hours):>8}  {size(stored)}")
@@ -77,7 +77,7 @@ def plans_of(workflow: Workflow, plan_one: Callable[[Study], Plan]) -> dict[str,
     for name, step in workflow.steps.items():
         if step.study is not None and isinstance(step.table, StudyStep):
             own, source = plan_one(step.study), step.table.table
-            plans[name] = _fed(own, _most_rows(workflow, source, plans)) if source else own
+            plans[name] = _with_points_of_input(own, _most_rows(workflow, source, plans)) if source else own
     return plans
 
 
@@ -90,7 +90,7 @@ def _most_rows(workflow: Workflow, source: str, plans: Mapping[str, Plan]) -> in
     )
 
 
-def _fed(own: Plan, rows: int) -> Plan:
+def _with_points_of_input(own: Plan, rows: int) -> Plan:
     """A plan with the points of another step in place of its own, at the mean price of its own."""
     share = rows / max(own.unique, 1)
 
@@ -128,7 +128,7 @@ def _plan_study(study: Study, timing: bool) -> Plan:
     return replace(price, confirming=confirming_points(study))
 
 
-def _line(step: Plan) -> str:
+def _table_line(step: Plan) -> str:
     """A line of the table: points, CPU time and bytes."""
     price = "chosen by a pilot" if step.chosen else _price(step.cpu_hours)
     return f"{step.points:7,} points  {price:>8}  {'' if step.cube_bytes is None else size(step.cube_bytes)}".rstrip()

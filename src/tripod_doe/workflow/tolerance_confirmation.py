@@ -29,10 +29,10 @@ RunStudy = Callable[[Study, Path], None]
 
 def confirming_points(study: Study) -> int:
     """The largest number of points that the tolerance analyses of a study run to confirm their proposals."""
-    return sum(each.confirm * len(each.limits) for each in _confirmed(study).values())
+    return sum(each.confirm * len(each.limits) for each in _settings_to_confirm(study).values())
 
 
-def _confirmed(study: Study) -> dict[str, ToleranceSettings]:
+def _settings_to_confirm(study: Study) -> dict[str, ToleranceSettings]:
     """The settings of the tolerance analyses to confirm, by name."""
     own = {name: analysis_of(study, name)[1] for name in study.file.analysis}
     return {name: each for name, each in own.items() if isinstance(each, ToleranceSettings) and each.confirm}
@@ -45,14 +45,14 @@ def confirm_tolerances(study: Study, directory: Path, run_study: RunStudy | None
         run_study: Runs a study into a directory, without computing existing points again. None runs nothing, and adds
             the results of an earlier run.
     """
-    for name, settings in _confirmed(study).items():
+    for name, settings in _settings_to_confirm(study).items():
         path = path_within(directory, "analysis", f"{name}.nc")
         if not path.exists():  # the analysis failed, and its reason is stated
             continue
         result, answers = read_dataset(path), list[tuple[Change, xr.Dataset]]()
         for change in changes_to_confirm(result):
             place = path_within(directory, CONFIRMATION, name, change.label)
-            other = _changed(study, name, change, settings)
+            other = _confirming_study(study, name, change, settings)
             if run_study:
                 _remove_other_change(place, other)
                 run_study(other, place)
@@ -80,7 +80,7 @@ def _remove_other_change(place: Path, study: Study) -> None:
         raise StorageError(f"{place}: cannot remove the points of an earlier change: {error.strerror}") from error
 
 
-def _changed(study: Study, name: str, change: Change, settings: ToleranceSettings) -> Study:
+def _confirming_study(study: Study, name: str, change: Change, settings: ToleranceSettings) -> Study:
     """The study with the change, other points, and the same analysis."""
     document: Any = tomlkit.parse(study.text)
     document["study"]["name"] = f"{study.file.study.name}: confirmation of {change.label}"

@@ -47,7 +47,7 @@ def at_work(service, tmp_path, kind="study"):
     upload = tmp_path / "upload"
     upload.mkdir()
     steps = {} if kind == "study" else {"steps": {}}
-    run = service.runs._put(service.runs.submit(upload, PLAN | {"kind": kind} | steps).changed(state=State.RUNNING))
+    run = service.runs._store(service.runs.submit(upload, PLAN | {"kind": kind} | steps).changed(state=State.RUNNING))
     place = service.directory(run.id)
     begun(place, kind)
     service.runs._look_at(run.id)
@@ -152,7 +152,7 @@ def test_a_run_whose_table_alone_the_command_line_exchanged_is_shown_anew(servic
     upload.mkdir()
     (upload / "study.toml").write_text("[study]\n")
     (upload / "points.csv").write_text("x\n1\n")
-    run = service.runs._put(service.runs.submit(upload, PLAN).changed(state=State.FINISHED))
+    run = service.runs._store(service.runs.submit(upload, PLAN).changed(state=State.FINISHED))
     place = service.directory(run.id)
     assert (place / UPLOAD / "points.csv").is_file()
     (place / "study.toml").write_text("[study]\n")

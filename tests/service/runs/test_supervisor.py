@@ -437,7 +437,7 @@ def test_a_full_disk_is_told_and_ends_nothing(start, tmp_path, monkeypatch):
 def spoil(supervisor, run_id, **values):
     """Store a run at work with values that no run has, and give it as it is when the service has noticed."""
     with supervisor._lock:
-        supervisor._put(supervisor.find(run_id).changed(**values))
+        supervisor._store(supervisor.find(run_id).changed(**values))
     until = time.monotonic() + 20
     while (run := supervisor.find(run_id)).state is State.RUNNING:
         supervisor._progress.pop(run_id, None)
@@ -602,9 +602,9 @@ def test_the_end_of_a_run_is_told_once_and_not_that_of_results_that_were_there(t
     supervisor = Supervisor(Settings(folder, notifier=Notifier((sys.executable, str(script)))))
     run = Run("a", "study", "name", "", State.RUNNING)
     for state in (State.RUNNING, State.FINISHED, State.FINISHED):
-        supervisor._put(run.changed(state=state))
+        supervisor._store(run.changed(state=state))
     for state in (State.RUNNING, State.FINISHED):
-        supervisor._put(replace(run, id="b", place="found").changed(state=state))
+        supervisor._store(replace(run, id="b", place="found").changed(state=state))
     for thread in threading.enumerate():
         if thread.name == "notify":
             thread.join()

@@ -195,12 +195,12 @@ def test_what_the_service_makes_is_its_owners_alone(serve, tmp_path):
 
 def test_files_of_an_earlier_version_are_closed_to_others(tmp_path):
     from tripod_doe.service.runs.processes import _ALIVE, start_run
-    from tripod_doe.service.server import _held
+    from tripod_doe.service.server import _locked_folder
     from tripod_doe.service.settings import Settings
 
     for name in ("service.sqlite", ".service.lock"):
         (tmp_path / name).touch(0o644)
-    with _held(Settings(tmp_path)):
+    with _locked_folder(Settings(tmp_path)):
         assert [stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()] == [0o600, 0o600]
     (tmp_path / _ALIVE).touch(0o666)
     with (tmp_path / _ALIVE).open() as other:  # one that is held cannot be started, and is closed all the same

@@ -137,7 +137,7 @@ class Evidence:
         for point in among:
             if _matches(point, identity):
                 key = tuple(point.value(name) for name in identity)
-                best[key] = min(best.get(key, point), point, key=_worth)
+                best[key] = min(best.get(key, point), point, key=_rank)
         where = (
             ", ".join(
                 f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
@@ -156,7 +156,7 @@ class Evidence:
         return list(best.values())
 
 
-def _worth(point: Point) -> tuple[bool, float]:
+def _rank(point: Point) -> tuple[bool, float]:
     """Sort key: finished points first, then the tighter tolerance."""
     answers = point.data.get("relative_tolerance_used", math.inf)
     tolerance = float(point.parameters.get("relative_tolerance", answers))

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
-from tripod_doe.page_parts.main_results import unit_text
+from tripod_doe.page_parts.main_results import listed, unit_text
 from tripod_doe.quantities import capital, level, number, text_range, with_unit
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
@@ -59,9 +59,9 @@ def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
 def _figure_numbers(text: str) -> set[int]:
     """The figures that a text names: "Figs. 10, 15 and 18" or "3.2, Fig. 10; 3.3, Fig. 13"; "16 to 18" are three."""
     numbers: set[int] = set()
-    for listed in _FIGURES.findall(text):
-        parts = [int(number) for number in re.findall(r"\d+", listed)]
-        numbers |= set(range(parts[0], parts[-1] + 1)) if " to " in listed else set(parts)
+    for figures in _FIGURES.findall(text):
+        parts = [int(number) for number in re.findall(r"\d+", figures)]
+        numbers |= set(range(parts[0], parts[-1] + 1)) if " to " in figures else set(parts)
     return numbers
 
 
@@ -121,8 +121,8 @@ def find_over_skew(claims: xr.Dataset, name: str = "") -> list[str]:
             groups[bool(holds.all())].append(what)
         else:
             sentences.append(
-                f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
-                f"{row['quantity'].item()}: {_course(row, known)}."
+                f"Depends on the skew: {what}. It holds at {listed(list(map(level, skews[known][holds])))} deg; "
+                f"{row['quantity'].item()}: {_ends_text(row, known)}."
             )
     ends = text_range(level(skews.min()), level(skews.max()), "deg")
     decided = bool((claims["verdict"].values != Verdict.NOT_DECIDED).all())
@@ -140,16 +140,11 @@ def find_over_skew(claims: xr.Dataset, name: str = "") -> list[str]:
     return [first, *sentences, *text]
 
 
-def _course(row: xr.Dataset, known: np.ndarray) -> str:
+def _ends_text(row: xr.Dataset, known: np.ndarray) -> str:
     """The value at the least and at the greatest skew."""
     places = np.flatnonzero(known)
     ends = [row.isel(skew_deg=int(at)) for at in (places[0], places[-1])]
     return " and ".join(f"{claim_value(end)} at {level(float(end['skew_deg']))} deg" for end in ends)
-
-
-def _listed(values: np.ndarray) -> str:
-    text = [level(value) for value in values]
-    return text[0] if len(text) == 1 else f"{', '.join(text[:-1])} and {text[-1]}"
 
 
 def over_skew_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:

@@ -128,7 +128,7 @@ def compare(
     refuse_other_units(point)
     if isinstance(measurement, str | Path):
         measurement = read_measurement(measurement)
-    beside = _beside(measurement, point, reference_angle_deg, speeds_rpm)
+    beside = _side_by_side(measurement, point, reference_angle_deg, speeds_rpm)
     factor = float(stdtrit(beside.count - 1, (1 + confidence) / 2)) / np.sqrt(beside.count)
     unsure, turned, origin = model_uncertainty(point, np.abs(beside.model), confidence)
     shared = 0.0 if reference_angle_deg is None else confidence * measurement.angle_error_deg  # of a uniform error
@@ -175,7 +175,7 @@ class _Beside:
         return np.asarray(self.each.mean(axis=0), np.complex128)
 
 
-def _beside(
+def _side_by_side(
     measurement: Measurement, point: xr.Dataset, reference: float | None, speeds: tuple[float, float] | None
 ) -> _Beside:
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)

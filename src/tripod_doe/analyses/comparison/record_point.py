@@ -112,9 +112,11 @@ def point_of_record(cube: xr.Dataset, row: RecordRow, select: Sequence[str] = ()
     asked = {**_selected(select), **row.values}
     if nearest:
         point = model_point(cube, wanted, nearest).load()
-        return RecordPoint(point, replaced=_replaced(asked, point))
+        return RecordPoint(point, replaced=_replacements(asked, point))
     try:
-        if moved := [name for name in row.values if name not in factors and not _same(cube, name, row.values[name])]:
+        if moved := [
+            name for name in row.values if name not in factors and not _is_constant(cube, name, row.values[name])
+        ]:
             raise InputError(_lacking(cube, moved[0], row.values[moved[0]]))
         return RecordPoint(model_point(cube, wanted).load())
     except InputError:
@@ -150,7 +152,7 @@ def _shared_value(cube: xr.Dataset, name: str) -> Any:
     return fixed_parameters(cube).get(name, JOINT_PARAMETERS[name].default)
 
 
-def _same(cube: xr.Dataset, name: str, value: float | str) -> bool:
+def _is_constant(cube: xr.Dataset, name: str, value: float | str) -> bool:
     """Whether all points of a cube have this value of a parameter that is no factor."""
     known = _shared_value(cube, name)
     if isinstance(known, int | float) and isinstance(value, int | float):
@@ -168,7 +170,7 @@ def _lacking(cube: xr.Dataset, name: str, value: float | str) -> str:
     )
 
 
-def _replaced(asked: Mapping[str, float | str], point: xr.Dataset) -> str:
+def _replacements(asked: Mapping[str, float | str], point: xr.Dataset) -> str:
     """Which values the nearest point has in place of those asked for, as a sentence; empty where it has them all."""
     known = parameters_of(point)
     parts = [

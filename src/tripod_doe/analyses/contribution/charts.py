@@ -41,7 +41,7 @@ def contribution_charts(part: Contribution) -> list[Chart]:
 def _distribution_chart(part: Contribution) -> Chart:
     """Median, quartiles and usual range of each mechanism's share; shares beyond the axis are marked at its edge."""
     values, names = part.shares[part.fairest], [spoken(name) for name in part.mechanisms]
-    usual = [_usual(column) for column in values.T]
+    usual = [_without_outliers(column) for column in values.T]
     ends = min(0.0, *(part.min() for part in usual)), max(0.0, *(part.max() for part in usual))
     margin = 0.06 * (ends[1] - ends[0]) or 1.0
     low, high = float(ends[0] - margin), float(ends[1] + margin)
@@ -63,12 +63,12 @@ def _distribution_chart(part: Contribution) -> Chart:
     caption = (
         f"Shares of the mechanisms in {part.what}{model} by {DEFINITIONS[part.fairest]} at {int(part.shared.sum()):,} "
         f"operating points: median (line), quartiles (bar), points that are no outliers (thin line)."
-        f"{_beyond(part, low, high)}"
+        f"{_left_out(part, low, high)}"
     )
     return Chart(part.key, f"Shares of the mechanisms in {part.what}", caption, figure, _frame(part))
 
 
-def _usual(shares: FloatArray) -> FloatArray:
+def _without_outliers(shares: FloatArray) -> FloatArray:
     """The shares without outliers; zero if no share is known."""
     known = shares[np.isfinite(shares)]
     if known.size == 0:
@@ -82,7 +82,7 @@ def _draw_spread(axes: Axes, row: int, known: FloatArray, low: float, high: floa
     """One mechanism; the first one drawn carries the words of the legend."""
     first = not axes.patches
     lower, middle, upper = np.quantile(known, (0.25, 0.5, 0.75))
-    usual = _usual(known)
+    usual = _without_outliers(known)
     axes.plot([usual.min(), usual.max()], [row, row], color=INK, lw=0.9, label="usual range" if first else None)
     axes.barh(
         row,
@@ -100,7 +100,7 @@ def _draw_spread(axes: Axes, row: int, known: FloatArray, low: float, high: floa
             axes.plot(edge, row, marker, color=COLOURS[1], ms=6, clip_on=False)
 
 
-def _beyond(part: Contribution, low: float, high: float) -> str:
+def _left_out(part: Contribution, low: float, high: float) -> str:
     """Number of shares that the axis leaves out, and the most extreme one with its operating point."""
     values = part.shares[part.fairest]
     outside = np.isfinite(values) & ((values < low) | (values > high))
@@ -139,7 +139,7 @@ def _maps(part: Contribution) -> list[Chart]:
         for panel, which in zip(grid, shown, strict=True):
             table, name = tables[which], spoken(part.mechanisms[which])
             middle = float(np.nanmedian(table))
-            usual = _usual(table.to_numpy(float).ravel())
+            usual = _without_outliers(table.to_numpy(float).ravel())
             norm = CenteredNorm(middle, max(float(np.abs(usual - middle).max()), 0.5))
             places = _places(panel.xaxis, table.columns), _places(panel.yaxis, table.index)
             image = panel.pcolormesh(*places, np.ma.masked_invalid(table), norm=norm, cmap="PuOr")

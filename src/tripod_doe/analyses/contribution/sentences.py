@@ -38,11 +38,11 @@ def find_in_contribution(result: xr.Dataset, name: str) -> list[str]:
 def contribution_findings(part: Contribution) -> list[str]:
     """State the shares, who opposes the sum, the most unusual operating point, and what is closest to the paper."""
     if part.missing:
-        return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
+        return [f"{_capitalised(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
     return [
         *_changes(part),
         *(_who_makes_it(part, side, rows) for side, rows in part.sides.items() if part.shared[rows].any()),
-        *_without(part),
+        *_points_without_shares(part),
         *_uncertain(part),
         *_furthest(part),
         *_nearest_to_paper(part),
@@ -95,7 +95,7 @@ def _lost_combinations(part: Contribution) -> list[str]:
     return sentences
 
 
-def _start(text: str) -> str:
+def _capitalised(text: str) -> str:
     return text[0].upper() + text[1:] if text.startswith("the ") else text  # a name of a user stays as it is
 
 
@@ -137,7 +137,7 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
         closure = f"; they add up to {at_each(100 - part.closure[rows], percent)}"
     remainder = 100 - np.nansum(values, axis=1)
     if leading == "share_direct" and np.abs(remainder).max() > _PRINTED:
-        closure = f"; {at_each(remainder, percent)} is {_rest(part)}"
+        closure = f"; {at_each(remainder, percent)} is {_rest_meaning(part)}"
     points = stated_over(part, rows)
     over = f", {points}" if points else ""
     size = f" ({part.amplitude})" if part.amplitude and not side else ""
@@ -147,14 +147,14 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
     )
 
 
-def _rest(part: Contribution) -> str:
+def _rest_meaning(part: Contribution) -> str:
     """What the rest of a direct decomposition is; a study may switch some of the mechanisms alone."""
     if set(part.mechanisms) >= set(MECHANISMS):
         return "the part of no friction (inertia, numerical error)"
     return "the part of all else: mechanisms that this study does not switch, inertia, numerical error"
 
 
-def _without(part: Contribution) -> list[str]:
+def _points_without_shares(part: Contribution) -> list[str]:
     """Count the operating points at which nothing is shared out, by the reason."""
     lost = ~part.shared & ~part.zero
     reasons = {
@@ -229,7 +229,7 @@ def _all_passes(part: Contribution) -> list[str]:
     shapley = part.shares.get("share_shapley", np.full_like(part.shares["share_off"], np.nan))[:, needed]
     if np.isfinite(shapley).all() and np.ptp(shapley, axis=1).max() < _ALL_OF_IT:
         clauses.append("their Shapley values are equal")
-    return [f"{_start(part.what)} needs {listed(names)} together: {', '.join(clauses)}."]
+    return [f"{_capitalised(part.what)} needs {listed(names)} together: {', '.join(clauses)}."]
 
 
 def _halves(part: Contribution, needed: int) -> str:
@@ -270,7 +270,7 @@ def _agreement(part: Contribution) -> list[str]:
         f"{meaning} {compared}"
         for name, meaning in DEFINITIONS.items()
         if name in part.shares and name != "share_direct"
-        if (compared := _compared(part.mechanisms, direct, part.shares[name]))
+        if (compared := _agreeing_mechanisms(part.mechanisms, direct, part.shares[name]))
     ]
     rest = percent(100 - direct.sum(axis=1))
     compared = (
@@ -284,7 +284,7 @@ def _agreement(part: Contribution) -> list[str]:
     ]
 
 
-def _compared(mechanisms: list[str], direct: FloatArray, values: FloatArray) -> str:
+def _agreeing_mechanisms(mechanisms: list[str], direct: FloatArray, values: FloatArray) -> str:
     """For which mechanisms another definition gives the share by direct decomposition; empty if none is known."""
     gaps = np.abs(values - direct)
     known = [at for at in range(len(mechanisms)) if np.isfinite(gaps[:, at]).any()]

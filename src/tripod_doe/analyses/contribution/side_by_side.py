@@ -9,7 +9,7 @@ from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.parameters import MECHANISMS
-from tripod_doe.page_parts.main_results import ORDINALS, spoken
+from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken
 from tripod_doe.quantities import number
 
 _RIGHT = 5.0  # percent of an amplitude within which a model gets it right
@@ -83,25 +83,25 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
     for order in _ORDERS:
         *cheap, finest = _amplitudes(ladder, order)
         off = [100 * (value / finest - 1) for value in cheap]
-        text = f"the {ORDINALS[order]} ({number(finest)} N; {_each(models, [f'{value:+.1f} %' for value in off])})"
+        text = f"the {ORDINALS[order]} ({number(finest)} N; {_by_model(models, [f'{value:+.1f} %' for value in off])})"
         (right if max(map(abs, off)) <= _RIGHT else wrong).append(text)
         shares = {mechanism: _shares(ladder, order, mechanism) for mechanism in MECHANISMS}
         apart = {name: max(abs(value - values[-1]) for value in values[:-1]) for name, values in shares.items()}
         good = [name for name in MECHANISMS if apart[name] <= _RIGHT_SHARE]
         if good:
             right.append(
-                f"the shares of {_said([spoken(name) for name in good])} in the {ORDINALS[order]} (difference at most "
+                f"the shares of {listed([spoken(name) for name in good])} in the {ORDINALS[order]} (difference at most "
                 f"{max(apart[name] for name in good):.1f} percentage points)"
             )
         for name in (name for name in MECHANISMS if name not in good):
             *cheap, finest = shares[name]
             wrong.append(
                 f"the share of {spoken(name)} in the {ORDINALS[order]} ({_percent(finest)} %; "
-                f"{_each(models, [f'{_percent(value)} %' for value in cheap])})"
+                f"{_by_model(models, [f'{_percent(value)} %' for value in cheap])})"
             )
     sentences = [
         f"Within {_RIGHT:g} % of an amplitude, or {_RIGHT_SHARE:g} percentage points of a share by switching off, "
-        f"{_said(models[:-1])} agree with {models[-1]} on: {'; '.join(right) or 'nothing'}."
+        f"{listed(models[:-1])} agree with {models[-1]} on: {'; '.join(right) or 'nothing'}."
     ]
     if wrong:
         sentences.append(f"They differ on: {'; '.join(wrong)}.")
@@ -110,9 +110,5 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
     return sentences
 
 
-def _each(models: list[str], values: list[str]) -> str:
+def _by_model(models: list[str], values: list[str]) -> str:
     return ", ".join(f"{model} {value}" for model, value in zip(models, values, strict=False))
-
-
-def _said(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

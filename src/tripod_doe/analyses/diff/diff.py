@@ -105,7 +105,7 @@ def diff(a: str | Path, b: str | Path, variables: Collection[str] = ()) -> Diff:
         InputError: If one cannot be read, or a variable is in neither.
     """
     with ExitStack() as opened:
-        first, second = _read(Path(a), opened), _read(Path(b), opened)
+        first, second = _read_side(Path(a), opened), _read_side(Path(b), opened)
         if not isinstance(first, str) and not isinstance(second, str):
             return diff_cubes(first, second, variables)
     texts = [side if isinstance(side, str) else str(side.attrs.get("study", "")) for side in (first, second)]
@@ -118,7 +118,7 @@ def diff_cubes(a: xr.Dataset, b: xr.Dataset, variables: Collection[str] = ()) ->
     return _with_results(a, b, study, variables)
 
 
-def _read(path: Path, opened: ExitStack) -> xr.Dataset | str:
+def _read_side(path: Path, opened: ExitStack) -> xr.Dataset | str:
     """A cube, of which what is compared is read; or the text of a study file."""
     if path.suffix == ".toml":
         return read_text(path, "study file")

@@ -98,14 +98,17 @@ def _change(one: KeyDifference) -> str:
     if isinstance(one.a, list) and isinstance(one.b, list):
         changes = [
             f"{word} {_listed(values)}"
-            for word, values in (("added", _without(one.b, one.a)), ("left out", _without(one.a, one.b)))
+            for word, values in (
+                ("added", _list_difference(one.b, one.a)),
+                ("left out", _list_difference(one.a, one.b)),
+            )
             if values
         ]
         return "; ".join(changes) or "in another order"
     return f"{_value(one.a)} -> {_value(one.b)}"
 
 
-def _without(values: list[Any], others: list[Any]) -> list[Any]:
+def _list_difference(values: list[Any], others: list[Any]) -> list[Any]:
     """What is left of a list without the values of another one, each taken away as often as it is there."""
     rest = values.copy()
     for value in others:

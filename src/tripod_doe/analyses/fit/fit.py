@@ -116,7 +116,7 @@ def solve(
     else:
         begins = explore(Problem(layout, misfit, between), Problem(layout, misfit, between, loss), _LOOKS, starts, seed)
     tell("search")
-    descents = distinct([problem.descend(each) for each in _begun(problem, begins)[:starts]])
+    descents = distinct([problem.descend(each) for each in _starting_states(problem, begins)[:starts]])
     if not descents:
         raise InputError(f"none of {failed} starting points has an answer for all records; narrow the ranges")
     bad = _bad_records(problem, descents[0], per_record) if judged else ~used
@@ -134,9 +134,9 @@ def solve(
         look = plain if between is None else Problem(layout, plain.misfit, between)
         if weighing == 0 and between is not None and (weigh is not None or sized):
             # of the first weights the minimum near the hidden values may be none
-            again = distinct([*again, *_begun(plain, explore(look, look, _LOOKS, starts, seed))])
+            again = distinct([*again, *_starting_states(plain, explore(look, look, _LOOKS, starts, seed))])
         begins = [state for place in alike(again[0].place) if (state := look.begin(place))]
-        again = distinct([*again, *_begun(plain, [look.descend(each) for each in begins])])
+        again = distinct([*again, *_starting_states(plain, [look.descend(each) for each in begins])])
         descents = distinct([plain.descend(each) for each in _within_reach(again, plain.misfit.data)])
     corrections, at_rest = 0, True
     if finer is not None:
@@ -146,7 +146,7 @@ def solve(
     return replace(fitted, corrections=corrections, at_rest=at_rest)
 
 
-def _begun(problem: Problem, descents: list[Descent]) -> list[Descent]:
+def _starting_states(problem: Problem, descents: list[Descent]) -> list[Descent]:
     """States of a problem at places where another one has minima, the best first; without those where a point fails."""
     states = [problem.begin(each.place) for each in descents]
     return sorted((each for each in states if each is not None), key=lambda each: each.cost)

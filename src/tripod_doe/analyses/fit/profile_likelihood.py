@@ -61,7 +61,7 @@ def profile(problem: Problem, best: Descent, scalar: int, allowed: float, covari
         BetterMinimum: If a place with a smaller chi squared comes up.
     """
     points = {float(best.place[scalar]): 0.0}
-    low, high = (_side(problem, best, scalar, side, allowed, covariance, points) for side in (-1.0, 1.0))
+    low, high = (_interval_end(problem, best, scalar, side, allowed, covariance, points) for side in (-1.0, 1.0))
     places = np.array(sorted(points))
     growth = np.array([points[place] for place in places.tolist()])
     return Profile(
@@ -89,7 +89,7 @@ class _End:
     helped: bool = False  # whether it is open only since the other scalars make up for this one
 
 
-def _side(
+def _interval_end(
     problem: Problem,
     best: Descent,
     scalar: int,

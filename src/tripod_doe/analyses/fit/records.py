@@ -137,8 +137,8 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
             continue
         cells = dict(zip(header, row, strict=True))
         try:
-            path = _beside(request, name, cells.pop("file"))
-            own = {key: _own(key, cells.pop(key)) for key in _OWN if cells.get(key)}
+            path = _record_path(request, name, cells.pop("file"))
+            own = {key: _value_of_key(key, cells.pop(key)) for key in _OWN if cells.get(key)}
             typed = {key: parameters[key].typed(text) for key, text in cells.items() if text and key in parameters}
             known = {key: parameters[key].check(value) for key, value in typed.items()}
         except InputError as error:
@@ -147,7 +147,7 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
         yield _Asked(path, known, labels, own)
 
 
-def _beside(request: FitRequest, table: str, name: str) -> Path:
+def _record_path(request: FitRequest, table: str, name: str) -> Path:
     """The path of a record that a table names: beside the table, else beside the fit file."""
     near = Path(table).parent / name
     if (request.folder.path / near).is_file():
@@ -155,7 +155,7 @@ def _beside(request: FitRequest, table: str, name: str) -> Path:
     return request.folder.file(name, "file")
 
 
-def _own(key: str, text: str) -> Any:
+def _value_of_key(key: str, text: str) -> Any:
     if key == "sign" and text not in ("1", "+1", "-1", "free"):
         raise InputError(f"sign = {text!r}: unknown{near_match(text, ('1', '-1', 'free'))}")
     try:

@@ -33,7 +33,7 @@ def own_sample(
     unchanged = dict(columns), response
     if int(codes[factor].max()) + 1 == response.size:  # each point has a value of its own
         return unchanged
-    own = _beside(codes, factor)
+    own = _varying_together(codes, factor)
     rest = [name for name in codes if name not in own]
     if len(own) == 1 or not rest:
         return unchanged
@@ -46,7 +46,7 @@ def own_sample(
     return {name: columns[name][first] for name in own}, np.bincount(at, response) / count
 
 
-def _beside(codes: Mapping[str, IntArray], factor: str) -> list[str]:
+def _varying_together(codes: Mapping[str, IntArray], factor: str) -> list[str]:
     """The factors that vary together with one: those not combined with all levels of it, and with theirs in turn."""
     group, new = [factor], [factor]
     while new:

@@ -27,7 +27,7 @@ def quantiles(values: list[FloatArray], probabilities: list[float], normal: floa
             Every model has the samples of those before it.
         normal: Standard errors that half an interval has. An end is NaN where the samples do not bound the quantile.
     """
-    at = _places(values)
+    at = _support(values)
     chance, error = _distribution(values, at)
     wanted = np.asarray(probabilities)[:, None]
     above, below = chance + normal * error >= wanted, chance - normal * error <= wanted
@@ -52,7 +52,7 @@ def _lines(truth: FloatArray, cheap: FloatArray) -> tuple[float, float]:
     return slope, float(truth.mean()) - slope * float(cheap.mean())
 
 
-def _places(values: list[FloatArray]) -> FloatArray:
+def _support(values: list[FloatArray]) -> FloatArray:
     """Values over the whole range of the truth and of its predictions, where most of them are."""
     truth = values[0]
     seen = [truth.ravel()]

@@ -24,13 +24,13 @@ def needs_split(study: Study) -> bool:
 
 def stored_split(study: Study, directory: Path) -> Study | None:
     """The same study with the split stored in a directory; None if there is none, or it is for another study."""
-    stored = _stored(study, directory)
-    if stored is None or _asked(stored) != _asked(study):
+    stored = _study_with_split(study, directory)
+    if stored is None or _tables_without_split(stored) != _tables_without_split(study):
         return None
     return _with_split(study, stored.file.design)
 
 
-def _stored(study: Study, directory: Path) -> Study | None:
+def _study_with_split(study: Study, directory: Path) -> Study | None:
     if not (directory / STORED).exists():
         return None
     try:
@@ -40,7 +40,7 @@ def _stored(study: Study, directory: Path) -> Study | None:
     return stored if stored.file.design.split else None
 
 
-def _asked(study: Study) -> dict[str, str]:
+def _tables_without_split(study: Study) -> dict[str, str]:
     """The parts of a study that decide its points, without its split."""
     of_split = ("design.split", "design.prices")
     return {key: value for key, value in canonical(study).items() if not key.startswith(of_split)}
@@ -48,7 +48,7 @@ def _asked(study: Study) -> dict[str, str]:
 
 def with_samples_so_far(study: Study, directory: Path) -> Study:
     """A study that needs a split, with the samples stored in a directory; unchanged if none are stored."""
-    old = _stored(study, directory)
+    old = _study_with_split(study, directory)
     if old is None:
         return study
     table = study.file.design
@@ -67,7 +67,7 @@ def split_study(study: Study, pilot: xr.Dataset, directory: Path) -> tuple[Study
         split = find_split(pilot, study.simulator)
     except InputError as error:
         raise study.fail("the pilot", error) from error
-    old = _stored(study, directory)
+    old = _study_with_split(study, directory)
     before = old.file.design.split if old else {}
     truth = next(iter(split.samples))
     samples = {model: max(count, before.get(model, 0)) for model, count in split.samples.items()}

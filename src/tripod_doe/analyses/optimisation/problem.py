@@ -265,7 +265,7 @@ def make_problem(request: OptimisationRequest) -> Problem:
     }
     variables = make_variables(request, simulator, base, varied)
     model, confirm = _models(request, simulator, base, [*variables.names, *operating.names])
-    start = {each.name: _started(each.name, base, simulator, each) for each in variables.chosen}
+    start = {each.name: _start_value(each.name, base, simulator, each) for each in variables.chosen}
     fixed = {
         name: value for name, value in base.items() if name not in {*variables.names, *varied, _MODEL * bool(model)}
     }
@@ -275,7 +275,7 @@ def make_problem(request: OptimisationRequest) -> Problem:
     return problem
 
 
-def _started(name: str, base: Mapping[str, Value], simulator: Simulator, variable: Any) -> Value:
+def _start_value(name: str, base: Mapping[str, Value], simulator: Simulator, variable: Any) -> Value:
     """The value of a variable where the search starts: in [base], else its default, else the middle of its range."""
     value = base.get(name, simulator.parameters[name].default)
     if value is None:

@@ -283,7 +283,7 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
     for table in sorted(tables, key=lambda table: table.values.shape[1]):  # single numbers, as of responses, first
         unit = str(table.variable.attrs.get("units", "1"))
         labels = table.keys[1:] if len(table.keys) - 1 == table.values.shape[1] else _numbered(table)
-        for at in sorted(np.flatnonzero(table.varies).tolist(), key=lambda at: _place(table, at)):
+        for at in sorted(np.flatnonzero(table.varies).tolist(), key=lambda at: _component_rank(table, at)):
             attrs = table.variable.attrs
             known = ZERO_AT in attrs, int(MIRRORED_BY in attrs)  # amplitudes stay as they are in a mirror
             components.append(Component(labels[at], unit, None, table.wraps, *known))
@@ -291,7 +291,7 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
     return components[:most], np.stack(columns[:most], axis=1)
 
 
-def _place(table: OutputTable, at: int) -> int:
+def _component_rank(table: OutputTable, at: int) -> int:
     """Rank of a component among the components of its output: the most wanted orders come first."""
     order = int(table.variable["order"][at]) if table.variable.dims[1:] == ("order",) else None
     return _FIRST.index(order) - len(_FIRST) if order in _FIRST else at

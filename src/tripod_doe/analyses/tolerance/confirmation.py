@@ -44,7 +44,7 @@ def changes_to_confirm(result: xr.Dataset) -> list[Change]:
     for at in np.argwhere(np.isfinite(np.atleast_1d(limit.values))):
         place = dict(zip(map(str, limit.dims), at.tolist(), strict=False))
         part = result.isel(place)
-        if float(part["exceedance"]) > 1 - keep and (factors := _first(part, tables)):
+        if float(part["exceedance"]) > 1 - keep and (factors := _first_proposal(part, tables)):
             changes.append(Change(place, limit_key(part), factors))
     return list({change.label: change for change in reversed(changes)}.values())[::-1]
 
@@ -61,7 +61,7 @@ def limit_key(part: xr.Dataset) -> str:
     return f"{output}_{int(part['order'])}" if "order" in part.coords and not is_response else output
 
 
-def _first(part: xr.Dataset, tables: Mapping[str, FactorTable]) -> dict[str, FactorTable]:
+def _first_proposal(part: xr.Dataset, tables: Mapping[str, FactorTable]) -> dict[str, FactorTable]:
     """The factors of the first change that is proposed; empty without any."""
     names = [str(name) for name in part["factor"].values]
     if "cheapest_scale" in part and np.isfinite(part["cheapest_cost"]):

@@ -83,7 +83,7 @@ def scale_to_keep(
             never = (sure.low > 1 - keep).all(axis=0)
             excluded[first, second, wanted] = excluded[second, first, wanted] = never
             times[wanted] = np.minimum(times[wanted], points_to_resolve(chances, 1 - keep, confident))
-    names = ("scale_to_keep", *(_at("scale", end) for end in _ENDS))
+    names = ("scale_to_keep", *(_exceedance_name("scale", end) for end in _ENDS))
     count_of_points = sample.design.samples or sample.rows.size
     return dict(zip(names, answers, strict=True)) | {
         "scale_excluded": excluded,
@@ -132,7 +132,7 @@ def cheapest_to_keep(
                 if first != second:
                     scales[names.index(second), at] = other[best[column]]
     answers[0] = np.where(np.isfinite(answers[0]), answers[0], np.nan)
-    keys = ("cheapest_cost", *(_at("cheapest", end) for end in _ENDS))
+    keys = ("cheapest_cost", *(_exceedance_name("cheapest", end) for end in _ENDS))
     return scales, dict(zip(keys, answers, strict=True))
 
 
@@ -147,5 +147,5 @@ def _ways(sample: Sample, own: list[str], sizes: FloatArray) -> Iterator[tuple[s
             yield first, second, size, np.atleast_2d(each * weights[second] if first != second else each)
 
 
-def _at(way: str, end: str) -> str:
+def _exceedance_name(way: str, end: str) -> str:
     return f"exceedance_at_{way}" if end == "value" else f"exceedance_at_{way}_{end}"

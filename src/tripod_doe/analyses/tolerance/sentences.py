@@ -214,7 +214,7 @@ def _smaller(name: str, scale: float, tables: Mapping[str, FactorTable]) -> str:
     return f"reduce the scatter of {spoken(name)} to {100 * scale:.3g} % ({keys})"
 
 
-def _then(part: xr.Dataset, way: str) -> str:
+def _remaining_chance(part: xr.Dataset, way: str) -> str:
     return f"then {_chance(part, f'exceedance_at_{way}')} exceed it"
 
 
@@ -229,7 +229,7 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
     if alone:
         own = [part.isel(factor=k, factor_2=k) for k in alone]
         ways = [
-            f"{_smaller(names[k], float(scale[k, k]), tables)}: {_then(one, 'scale')}"
+            f"{_smaller(names[k], float(scale[k, k]), tables)}: {_remaining_chance(one, 'scale')}"
             for k, one in zip(alone, own, strict=True)
         ]
         return f"{'; or '.join(ways)}. {_widest(part)}", [float(one["exceedance_at_scale"]) for one in own]
@@ -240,7 +240,7 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
     size, one = float(scale[first, second]), part.isel(factor=first, factor_2=second)
     start = "no single scatter suffices: " if all(excluded[k, k] for k in every) else ""
     both = f"{_smaller(names[first], size, tables)} and {_smaller(names[second], size, tables)}"
-    return f"{start}{both}: {_then(one, 'scale')}. {_widest(part)}", [float(one["exceedance_at_scale"])]
+    return f"{start}{both}: {_remaining_chance(one, 'scale')}. {_widest(part)}", [float(one["exceedance_at_scale"])]
 
 
 def _widest(part: xr.Dataset) -> str:
@@ -268,7 +268,7 @@ def _cheapest(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTab
     return (
         f"At the costs given, the cheapest way that these points resolve is: {listed(changed)}, for "
         f"{number(float(part['cheapest_cost']), 3)} (a scale s costs 1 / s - 1 times what it costs to halve that "
-        f"scatter); {_then(part, 'cheapest')}.",
+        f"scatter); {_remaining_chance(part, 'cheapest')}.",
         [float(part["exceedance_at_cheapest"])],
     )
 
@@ -285,7 +285,7 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
         name, shift = names[at], float(shifts[at])
         keys = _changed(name, shifted_table(tables[name], shift), tables[name])
         by = with_unit(f"{shift:+.3g}", unit_text(units.get(name, "1")))
-        ways.append(f"{spoken(name)} by {by} ({keys}): {_then(part.isel(factor=at), 'shift')}")
+        ways.append(f"{spoken(name)} by {by} ({keys}): {_remaining_chance(part.isel(factor=at), 'shift')}")
     chances = part["exceedance_at_shift"].values[moved].tolist()
     return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
 

@@ -113,7 +113,7 @@ def full_view(cube: xr.Dataset, view: View) -> View:
         shown |= set(design_of(cube))
     kept = tuple(text for text in view.select if text.partition("=")[0] in axes)
     still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and not _has_value(kept, axis)]
-    kept += tuple(f"{axis.name}={_start(cube, axis)}" for axis in still)
+    kept += tuple(f"{axis.name}={_start_value(cube, axis)}" for axis in still)
     return replace(view, select=kept, minus=view.minus if _can_subtract(cube, view, kept) else "")
 
 
@@ -159,7 +159,7 @@ def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
     return any(text.partition("=")[0] == axis.name for text in select)
 
 
-def _start(cube: xr.Dataset, axis: Axis) -> str:
+def _start_value(cube: xr.Dataset, axis: Axis) -> str:
     """Where a view starts along an axis: the value with most finished points, or the usual choice in the field."""
     wanted = str(_FIRST.get(axis.name, ""))
     if not axis.of_design or not axis.texts:
@@ -178,7 +178,7 @@ def _with_kind(view: View, axes: dict[str, Axis]) -> View:
     kind = view.kind or (
         "points"
         if listed and view.x not in [axis.name for axis in own]
-        else _suited([axis for axis in own if axis.of_design or _rank(axis) == 0] or own)
+        else _usual_figure([axis for axis in own if axis.of_design or _rank(axis) == 0] or own)
     )
     if (kind in OF_POINTS and not design) or (kind == "map" and len(own) < 2):
         kind = "lines"
@@ -200,7 +200,7 @@ def _rank(axis: Axis) -> int:
     return 0 if dense else 1 if axis.numeric else 2
 
 
-def _suited(over: list[Axis]) -> str:
+def _usual_figure(over: list[Axis]) -> str:
     if any(_rank(axis) == 0 for axis in over):
         return "lines"
     long = [axis for axis in over if axis.numeric and len(axis.texts) >= _MANY_LEVELS]

@@ -60,17 +60,19 @@ def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
         minus_name: Name of the run that is subtracted.
     """
     parts = [label_of(cube[view.variable])]
-    parts += [_at(cube, *text.partition("=")[::2]) for text in view.select]
+    parts += [_selection_text(cube, *text.partition("=")[::2]) for text in view.select]
     title = ", ".join(parts)
     over = [label_of(cube[name]).partition(" (")[0] for name in (view.x, view.by) if name]
     title = f"{title[0].upper()}{title[1:]}"
     title = f"{title}, over {' and '.join(over)}" if over else title
     level = view.minus_level
-    less = f"the value at {_at(cube, *level)}" if level else f"the value of {minus_name}" if view.minus else ""
+    less = (
+        f"the value at {_selection_text(cube, *level)}" if level else f"the value of {minus_name}" if view.minus else ""
+    )
     return f"{title}, less {less}" if less else title
 
 
-def _at(cube: xr.Dataset, name: str, wanted: str) -> str:
+def _selection_text(cube: xr.Dataset, name: str, wanted: str) -> str:
     """A selection in words: ``torque 50 N m``."""
     known = name in cube.variables
     unit = unit_text(str(cube[name].attrs.get("units", "1"))) if known else ""

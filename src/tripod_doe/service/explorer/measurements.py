@@ -110,8 +110,8 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
         "heads": ORDER_HEADS,
         "rows": order_rows(compared),
         "figures": {
-            "waveform": lines(_beside(compared, "thrust", "thrust"), "rotation_deg", "of"),
-            "orders": bars(_beside(compared, "amplitude", "thrust_amplitude"), "order", "of"),
+            "waveform": lines(_measured_and_computed(compared, "thrust", "thrust"), "rotation_deg", "of"),
+            "orders": bars(_measured_and_computed(compared, "amplitude", "thrust_amplitude"), "order", "of"),
         },
     }
 
@@ -130,7 +130,7 @@ def _third_of(compared: xr.Dataset) -> list[str]:
     ]
 
 
-def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:
+def _measured_and_computed(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:
     """Measurement and model along a dimension ``of``, with the uncertainty of the measurement if known."""
     both = [compared[f"{which}_{ending}"] for which in ("measured", "model")]
     pairs = {name: xr.concat(both, xr.Variable("of", ["measured", "model"])).assign_attrs(units="N")}

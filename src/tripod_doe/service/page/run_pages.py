@@ -153,7 +153,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     """Controls, copies and title of a view; only a message if no point has finished yet."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    explored = ask_workers.explore(service, run_id, _items(request), step) if _begun(run) else None
+    explored = ask_workers.explore(service, run_id, _items(request), step) if _has_ended_points(run) else None
     values = _control_values(service, run, explored, step)
     return {
         "title": explored["title"] if explored else "",
@@ -335,14 +335,14 @@ def _items(request: Request) -> list[tuple[str, str]]:
     return list(request.query_params.multi_items())
 
 
-def _begun(run: Run) -> bool:
+def _has_ended_points(run: Run) -> bool:
     """Whether any point of a run has ended."""
     return run.counts.total > run.counts.missing
 
 
 def _explored(service: Service, run: Run, request: Request, step: str | None) -> tuple[dict[str, Any] | None, str]:
     """Changes that the view allows; or a message why there is nothing to see."""
-    if not _begun(run):
+    if not _has_ended_points(run):
         return None, ""
     try:
         return ask_workers.explore(service, run.id, _items(request), step), ""

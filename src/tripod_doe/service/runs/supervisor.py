@@ -118,9 +118,9 @@ class Supervisor:
             if run is None:
                 written = stamp(datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC))
                 study |= {"created": written, "updated": written, "place": directory.name}
-                run = self._put(Run(secrets.token_hex(8), **study))
+                run = self._store(Run(secrets.token_hex(8), **study))
             elif run.state.at_rest and run.id not in self._changing:
-                self._put(run.changed(message="", place=directory.name, taken=False, **study))
+                self._store(run.changed(message="", place=directory.name, taken=False, **study))
         self._look_at(run.id)
 
     def all(self) -> list[Run]:
@@ -174,7 +174,7 @@ class Supervisor:
             directory.mkdir(mode=0o700)
             upload.rename(directory / UPLOAD)
             own: dict[str, Any] = {"created": time_now, "updated": time_now, "key": key or None, "digest": digest}
-            return self._put(Run(run_id, state=State.QUEUED, **_planned(plan), **own))
+            return self._store(Run(run_id, state=State.QUEUED, **_planned(plan), **own))
 
     def _refuse_full_queue(self) -> None:
         most = self.settings.limits.queued
@@ -188,13 +188,13 @@ class Supervisor:
             RefusedError: 409 if it neither waits nor runs.
         """
         with self._lock:
-            run = self._own(run_id)
+            run = self._run_to_control(run_id)
             if run.state is State.QUEUED:
-                return self._put(run.changed(state=State.STOPPED, message="stopped before it started"))
+                return self._store(run.changed(state=State.STOPPED, message="stopped before it started"))
             if not run.state.alive:
                 raise RefusedError(409, f"state: {run.state}: only a run that waits or is at work can be stopped")
             if run.state is State.RUNNING:
-                run = self._put(run.changed(state=State.STOPPING))
+                run = self._store(run.changed(state=State.STOPPING))
                 self._stop_by[run_id] = time.monotonic() + _PATIENCE
                 self._interrupt(run_id)
             return run
@@ -206,7 +206,7 @@ class Supervisor:
             RefusedError: 409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
         """
         with self._lock:
-            run = self._own(run_id)
+            run = self._run_to_control(run_id)
             if not run.state.at_rest:
                 raise RefusedError(409, f"state: {run.state}: only a run at rest can be resumed")
             if retry_failed and not run.counts.failed:
@@ -217,7 +217,7 @@ class Supervisor:
                 raise RefusedError(409, "another process computes into the directory of this run")
             result_directory.refuse_exchanged(run, self.directory(run_id))
             self._refuse_full_queue()
-            return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
+            return self._store(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
     def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any], note: Callable[[], None]) -> Run:
         """Queue a run at rest with a checked upload that replaces its own.
@@ -246,12 +246,12 @@ class Supervisor:
         """Replace the upload of a run, and queue the run."""
         result_directory.replace_upload(self.directory(run.id), upload)
         new = {"counts": replace(run.counts, total=plan["unique"]), "name": plan["name"], "question": plan["question"]}
-        return self._put(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
+        return self._store(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
         """The run; RefusedError 409 if it takes nothing further: it is no study, is not at rest, or has a function."""
         with self._lock:
-            run = self._unchanged(run_id)
+            run = self._run_at_hand(run_id)
             if run.kind != "study":
                 raise RefusedError(409, f"kind: {run.kind}: only the run of a study takes {_FURTHER}")
             if run.has_function:
@@ -274,7 +274,7 @@ class Supervisor:
                 raise RefusedError(403, f"{directory.name}: a symbolic link, and nothing is written through it")
             result_directory.refuse_exchanged(run, directory)
             write_annotation(directory, annotation)
-            return self._put(with_annotation(run, annotation))
+            return self._store(with_annotation(run, annotation))
 
     def delete(self, run_id: str, from_bin: bool = False) -> None:
         """Put a run into the bin; a second call changes nothing.
@@ -293,7 +293,7 @@ class Supervisor:
             self.find(run_id)
             raise RefusedError(409, "this run is not in the bin: delete it first")
         with self._lock:
-            run = self._own(run_id)
+            run = self._run_to_control(run_id)
             if run.place:
                 raise RefusedError(409, f"the command line made the directory {run.place}: remove it there")
             if run.state.alive or processes.is_held(self.directory(run_id)):
@@ -314,21 +314,21 @@ class Supervisor:
             self._show(run)
             return run
 
-    def _own(self, run_id: str) -> Run:
+    def _run_to_control(self, run_id: str) -> Run:
         """A run that the service may stop and resume."""
-        run = self._unchanged(run_id)
+        run = self._run_at_hand(run_id)
         if run.is_left_alone:
             raise RefusedError(409, f"the command line filled the directory {run.place}: change it there, or extend it")
         return run
 
-    def _unchanged(self, run_id: str) -> Run:
+    def _run_at_hand(self, run_id: str) -> Run:
         """A run that is not taking another study now."""
         run = self.find(run_id)
         if run_id in self._changing:
             raise RefusedError(409, "this run takes a larger study just now: try again in a moment")
         return run
 
-    def _put(self, run: Run) -> Run:
+    def _store(self, run: Run) -> Run:
         """Store a run whose state changed, and publish it to watchers."""
         before = self._runs.get(run.id)
         if not self.settings.read_only:
@@ -381,7 +381,7 @@ class Supervisor:
             if not run.is_left_alone and not self.settings.read_only:
                 processes.kill_run(self.directory(run_id))
             self._forget_work(run_id)
-            self._put(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))
+            self._store(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))
 
     def _forget_work(self, run_id: str) -> None:
         """Drop the data about the process of an ended run."""
@@ -417,7 +417,7 @@ class Supervisor:
         progress = self._progress.setdefault(run_id, RunProgress(run, directory))
         if alive and not progress.is_due():
             with self._lock:
-                self._hasten(run_id)
+                self._stop_or_kill(run_id)
             return
         counts, steps = progress.read()
         doing = result_directory.work_after_points(run, counts, directory) if alive else ""
@@ -426,19 +426,19 @@ class Supervisor:
             if not run.state.alive:
                 return
             if (known := result_directory.with_results(run, directory)) != run:
-                run = self._put(known)
+                run = self._store(known)
             if alive:
                 if (counts, steps, doing) != (run.counts, run.steps, run.message):
                     eta = progress.eta_seconds(counts)
                     self._show(run.changed(counts=counts, steps=steps, message=doing, eta_seconds=eta))
-                self._hasten(run_id)
+                self._stop_or_kill(run_id)
                 return
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
             if run.is_search and state is State.FINISHED:  # its points are now the total
                 counts = replace(counts, total=counts.finished + counts.failed)
             ended = run.changed(eta_seconds=None, retry_failed=False)
-            self._put(ended.changed(state=state, message=message, counts=counts, steps=steps))
+            self._store(ended.changed(state=state, message=message, counts=counts, steps=steps))
             self._forget_work(run_id)
 
     def _read_annotations(self) -> None:
@@ -450,14 +450,14 @@ class Supervisor:
                 if run is None or run.annotation == annotation or result_directory.is_exchanged(run, directory):
                     continue
                 if files.is_current(run_id, directory):
-                    self._put(with_annotation(run, annotation))
+                    self._store(with_annotation(run, annotation))
 
     def _interrupt(self, run_id: str) -> None:
         """Ask a run to stop, only once: a second signal would end it at once."""
         if run_id not in self._interrupted and processes.stop_run(self.directory(run_id)):
             self._interrupted.add(run_id)
 
-    def _hasten(self, run_id: str) -> None:
+    def _stop_or_kill(self, run_id: str) -> None:
         """Repeat the stop for a run that had just started, and kill a run that did not stop in time."""
         if self._runs[run_id].state is State.STOPPING:
             self._interrupt(run_id)
@@ -477,9 +477,9 @@ class Supervisor:
     def _start(self, run_id: str) -> None:
         run, directory = self._runs[run_id], self.directory(run_id)
         if result_directory.is_exchanged(run, directory):
-            self._put(replace(run, state=State.FAILED, message="its directory holds the results of another run"))
+            self._store(replace(run, state=State.FAILED, message="its directory holds the results of another run"))
             return
-        self._put(run.changed(state=State.RUNNING, inode=0))  # before the start, so that a kill is noticed
+        self._store(run.changed(state=State.RUNNING, inode=0))  # before the start, so that a kill is noticed
         try:
             remove_report(directory)
             if run.is_search:
@@ -487,4 +487,4 @@ class Supervisor:
             words = processes.run_words(run, directory, self.settings.workers)
             processes.start_run(directory, words, self.settings.limits.run_memory_bytes)
         except InputError as error:
-            self._put(replace(self._runs[run_id], state=State.FAILED, message=among_runs(str(error), directory)))
+            self._store(replace(self._runs[run_id], state=State.FAILED, message=among_runs(str(error), directory)))

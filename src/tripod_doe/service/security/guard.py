@@ -136,7 +136,7 @@ class Guard:
                 raise _unknown()
             if scope["method"] not in _SAFE:
                 self._check_change(scope, headers)
-                receive = _again(await self._body(scope, headers, receive))
+                receive = _replayed_body(await self._body(scope, headers, receive))
             self._refuse_crowd(scope)
         except RefusedError as refusal:
             if (access := scope["access"]) is not None and not access.owns:
@@ -245,14 +245,14 @@ class Guard:
             return None
         words = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True, separator="&")
         if not place or (place == "/" and inside and inside.settings.only_run):
-            return RedirectResponse(f"{inside.settings.root}{_start(inside)}" if inside else "/", 303)
+            return RedirectResponse(f"{inside.settings.root}{_first_page(inside)}" if inside else "/", 303)
         given = [value for name, value in words if name in _TOKENS]
         access = self._accesses.by_token(given[0]) if given else None
         if access is None:
             return None
         rest = urlencode([(name, value) for name, value in words if name not in _TOKENS])
         root = access.settings.root
-        path = f"{root}{_start(access)}" if access.settings.only_run else f"{root}/{place.lstrip('/')}"
+        path = f"{root}{_first_page(access)}" if access.settings.only_run else f"{root}/{place.lstrip('/')}"
         response = RedirectResponse(f"{path}?{rest}" if rest else path, 303)
         session = self._sessions.open(access.name)
         response.set_cookie(self._settings.cookie, session, LIFETIME, httponly=True, samesite="strict", path=root)
@@ -325,7 +325,7 @@ class Guard:
         return bytes(body)
 
 
-def _start(access: Access) -> str:
+def _first_page(access: Access) -> str:
     """The first page after signing in: the list of runs, or the only run."""
     return f"/runs/{access.settings.only_run}" if access.settings.only_run else "/"
 
@@ -353,7 +353,7 @@ def _is_address(name: str) -> bool:
     return True
 
 
-def _again(body: bytes) -> Receive:
+def _replayed_body(body: bytes) -> Receive:
     """A channel that returns the received body, then the end of the connection."""
     sent = False
     gone = asyncio.Event()

@@ -123,20 +123,20 @@ def _wrong(study: Study, reason: object) -> InputError:
     return InputError(f"{study.origin}: {reason}; {remedy}")
 
 
-def _of(response: Response, responses: Collection[Response]) -> set[str]:
+def _outputs_for(response: Response, responses: Collection[Response]) -> set[str]:
     """All outputs from which a response is computed."""
     before = [other for other in responses if other.name in response.responses]
-    return set(response.outputs).union(*(_of(other, responses) for other in before))
+    return set(response.outputs).union(*(_outputs_for(other, responses) for other in before))
 
 
 def _is_given(response: Response, responses: Collection[Response], outputs: Outputs) -> bool:
     """Whether runs gave all outputs of a response: a model may lack one."""
-    return _of(response, responses) <= outputs.keys()
+    return _outputs_for(response, responses) <= outputs.keys()
 
 
 def _without_value(response: Response, responses: Collection[Response], outputs: Outputs) -> NDArray[np.bool_]:
     """Points at which an output has no number, shape (point,): a comparison with it would be false, and not unknown."""
-    used = [outputs[name][1] for name in _of(response, responses)]
+    used = [outputs[name][1] for name in _outputs_for(response, responses)]
     empty: NDArray[np.bool_] = np.any([np.isnan(data).all(axis=tuple(range(1, data.ndim))) for data in used], axis=0)
     return empty
 

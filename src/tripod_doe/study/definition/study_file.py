@@ -66,36 +66,36 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
         file = parse_file(text, origin)
     except InputError as error:
         raise InputError("\n".join([str(error), *_wrong_besides(text, origin)])) from error
-    simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
+    simulator = _with_place(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
     _check_sources(origin, file, folder)
-    _at(origin, "[design]", lambda: check_parts(file))
+    _with_place(origin, "[design]", lambda: check_parts(file))
     if not folder.has_results:
         _refuse_unread(origin, file)
     auto = file.base.get("model") == AUTO
     base = _base(origin, simulator, _given(file.base), file.factors)
-    file = _at(origin, "[design]", lambda: ablation_at_operating_points(simulator, file))
-    switches = _at(origin, "[design]", lambda: switches_of_study(simulator, file))
+    file = _with_place(origin, "[design]", lambda: ablation_at_operating_points(simulator, file))
+    switches = _with_place(origin, "[design]", lambda: switches_of_study(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
-    tables |= _at(origin, "[design]", lambda: fidelity_factor(simulator, file))
+    tables |= _with_place(origin, "[design]", lambda: fidelity_factor(simulator, file))
     center = {name: base.pop(name) for name in varied_around_base(file) & base.keys()}
     factors = _factors(origin, simulator, tables, base)
-    keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
+    keep = _with_place(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     first = {name: factor.values[0] for name, factor in factors.items() if factor.values} | center
-    responses = _at(origin, "", lambda: check_responses(simulator, file.responses, {**base, **first}))
+    responses = _with_place(origin, "", lambda: check_responses(simulator, file.responses, {**base, **first}))
     stored = stored_outputs(simulator, keep, responses)
     _check_run(origin, file.run)
     if file.run.look_for is not None and simulator.outputs:  # those of a function are known when it has run
         along = [dim for name in keep for dim in simulator.outputs[name].dims]
         names = dict.fromkeys([*tables, *keep, *along, *(response.name for response in responses), "outcome"])
         words = {"outcome": [outcome.label for outcome in Outcome]}
-        _at(origin, "[run]: look_for", lambda: Expression(str(file.run.look_for), names, words))
+        _with_place(origin, "[run]: look_for", lambda: Expression(str(file.run.look_for), names, words))
     auto_model = _auto_model(origin, simulator, file, {*base, *factors}) if auto else None
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     levels = _levels(factors, center, auto_model)
     run = file.run
     tabulated = "table" in (part.kind for part in designs_of(file))
     unknown = simulator.parameters.keys() - base if tabulated else ()
-    retry = _at(
+    retry = _with_place(
         origin,
         "[run]",
         lambda: check_retries(simulator, base, levels, stored, run.retry, run.expected_outcomes, unknown),
@@ -103,7 +103,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     study = Study(
         file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, auto_model, accuracy, responses
     )
-    warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, stored))
+    warnings = _with_place(origin, "[base]", lambda: simulator.check(base, levels, stored))
     return replace(study, warnings=tuple(warnings))
 
 
@@ -115,7 +115,9 @@ def _factors(
         lines = [f"{origin}: {name} is both a base value and a factor; remove it from [base]" for name in twice]
         raise InputError("\n".join(lines))
     return {
-        name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: checked_factor(simulator.parameters[n], t))
+        name: _with_place(
+            origin, f"[factors.{name}]", lambda n=name, t=table: checked_factor(simulator.parameters[n], t)
+        )
         for name, table in tables.items()
     }
 
@@ -164,7 +166,7 @@ def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str
     return accuracy
 
 
-def _at(origin: str, where: str, step: Any) -> Any:
+def _with_place(origin: str, where: str, step: Any) -> Any:
     """Run one check, and put file and key before every line of its error."""
     try:
         return step()
@@ -176,9 +178,9 @@ def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:
     """Refuse forbidden tables, and factors with more values than allowed, before any value is made."""
     for design in (file.design, *file.designs.values()):
         if design.table is not None:
-            _at(origin, "[design]", lambda d=design: folder.check_file(d.table, "table"))
+            _with_place(origin, "[design]", lambda d=design: folder.check_file(d.table, "table"))
     for name, table in file.factors.items():
-        _at(origin, f"[factors.{name}]", lambda t=table: folder.refuse_many(t.count or 0, "values"))
+        _with_place(origin, f"[factors.{name}]", lambda t=table: folder.refuse_many(t.count or 0, "values"))
 
 
 def _given(base: Mapping[str, Any]) -> dict[str, Any]:
@@ -211,7 +213,7 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
     """Check the base values; the error lists unknown factors as well."""
     wrong, base = [], dict[str, Value]()
     try:
-        base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
+        base = _with_place(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
     except InputError as error:
         wrong.append(str(error))
     wrong += first_messages(
@@ -226,17 +228,17 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
 def _refuse_unread(origin: str, file: StudyFile) -> None:
     """Refuse what the design would leave out in silence: keys, sub-designs and factors."""
     design = file.design
-    _at(origin, "[design]", lambda: refuse_unread_keys(design))
+    _with_place(origin, "[design]", lambda: refuse_unread_keys(design))
     for name, part in file.designs.items():
         where = f"[design.{name}]"
-        _at(origin, where, lambda p=part: refuse_unread_keys(p))
+        _with_place(origin, where, lambda p=part: refuse_unread_keys(p))
         if name not in design.of:
             remedy = "add it to of" if design.kind == "product" else 'only kind = "product" has sub-designs'
             raise InputError(f"{origin}: {where}: no design uses it: {remedy}, or leave it out")
         if part.constraints:
             raise InputError(f"{origin}: {where}: constraints belong to all points; move them to [design]")
     for name, table in file.factors.items():
-        _at(origin, f"[factors.{name}]", lambda t=table: refuse_unread(t))
+        _with_place(origin, f"[factors.{name}]", lambda t=table: refuse_unread(t))
         if design.factors is not None and name not in design.factors and design.kind != "ablation":
             raise InputError(f"{origin}: [design]: factors leaves out {name}; add it, or leave out [factors.{name}]")
 

@@ -67,11 +67,11 @@ class _History:
         self._first, self._points = first, points
         self._block = first.take(np.arange(first.count))
         self._waiting = ~np.isin(first.outcome, list(retry.accepted))
-        self._values = {row: self._given(row) for row in np.flatnonzero(self._waiting).tolist()}
+        self._values = {row: self._set_values(row) for row in np.flatnonzero(self._waiting).tolist()}
         self._attempt = np.zeros(first.count, np.int8)
         self._settled = {row: _settled(first, row) for row in self._values}
 
-    def _given(self, row: int) -> dict[str, Value]:
+    def _set_values(self, row: int) -> dict[str, Value]:
         """The values of a point that are set."""
         values = {name: column[row : row + 1].tolist()[0] for name, column in self._points.items()}
         return {name: value for name, value in values.items() if is_set(value)}
@@ -114,7 +114,7 @@ class _History:
         used: dict[str, list[Value]] = {name: [] for name in names}
         for row in range(self._first.count):
             solved = row in self._values and not self._waiting[row]
-            full = self._simulator.effective(self._values[row] if solved else self._given(row))
+            full = self._simulator.effective(self._values[row] if solved else self._set_values(row))
             full |= _settled(self._block if solved else self._first, row)
             for name in names:
                 used[name].append(full[name])

@@ -104,7 +104,7 @@ def taken(labels: Variable, left: IntArray | None, count: int, selection: Select
         selection: The selection.
     """
     if left is None and labels.is_counted:
-        left = _around(selection, count)
+        left = _positions_near(selection, count)
     stretches = partial(_stretches, labels, left, count)
     if nearest:
         nearest_ones = tuple(_nearest(wanted, stretches()) for wanted in selection.values)
@@ -121,7 +121,7 @@ def refuse_unmatched(labels: Variable, count: int, selection: Selection, nearest
     if len(selection.values) < 2:
         return
     missing = dict(zip(selection.texts, selection.values, strict=True))
-    for _, values in _stretches(labels, _around(selection, count) if labels.is_counted else None, count):
+    for _, values in _stretches(labels, _positions_near(selection, count) if labels.is_counted else None, count):
         if values.dtype.kind in "fiub":
             known = np.unique(values)
             met = {text for text in missing if nearest or _matching(known, Selection("", (missing[text],))).any()}
@@ -137,7 +137,7 @@ def refuse_unmatched(labels: Variable, count: int, selection: Selection, nearest
         )
 
 
-def _around(selection: Selection, count: int) -> IntArray:
+def _positions_near(selection: Selection, count: int) -> IntArray:
     """Positions near the numbers that a selection names: where labels are positions, no others can meet it."""
     wanted = [value for value in selection.values if not isinstance(value, str)]
     ends = zip(wanted, wanted, strict=True) if selection.values else [(selection.low, selection.high)]

@@ -41,7 +41,7 @@ class DirectoryLock:
         try:
             self._lock = self._locked(take_over)
         except BlockingIOError as error:
-            raise InputError(f"{path}: {_held(self._file)} or choose another {option('out')}") from error
+            raise InputError(f"{path}: {_holder_text(self._file)} or choose another {option('out')}") from error
         except OSError as error:
             raise InputError(f"{path}: cannot write here: {error.strerror}; choose another {option('out')}") from error
         self._signed = self._sign()
@@ -51,20 +51,20 @@ class DirectoryLock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             holder = _holder(self._file)
-            if not holder or _gone(holder):
+            if not holder or _is_dead(holder):
                 return lock
         except BlockingIOError:  # also where the lock of a dead process stays
             holder = _holder(self._file)
         os.close(lock)
-        if _alive(holder) or not (take_over or self._stays_gone(holder)):
+        if _is_alive(holder) or not (take_over or self._stays_gone(holder)):
             raise BlockingIOError
         self._file.unlink(missing_ok=True)  # a new file has a new lock; the former holder notices it
         return self._locked(take_over=False)
 
     def _stays_gone(self, holder: dict[str, Any]) -> bool:
         """Whether a holder has ended, and no other process is about to write its name."""
-        time.sleep(_SIGNING if _gone(holder) else 0.0)
-        return _gone(holder) and _holder(self._file) == holder
+        time.sleep(_SIGNING if _is_dead(holder) else 0.0)
+        return _is_dead(holder) and _holder(self._file) == holder
 
     def _sign(self) -> bool:
         """Write the holder into the lock's file; that fails on a full disk, and the lock holds without it."""
@@ -112,12 +112,12 @@ def _holder(file: Path) -> dict[str, Any]:
     return holder if is_process and type(since) in (int, float) and abs(since) < _END_OF_TIME else {}
 
 
-def _gone(holder: dict[str, Any]) -> bool:
+def _is_dead(holder: dict[str, Any]) -> bool:
     """Whether a holder is known to have ended: a process of this host that no longer exists."""
-    return bool(holder) and holder["host"] == socket.gethostname() and not _alive(holder)
+    return bool(holder) and holder["host"] == socket.gethostname() and not _is_alive(holder)
 
 
-def _alive(holder: dict[str, Any]) -> bool:
+def _is_alive(holder: dict[str, Any]) -> bool:
     """Whether a holder is known to be alive: a process of this host, and no later one with the same number."""
     if not holder or holder["host"] != socket.gethostname():
         return False
@@ -133,9 +133,9 @@ def _alive(holder: dict[str, Any]) -> bool:
     return not ended and bool(began <= holder.get("since", began) + _CLOCK)
 
 
-def _held(file: Path) -> str:
+def _holder_text(file: Path) -> str:
     """The holder of a directory, and a remedy: the beginning of a sentence."""
     holder = _holder(file)
     who = f"process {holder['process']} on {holder['host']}" if holder else "another run"
-    place = "" if _alive(holder) else f", take its place with {option('take_over', True)} if it is dead,"
+    place = "" if _is_alive(holder) else f", take its place with {option('take_over', True)} if it is dead,"
     return f"{who} is writing here; wait for it{place}"
