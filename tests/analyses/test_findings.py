@@ -15,8 +15,9 @@ from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.sensitivity.charts import rotation_charts
 from tripod_doe.page_parts.main_outputs import OutputPart, quantile_text
-from tripod_doe.page_parts.main_results import factor_text, main_effect, responses
+from tripod_doe.page_parts.main_results import main_effect, responses
 from tripod_doe.page_parts.tables import cost_rows
+from tripod_doe.page_parts.words import factor_text
 
 LINE = """
 [study]

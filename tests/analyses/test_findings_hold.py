@@ -17,7 +17,7 @@ from scipy.stats import qmc
 
 from tripod_doe.analyses.findings import find
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.main_results import listed
+from tripod_doe.page_parts.words import listed
 
 NAMES = ("x1", "x2", "x3")
 PROBLEM = {"num_vars": 3, "names": list(NAMES), "bounds": [[-1, 1]] * 3}

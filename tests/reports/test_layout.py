@@ -17,7 +17,7 @@ from tripod_doe.analyses.stability.stability import RunKind
 from tripod_doe.page_parts import templates
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.charts.chart import INK, VARIABLES
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 from tripod_doe.reports.study_report import make_page, write_report
 from tripod_doe.reports.workflow_chart import StepView
 from tripod_doe.reports.workflow_report import chain_page

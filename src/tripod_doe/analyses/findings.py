@@ -14,16 +14,12 @@ from tripod_doe.model_interface import NOT_REPRESENTED, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen
 from tripod_doe.page_parts.main_results import (
     ERRORS,
-    ORDINALS,
     Response,
     asked,
     computed_once,
     design_kind,
-    factor_label,
     factor_names,
-    factor_text,
     finished,
-    listed,
     point_columns,
     points_in_words,
     representative_points,
@@ -32,6 +28,7 @@ from tripod_doe.page_parts.main_results import (
     waiting,
 )
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
+from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_text, listed
 from tripod_doe.quantities import digits_apart, level, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 

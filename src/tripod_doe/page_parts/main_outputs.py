@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
+from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import count_of, digits_apart, in_words, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import PHASES, RESPONSES
 

@@ -1,8 +1,5 @@
 """The main results of a cube as labelled responses over the design."""
 
-import math
-import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,28 +12,11 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders
-from tripod_doe.quantities import in_words, level, with_unit
+from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
 
 _REPRESENTATIVE = "representative_points"  # attribute of a part of a cube: describes its points
-
-ORDINALS = (
-    "mean thrust force",
-    "first order",
-    "second order",
-    "third order",
-    "fourth order",
-    "fifth order",
-    "sixth order",
-    "seventh order",
-    "eighth order",
-    "ninth order",
-    "tenth order",
-    "eleventh order",
-    "twelfth order",
-)
-"""Orders in words."""
 
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
 ERRORS = ("thrust_amplitude_error", "thrust_amplitude_step_error", "thrust_amplitude_scatter")
@@ -44,11 +24,9 @@ ERRORS = ("thrust_amplitude_error", "thrust_amplitude_step_error", "thrust_ampli
 
 _VISIBLE = 5e-3  # orders below this part of the largest order get no sentence
 _MOST_OWN = 6  # numbers of a function
-_UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
 _REPETITION = "replicate"  # the factor that numbers repeated runs of one point
-_UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
 
 
 @dataclass(frozen=True)
@@ -80,52 +58,6 @@ class Effect:
     upper: FloatArray
     count: IntArray  # finished points
     sampled: bool  # whether levels are classes
-
-
-def spoken(name: str) -> str:
-    """A parameter's name in words, without its unit: ``joint_angle_deg`` becomes ``joint angle``."""
-    return in_words(_UNIT_SUFFIX.sub("", name))
-
-
-def unit_text(unit: str) -> str:
-    """A unit as text."""
-    return _UNITS.get(unit, unit)
-
-
-def listed(names: list[str]) -> str:
-    """Names as a sentence lists them: ``a, b and c``."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def factor_label(cube: xr.Dataset, name: str) -> str:
-    """A factor in words; an argument of a user's function keeps its bare name."""
-    return name if cube[name].attrs.get("source") == "user function" else spoken(name)
-
-
-def factor_unit(cube: xr.Dataset, name: str) -> str:
-    """The unit of a factor or a variable as text."""
-    return unit_text(str(cube[name].attrs.get("units", "1")))
-
-
-def axis_label(cube: xr.Dataset, name: str) -> str:
-    """A factor as the label of an axis, with its unit."""
-    unit = factor_unit(cube, name)
-    return f"{factor_label(cube, name)} ({unit})" if unit else factor_label(cube, name)
-
-
-def factor_text(cube: xr.Dataset, name: str, value: object, given: Callable[[float], str] = level) -> str:
-    """A factor with its value: ``torque 50 N m``, ``initial skew 1 = 2 deg``, ``step not given``.
-
-    Args:
-        value: Its value, a number or a word; a number may be given as text.
-    """
-    label = factor_label(cube, name)
-    if isinstance(value, str) and cube[name].dtype.kind == "f":
-        value = float(value)
-    if isinstance(value, float) and math.isnan(value):
-        return f"{label} not given"
-    text = with_unit(given(value) if isinstance(value, int | float) else str(value), factor_unit(cube, name))
-    return f"{label}{' =' * label[-1].isdigit()} {text}"
 
 
 def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:

@@ -36,11 +36,9 @@ from tripod_doe.page_parts.main_results import (
     asked,
     design_kind,
     factor_names,
-    factor_unit,
     finished,
     points_in_words,
     representative_points,
-    spoken,
     waiting,
 )
 from tripod_doe.page_parts.subset import shown_subset
@@ -53,6 +51,7 @@ from tripod_doe.page_parts.tables import (
     outcome_counts,
 )
 from tripod_doe.page_parts.templates import render
+from tripod_doe.page_parts.words import factor_unit, spoken
 from tripod_doe.reports.joint_drawing import drawn_joint
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.lazy_dataset import read_dataset

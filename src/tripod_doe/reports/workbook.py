@@ -10,8 +10,9 @@ import xarray as xr
 
 from tripod_doe.analyses.registry import table_of
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.main_results import factor_names, factor_unit, unit_text
+from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.page_parts.tables import factor_rows, fixed_rows
+from tripod_doe.page_parts.words import factor_unit, unit_text
 from tripod_doe.page_parts.xlsx_file import MOST_COLUMNS, Sheet, workbook
 from tripod_doe.reports.study_report import read_analyses
 from tripod_doe.study.result_directory.annotation import read_annotation

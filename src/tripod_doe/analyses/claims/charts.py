@@ -8,7 +8,7 @@ import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, name_rows
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 
 _BARS = {Verdict.HOLDS: COLOURS[0], Verdict.DOES_NOT_HOLD: COLOURS[1]}
 

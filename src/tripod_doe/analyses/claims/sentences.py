@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
-from tripod_doe.page_parts.main_results import listed, unit_text
+from tripod_doe.page_parts.words import listed, unit_text
 from tripod_doe.quantities import capital, level, number, text_range, with_unit
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]

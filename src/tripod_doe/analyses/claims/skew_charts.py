@@ -24,7 +24,8 @@ from tripod_doe.page_parts.charts.chart import (
     series,
 )
 from tripod_doe.page_parts.charts.paper_figures import SKEWS, first_points
-from tripod_doe.page_parts.main_results import axis_label, factor_text, finished, numeric_factors
+from tripod_doe.page_parts.main_results import finished, numeric_factors
+from tripod_doe.page_parts.words import axis_label, factor_text
 from tripod_doe.quantities import level
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

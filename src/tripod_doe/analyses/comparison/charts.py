@@ -10,7 +10,7 @@ import xarray as xr
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
-from tripod_doe.page_parts.main_results import ORDINALS
+from tripod_doe.page_parts.words import ORDINALS
 from tripod_doe.quantities import number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

@@ -22,7 +22,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.measurements.operating_point import differ
-from tripod_doe.page_parts.main_results import listed, spoken, unit_text
+from tripod_doe.page_parts.words import listed, spoken, unit_text
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import cell_count

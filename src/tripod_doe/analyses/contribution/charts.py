@@ -11,7 +11,7 @@ import xarray as xr
 from tripod_doe.analyses.contribution.shares import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 from tripod_doe.quantities import count_of, levels_apart
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

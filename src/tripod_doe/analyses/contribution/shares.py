@@ -14,7 +14,7 @@ from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
-from tripod_doe.page_parts.main_results import ORDINALS, factor_label, factor_unit, spoken, unit_text
+from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_unit, spoken, unit_text
 from tripod_doe.quantities import level, number, text_range, with_unit
 
 DEFINITIONS = {

@@ -9,7 +9,7 @@ from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.parameters import MECHANISMS
-from tripod_doe.page_parts.main_results import ORDINALS, listed, spoken
+from tripod_doe.page_parts.words import ORDINALS, listed, spoken
 from tripod_doe.quantities import number
 
 _RIGHT = 5.0  # percent of an amplitude within which a model gets it right

@@ -11,7 +11,7 @@ from typing import Any
 from tripod_doe.analyses.diff.definitions import KeyDifference
 from tripod_doe.analyses.diff.diff import Diff, EqualVariable, ResultDifference
 from tripod_doe.errors import printable
-from tripod_doe.page_parts.main_results import unit_text
+from tripod_doe.page_parts.words import unit_text
 from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, plain_json, with_unit
 
 _MOST = 12  # lines of one kind in a text

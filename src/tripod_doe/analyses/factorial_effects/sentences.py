@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
-from tripod_doe.page_parts.main_results import listed, spoken
+from tripod_doe.page_parts.words import listed, spoken
 from tripod_doe.quantities import count_of, interval, number, squared, with_unit
 
 _MOST_NAMED = 4

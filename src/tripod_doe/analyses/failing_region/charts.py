@@ -6,7 +6,8 @@ import xarray as xr
 
 from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.page_parts.charts.chart import COLOURS, MUTED, Chart, drawing, legend_above
-from tripod_doe.page_parts.main_results import asked, axis_label, finished, point_columns, waiting
+from tripod_doe.page_parts.main_results import asked, finished, point_columns, waiting
+from tripod_doe.page_parts.words import axis_label
 
 
 def failing_region_chart(cube: xr.Dataset) -> Chart | None:

@@ -9,7 +9,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, Chart, drawing
 from tripod_doe.page_parts.charts.orders import agreement, differences
-from tripod_doe.page_parts.main_results import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text
 
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _MOST_CANDIDATES = 20

@@ -10,7 +10,7 @@ import xarray as xr
 from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
 from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
+from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import (
     count_of,
     interval,

@@ -24,16 +24,13 @@ from tripod_doe.page_parts.charts.chart import (
 from tripod_doe.page_parts.main_results import (
     Effect,
     Response,
-    axis_label,
-    factor_label,
     factor_names,
-    factor_text,
-    factor_unit,
     main_effect,
     numeric_factors,
     responses,
     zero_between,
 )
+from tripod_doe.page_parts.words import axis_label, factor_label, factor_text, factor_unit
 from tripod_doe.quantities import level, levels_apart, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

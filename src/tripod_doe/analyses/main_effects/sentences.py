@@ -9,7 +9,8 @@ from tripod_doe.analyses.main_effects.curve_shape import Shape
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground, factor_effects
 from tripod_doe.analyses.main_effects.regression import Separation
 from tripod_doe.analyses.main_effects.wording import EffectWording, at_head
-from tripod_doe.page_parts.main_results import Response, factor_label, listed, point_columns
+from tripod_doe.page_parts.main_results import Response, point_columns
+from tripod_doe.page_parts.words import factor_label, listed
 
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
 

@@ -13,7 +13,8 @@ from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.analyses.output_table import is_level
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.main_results import Response, factor_label, factor_text, factor_unit, listed
+from tripod_doe.page_parts.main_results import Response
+from tripod_doe.page_parts.words import factor_label, factor_text, factor_unit, listed
 from tripod_doe.quantities import (
     capital,
     count_of,

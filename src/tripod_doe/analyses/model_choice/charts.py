@@ -9,7 +9,8 @@ import xarray as xr
 
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MARKERS, Chart, legend_above, panels
 from tripod_doe.page_parts.chosen_models import chosen_models, estimated_errors, is_chosen
-from tripod_doe.page_parts.main_results import asked, axis_label, numeric_factors, spoken
+from tripod_doe.page_parts.main_results import asked, numeric_factors
+from tripod_doe.page_parts.words import axis_label, spoken
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

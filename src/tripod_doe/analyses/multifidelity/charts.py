@@ -8,7 +8,7 @@ from tripod_doe.analyses.multifidelity.sentences import multifidelity_parts
 from tripod_doe.analyses.tolerance.charts import quantile_chart
 from tripod_doe.page_parts.charts.chart import COLOURS, MUTED, Chart, drawing
 from tripod_doe.page_parts.main_outputs import OutputPart
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 
 
 def multifidelity_charts(result: xr.Dataset, name: str) -> list[Chart]:

@@ -6,7 +6,7 @@ import xarray as xr
 from tripod_doe.analyses.sensitivity.sentences import sobol_sentence
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs, quantile_text
-from tripod_doe.page_parts.main_results import listed
+from tripod_doe.page_parts.words import listed
 from tripod_doe.quantities import count_of, duration, interval, number, squared, with_unit
 
 

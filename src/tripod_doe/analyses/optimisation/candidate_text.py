@@ -12,7 +12,7 @@ from tripod_doe.analyses.optimisation.pareto_front import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.main_results import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text
 from tripod_doe.quantities import interval, level, levels_apart, number, with_unit
 
 NEAR_LEVEL = 0.1

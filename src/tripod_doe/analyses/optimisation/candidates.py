@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import confirmed_base, pasted
 from tripod_doe.errors import CubeError, InputError
-from tripod_doe.page_parts.main_results import unit_text
+from tripod_doe.page_parts.words import unit_text
 from tripod_doe.quantities import number
 from tripod_doe.study.definition.toml_text import parse_toml
 

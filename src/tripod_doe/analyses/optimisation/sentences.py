@@ -19,7 +19,7 @@ from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.main_results import listed
+from tripod_doe.page_parts.words import listed
 from tripod_doe.quantities import count_of, number
 
 _LAST = 0.01  # part of the objective that counts as the last per cent

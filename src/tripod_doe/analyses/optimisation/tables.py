@@ -17,7 +17,7 @@ from tripod_doe.analyses.optimisation.pareto_front import front_rows
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.main_results import listed, unit_text
+from tripod_doe.page_parts.words import listed, unit_text
 from tripod_doe.quantities import digits_apart, interval, level, number
 
 _MOST_ROWS = 40

@@ -19,7 +19,7 @@ from tripod_doe.page_parts.charts.chart import (
     name_rows,
     series,
 )
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 
 _SEEN, _UNSEEN = "#b9d0e8", "#e3e6ea"  # cells of interactions above and within their intervals
 

@@ -9,7 +9,7 @@ from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.method import without_interval
 from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs
-from tripod_doe.page_parts.main_results import listed, spoken
+from tripod_doe.page_parts.words import listed, spoken
 from tripod_doe.quantities import count_of, interval, number, rounded_up
 
 _MOST_NAMED = 4  # factors that a sentence names

@@ -7,7 +7,7 @@ import xarray as xr
 
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.main_results import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text
 from tripod_doe.quantities import count_of, duration, level, number, text_range, with_unit
 
 _HEADS = [

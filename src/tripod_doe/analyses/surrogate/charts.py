@@ -6,7 +6,7 @@ import xarray as xr
 
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
 from tripod_doe.page_parts.charts.chart import COLOURS, LINES, Chart, drawing, legend_above
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 
 _SHOWN = 6  # factors in one picture
 

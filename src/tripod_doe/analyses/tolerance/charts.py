@@ -7,7 +7,7 @@ import xarray as xr
 from tripod_doe.analyses.tolerance.sentences import tolerance_parts
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
 from tripod_doe.page_parts.main_outputs import OutputPart, shorter_way
-from tripod_doe.page_parts.main_results import spoken
+from tripod_doe.page_parts.words import spoken
 from tripod_doe.quantities import number
 
 

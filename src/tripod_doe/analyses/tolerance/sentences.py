@@ -12,7 +12,7 @@ from tripod_doe.analyses.tolerance.chances import points_to_decide
 from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, limit_key
 from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
-from tripod_doe.page_parts.main_results import listed, spoken, unit_text
+from tripod_doe.page_parts.words import listed, spoken, unit_text
 from tripod_doe.quantities import count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable

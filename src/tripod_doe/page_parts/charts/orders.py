@@ -9,7 +9,7 @@ import pandas as pd
 
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.charts.chart import INK, MUTED, drawing, legend_above, series
-from tripod_doe.page_parts.main_results import ORDINALS, spoken, unit_text
+from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,8 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, MUTED, Chart, drawing, legend_above, series
-from tripod_doe.page_parts.main_results import ORDINALS, factor_label, factor_names, finished
+from tripod_doe.page_parts.main_results import factor_names, finished
+from tripod_doe.page_parts.words import ORDINALS, factor_label
 from tripod_doe.quantities import level, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

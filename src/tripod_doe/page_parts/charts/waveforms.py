@@ -11,7 +11,8 @@ import xarray as xr
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
-from tripod_doe.page_parts.main_results import ORDINALS, finished, point_text
+from tripod_doe.page_parts.main_results import finished, point_text
+from tripod_doe.page_parts.words import ORDINALS
 from tripod_doe.quantities import capital, number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn

@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.optimisation.candidates import file_of, findings_in, knee_of, names_of, value_text
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.main_results import unit_text
+from tripod_doe.page_parts.words import unit_text
 from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.definition.toml_text import toml_text

@@ -5,7 +5,7 @@ from typing import Any
 
 import xarray as xr
 
-from tripod_doe.page_parts.main_results import unit_text
+from tripod_doe.page_parts.words import unit_text
 from tripod_doe.service.explorer.axes import design_of, variable_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.main_results import listed
+from tripod_doe.page_parts.words import listed
 from tripod_doe.quantities import count_of
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
 from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, plain, shown

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome
-from tripod_doe.page_parts.main_results import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text
 from tripod_doe.quantities import level, with_unit
 
 Figure = dict[str, Any]
