@@ -20,6 +20,7 @@ import tripod_doe as td
 from tripod_doe.analyses.diff.sentences import diff_json
 from tripod_doe.service.app import create_app
 from tripod_doe.service.routes import results
+from tripod_doe.service.settings import Settings
 
 
 def grown(*angles):
@@ -42,6 +43,12 @@ def test_schemas_are_those_of_the_command_line(api):
     assert "/api/v1/runs/{run_id}/query" in api.get("/openapi.json").json()["paths"]
 
 
+def test_the_description_is_made_before_the_first_request(tmp_path):
+    """Regression: it was made in the event loop, where all requests waited for it."""
+    with TestClient(create_app(Settings(tmp_path, workers=0))) as client:
+        assert client.app.openapi_schema
+
+
 def test_what_a_route_does_not_read_is_refused(api):
     """Regression: {"days": 1} gave a link of 14 days, and a misspelt parameter the answer without it."""
     made = api.post("/runs/none/shares", {"days": 1})
@@ -54,6 +61,8 @@ def test_what_a_route_does_not_read_is_refused(api):
         "/runs/none/query?variabel=x",
         "/limits?x=1",
         "/runs/none/diff/none?variables=x",
+        "/runs/none/report?x=1",
+        "/runs/none/figure?variabel=x",  # this one read its query itself
     ):
         answer = api.get(path)
         assert answer.status_code == 422, path

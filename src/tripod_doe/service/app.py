@@ -45,6 +45,7 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.runs.events.attach(asyncio.get_running_loop())
         current_default_thread_limiter().total_tokens = service.threads
+        app.openapi()  # 0.3 s, which all others would wait for in a request, as `refuse_unread` looks into it
         service.start()
         yield
         sessions.close()

@@ -17,24 +17,37 @@ one line per point over many axes."""
 OF_POINTS = ("points", "matrix", "parallel")
 """Kinds that show the points of the design one by one."""
 
+MEANINGS = {
+    "variable": "name of the variable",
+    "kind": f"one of {', '.join(KINDS)}",
+    "x": "dimension or factor along the bottom",
+    "by": "dimension of the lines, the other axis of a map, or the colour of points",
+    "where": "condition on the cells, as query --where takes it",
+    "analysis": "name of the analysis whose result is shown in place of the cube",
+    "minus": "what to subtract: another run, by its id, or this cube's values at name=value",
+    "low": "lower end of a fixed range of the colours",
+    "high": "upper end of a fixed range of the colours",
+    "select": "values of the other dimensions and ranges of factors, name=value or name=a:b; repeatable",
+}
+"""Meanings of the items of an address."""
+
 _WORDS = ("variable", "kind", "x", "by", "where", "analysis", "minus")
 
 
 @dataclass(frozen=True)
 class View:
-    """The selected part of a cube; for an empty field, the cube decides."""
+    """The selected part of a cube, see `MEANINGS`; for an empty field, the cube decides."""
 
-    variable: str = ""  # name of the variable
-    kind: str = ""  # one of `KINDS`
-    x: str = ""  # dimension or factor along the bottom
-    by: str = ""  # dimension of the lines, the other axis of a map, or the colour of points
-    select: tuple[str, ...] = ()  # values of the other dimensions and ranges of factors, as ``--select`` takes them
-    where: str = ""  # condition on the cells, as ``--where`` takes it
-    # low, high: fixed range of the colours
+    variable: str = ""
+    kind: str = ""
+    x: str = ""
+    by: str = ""
+    select: tuple[str, ...] = ()
+    where: str = ""
     low: float | None = None
     high: float | None = None
-    analysis: str = ""  # name of the analysis whose result is shown in place of the cube
-    minus: str = ""  # what to subtract: another run, by its id, or this cube's values at ``name=value``
+    analysis: str = ""
+    minus: str = ""
 
     @classmethod
     def from_items(cls, items: Iterable[tuple[str, str]]) -> View:

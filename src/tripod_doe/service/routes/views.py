@@ -6,14 +6,21 @@ from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, Response
 
 from tripod_doe.service import ask_workers
+from tripod_doe.service.explorer.view import MEANINGS
 from tripod_doe.service.routes.dependencies import CHANGES, IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
+
+_VIEW = {
+    "parameters": [
+        {"name": n, "in": "query", "schema": {"type": "string"}, "description": m} for n, m in MEANINGS.items()
+    ]
+}
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
 
-@router.get("/figure", response_class=Response)
+@router.get("/figure", response_class=Response, openapi_extra=_VIEW)
 def figure(run_id: str, request: Request, service: AnyService, step: str | None = None) -> Response:
-    """A view of a cube as a figure for Plotly; the query is the one of the explorer's page."""
+    """A view of a cube as a figure for Plotly; the cube decides what the query leaves out."""
     items = list(request.query_params.multi_items())
     return Response(ask_workers.figure(service, run_id, items, step), media_type="application/json")
 

@@ -20,13 +20,16 @@ const exports = document.getElementById("exports");
 let shownExports = exports.innerHTML;
 let asked = null;
 
+const FIELDS = ["analysis", "variable", "x", "by", "low", "high", "where", "minus"];
+const VIEW = ["step", "kind", "select", ...FIELDS];  // what an address says of the view, and of nothing else
+
 function stepItems() {
   const step = document.getElementById("step");
   return step ? [["step", step.value]] : [];
 }
 
 function itemsOfAddress() {
-  const items = [...new URLSearchParams(location.search)];
+  const items = [...new URLSearchParams(location.search)].filter(([name]) => VIEW.includes(name));
   return items.some(([name]) => name === "step") ? items : [...stepItems(), ...items];
 }
 
@@ -38,7 +41,7 @@ function itemsOfControls() {
   const items = stepItems();
   const chosen = controls.querySelector("[name=kind]:checked");
   if (chosen) items.push(["kind", chosen.value]);
-  for (const name of ["analysis", "variable", "x", "by", "low", "high", "where", "minus"]) {
+  for (const name of FIELDS) {
     const field = controls.elements[name];
     if (field && (field.value || name === "by")) items.push([name, field.value]);
   }
@@ -78,8 +81,7 @@ async function look(items, { remember = true } = {}) {
 
 function withKept(items) {  // the point that is open and the view beside stay when the view changes
   const kept = ["point", "beside"].map((name) => [name, ofAddress(name)]).filter(([, value]) => value !== null && value !== "");
-  const names = kept.map(([name]) => name);
-  return new URLSearchParams([...items.filter(([name]) => !names.includes(name)), ...kept]);
+  return new URLSearchParams([...items, ...kept]);
 }
 
 function changeAddress(name, value) {
