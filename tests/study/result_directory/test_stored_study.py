@@ -156,15 +156,22 @@ def test_a_study_that_ran_goes_on_in_spite_of_keys_that_nothing_reads(tmp_path, 
     assert main(["run", str(tmp_path / "s.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
 
 
-def test_a_damaged_study_of_a_directory_is_no_edit(tmp_path, capsys):
-    """Regression: run with the file of the directory itself, the damage became its study."""
+def test_the_study_of_a_directory_is_edited_there(tmp_path, capsys):
+    """Regression: run with it, it was called damaged, and nobody had its old text. A flipped digit is refused."""
     (tmp_path / "s.toml").write_text(UNREAD)
     td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
     stored = tmp_path / "out" / "study.toml"
-    assert main(["run", str(stored), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
-    damaged = UNREAD.replace("[4, 8]", "[4, 8, 9]")
-    stored.write_text(damaged)
-    assert main(["run", str(stored), "--out", str(tmp_path / "out"), "--workers", "0"]) != 0
-    assert "study.toml" in (said := capsys.readouterr().err)
-    assert "damaged or edited" in said or "checksum" in said
-    assert td.open_cube(tmp_path / "out").sizes["joint_angle_deg"] == 2
+    again = ["run", str(stored), "--out", str(tmp_path / "out"), "--workers", "0"]
+    assert main(again) == 0
+    stored.write_text(UNREAD.replace("[4, 8]", "[4, 9]"))
+    assert main(again) == 2
+    assert "factors.joint_angle_deg.values: [4, 8] -> [4, 9]" in capsys.readouterr().err
+    stored.write_text(UNREAD.replace("[4, 8]", "[4, 8, 9]"))
+    copy = shutil.copytree(tmp_path / "out", tmp_path / "copy")
+    assert main(again) == 0
+    assert f"{stored}: edited since it ran: factors.joint_angle_deg.values" in (said := capsys.readouterr().err)
+    assert "1 point computed" in said
+    assert td.open_cube(tmp_path / "out").sizes["joint_angle_deg"] == 3
+    (copy / "cube.nc").unlink()  # the only other place of the old text
+    assert main(["run", str(copy / "study.toml"), "--out", str(copy), "--workers", "0"]) == 2
+    assert "study.toml: damaged or edited" in capsys.readouterr().err

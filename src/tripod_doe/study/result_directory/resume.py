@@ -1,17 +1,21 @@
 """Resumed runs: missing points of a study, and the check whether a changed study may use the results."""
 
+import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.errors import InputError, option
+from tripod_doe.checksum_list import refuse_other_results
+from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.model_interface import Outcome
+from tripod_doe.study.cube.file_checks import study_text
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.journal import KERNELS, STUDY, Journal, text_digest
-from tripod_doe.study.result_directory.stored_study import STORED, refuse_changed_study, stored_study
+from tripod_doe.study.result_directory.stored_study import STORED, read_again, stored_study
 from tripod_doe.study.study_points import StudyPoints
 
 
@@ -36,27 +40,43 @@ class Resume:
 
         Raises:
             InputError: With every key that changed, its old and its new value.
-            CubeError: If the study was read from the directory itself and is not the one that was stored there.
+            CubeError: If the file of that study was edited and no cube has its text either.
         """
         study, stored = asked.study, self._path / STORED
-        if stored.exists() and Path(study.origin).resolve() == stored.resolve():  # its damage would count as a change
-            refuse_changed_study(self._path, self._journal)
+        is_here = stored.exists() and Path(study.origin).resolve() == stored.resolve()
+        if is_here:
+            refuse_other_results(self._path)
         there, grew = self._done(asked) if done is None else asked.done(done)
         if (not there.any() and grew) or not stored.exists():
             return
         self.refuse_other_kernels(study)
         same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
-        before = study if same else stored_study(self._path)
+        before = study if same else self._before()
         _refuse_unstored(before, study, self._path)
         old, new = canonical(before), canonical(study)
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
+            if is_here and not same:  # damage, too, would become its study
+                print(
+                    f"{stored}: edited since it ran: {', '.join(changed) or 'no key that sets points'}", file=sys.stderr
+                )
             return
         listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
         raise InputError(
             f"{study.origin}: the study differs from the study of the results in {self._path}; choose another "
             f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
         )
+
+    def _before(self) -> Study:
+        """The study of the results: as stored, or, where that file was edited, as the cube holds it."""
+        try:
+            return stored_study(self._path)
+        except CubeError:
+            with suppress(CubeError):
+                text = study_text(self._path / "cube.nc")
+                if text_digest(text.encode()) == self._journal.recall(STUDY):
+                    return read_again(self._path, text, str(self._path / STORED))
+            raise
 
     def refuse_other_kernels(self, study: Study) -> None:
         """Refuse (InputError) a study whose points another version of the code has begun; else note the version."""
