@@ -17,6 +17,7 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.journal import STUDY as STUDY_TEXT
 from tripod_doe.study.journal import Journal, text_digest
+from tripod_doe.study.result_directory import directory
 from tripod_doe.study.result_directory.stored_study import stored_study, texts_of_study
 
 FUNCTION = """
@@ -175,3 +176,27 @@ def test_the_study_of_a_directory_is_edited_there(tmp_path, capsys):
     (copy / "cube.nc").unlink()  # the only other place of the old text
     assert main(["run", str(copy / "study.toml"), "--out", str(copy), "--workers", "0"]) == 2
     assert "study.toml: damaged or edited" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("pages_not_made")
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_kill_while_the_study_is_replaced_leaves_a_directory_that_is_read(tmp_path, monkeypatch, capsys, after):
+    """Regression: the journal knew the new study, and the old one beside it was called damaged."""
+    (tmp_path / "s.toml").write_text(UNREAD)
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    (tmp_path / "s.toml").write_text(UNREAD.replace("[4, 8]", "[4, 8, 9]"))
+    words = ["run", str(tmp_path / "s.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]
+
+    def killed(path, text):
+        if after:
+            replace_text(path, text)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(directory, "replace_text", killed)
+        assert main(words) == 130
+    angles = [4, 8, 9] if after else [4, 8]
+    assert td.open_cube(tmp_path / "out")["joint_angle_deg"].values.tolist() == angles
+    assert main(words) == 0
+    assert "1 point computed" in capsys.readouterr().err
+    assert td.open_cube(tmp_path / "out").sizes["joint_angle_deg"] == 3

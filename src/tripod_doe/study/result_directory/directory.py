@@ -40,7 +40,7 @@ from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.resume import Resume
 from tripod_doe.study.result_directory.search_condition import FOUND
-from tripod_doe.study.result_directory.stored_study import STORED, keep_sources
+from tripod_doe.study.result_directory.stored_study import STORED, keep_sources, known_texts
 from tripod_doe.study.result_directory.zarr_store import remove_zarr
 from tripod_doe.study.study_points import StudyPoints
 
@@ -126,15 +126,20 @@ class ResultDirectory:
         return list(self._journal.places())
 
     def adopt(self, study: Study) -> None:
-        """Make this the study of the directory, without checks; what was made of its earlier results is removed."""
+        """Make this the study of the directory, without checks; what was made of its earlier results is removed.
+
+        A kill leaves the study before or this one, and a directory that is read.
+        """
         remove_pages(self.path)
         for stale in analysis_files(self.path).values():
             stale.unlink()
         remove_zarr(self.path)
-        notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
-        notes[OUTDATED] = "yes"
+        digest = text_digest(study.text.encode())
+        notes = {KERNELS: study.simulator.source_hash, STUDY_HASH: study.hash, OUTDATED: "yes"}
+        notes[STUDY] = " ".join([*known_texts(self._journal), digest])
         self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
+        self._journal.remember({STUDY: digest})
 
     def note_derived(self, tables: Mapping[str, Any], drop: Collection[str] = ()) -> None:
         """Remember responses that were added to the results, so that later runs keep them; forget some."""

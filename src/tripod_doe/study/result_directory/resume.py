@@ -14,8 +14,8 @@ from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.file_checks import study_text
 from tripod_doe.study.definition.study import Study, canonical
-from tripod_doe.study.journal import KERNELS, STUDY, Journal, text_digest
-from tripod_doe.study.result_directory.stored_study import STORED, read_again, stored_study
+from tripod_doe.study.journal import KERNELS, Journal, text_digest
+from tripod_doe.study.result_directory.stored_study import STORED, known_texts, read_again, stored_study
 from tripod_doe.study.study_points import StudyPoints
 
 
@@ -50,7 +50,7 @@ class Resume:
         if (not there.any() and grew) or not stored.exists():
             return
         self.refuse_other_kernels(study)
-        same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
+        same = text_digest(study.text.encode()) in known_texts(self._journal)  # the file there may be damaged
         before = study if same else self._before()
         _refuse_unstored(before, study, self._path)
         old, new = canonical(before), canonical(study)
@@ -74,7 +74,7 @@ class Resume:
         except CubeError:
             with suppress(CubeError):
                 text = study_text(self._path / "cube.nc")
-                if text_digest(text.encode()) == self._journal.recall(STUDY):
+                if text_digest(text.encode()) in known_texts(self._journal):
                     return read_again(self._path, text, str(self._path / STORED))
             raise
 
