@@ -79,6 +79,7 @@ def test_proportion_is_distinguished_from_a_straight_line(make_cube):
     [
         ([9.5, 44.0, 66.0, 87.0, 109.0, 131.0, 152.0], "y increases with x"),
         ([21.0, 44.0, 66.0, 87.0, 109.0, 131.0, 152.0], "y is nearly proportional to x: 109 per 10 (2 to 14, "),
+        ([12 + 100 * k for k in range(1, 8)], "proportional to x: 512 per 10 (2 to 14, averaged over z; R2 = 0.99"),
         ([1.0, 1.000001, 1.00002], "from 1 (at 2) to 1.00002 (at 6)"),
     ],
 )

@@ -51,6 +51,11 @@ class Sample:
         """Labels of the indices: the factors, or the groups in which they vary."""
         return list(factor_groups(self.tables))
 
+    @property
+    def independent(self) -> bool:
+        """Whether the factors are independent: neither correlated nor restricted by constraints."""
+        return not (self.design.correlation or self.design.constraints)
+
     @cached_property
     def unit(self) -> FloatArray:
         """The usable points on the unit cube, before the distributions, shape (point, factor)."""
@@ -88,6 +93,8 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
     if design.kind not in kinds:
         raise InputError(f"this analysis needs a {' or '.join(kinds)} design, the cube's is {design.kind}")
     tables = {name: file.factors[name] for name in design.factors or file.factors}
+    if design.kind == "table":
+        tables |= _other_columns(cube, tables)
     block = FAMILIES[design.kind].block(design, len(factor_groups(tables)))
     usable, inside = usable_points(cube, outputs), _inside(cube)
     columns = {name: cube[name].values for name in tables if name in cube.coords}
@@ -109,6 +116,24 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
         region,
         rest,
     )
+
+
+def _other_columns(cube: xr.Dataset, known: Collection[str]) -> dict[str, FactorTable]:
+    """The columns of a table that vary, and that the study file need not list.
+
+    Raises:
+        InputError: If one has open fields.
+    """
+    columns = {
+        str(name): column.values
+        for name, column in cube.coords.items()
+        if name not in known and column.dims == ("point",) and "source" in column.attrs
+    }
+    varied = [name for name, values in columns.items() if np.unique(values).size > 1]
+    for name in varied:
+        if columns[name].dtype.kind == "f" and np.isnan(columns[name]).any():
+            raise InputError(f"column {name!r} of the table has open fields: fill them, or analyse the others alone")
+    return {name: FactorTable() for name in varied}
 
 
 def _inside(cube: xr.Dataset) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ import xarray as xr
 from pydantic import BaseModel, ValidationError
 
 from tripod_doe.analyses.registry import ANALYSES, Analysis
-from tripod_doe.analyses.sensitivity.method import CORRELATED
+from tripod_doe.analyses.sensitivity.method import DEPENDENT
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, check_tolerance
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
@@ -43,8 +43,8 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
         wanted = f"a design of kind {' or '.join(analysis.designs)}" + ", or a product with one" * analysis.crossed
         own = f"a product of {' and '.join(parts)}" if parts else design.kind
         raise study.fail(where, f"{kind} needs {wanted}; this study's is {own}")
-    if analysis.independent and study.file.design.correlation:
-        raise study.fail(where, f"{kind}: {CORRELATED}")
+    if analysis.independent and (design.correlation or design.constraints):
+        raise study.fail(where, f"{kind}: {DEPENDENT}")
     try:
         settings = checked_settings(analysis.settings, table)
         if isinstance(settings, ToleranceSettings):

@@ -97,6 +97,14 @@ def test_a_wrong_number_that_passed_is_counted():
     assert result["error"].sel({"method": "symplectic-euler"}).values[0, -1] == pytest.approx(0.5)
 
 
+def test_zero_is_a_reference():
+    """Regression: 0 over 0 is no number, and runs that gave the same zero as the reference counted as wrong."""
+    result = stability_borders(cube(KNOWN, values=0.0), SETTINGS)
+    assert (result["wrong_runs"] == 0).all()
+    assert set(np.unique(result["run_kind"])) == {RunKind.GOOD, RunKind.REFUSED}
+    assert cell(result, "border_low", "symplectic-euler", 0) == pytest.approx(STEPS[0])
+
+
 def test_without_two_methods_that_agree_nothing_is_decided():
     apart = np.array([2.0, 2.1, 2.3])[:, None, None]
     result = stability_borders(cube(KNOWN, values=apart), SETTINGS)

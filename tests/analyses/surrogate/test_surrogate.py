@@ -8,6 +8,7 @@ from published import cube_of
 
 from tripod_doe.analyses.surrogate.sentences import find_in_surrogate
 from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
+from tripod_doe.analyses.surrogate.what_if import read_what_if
 from tripod_doe.errors import InputError
 
 SETTINGS = SurrogateSettings(outputs=["y"])
@@ -37,5 +38,26 @@ def test_what_can_be_learnt_is_learnt(learnt):
 
 
 def test_few_points_are_refused():
-    with pytest.raises(InputError, match="at least 10 points, 8 finished"):
+    with pytest.raises(InputError, match="at least 10 different points, 8 finished"):
         surrogate(cube_of('kind = "latin-hypercube"\nsamples = 8', lambda x: x[:, 0]), SETTINGS)
+
+
+def test_a_place_is_unseen_or_seen_as_a_whole():
+    """Regression: with factors of levels the same place stood in both parts, and 96 % of noise was called predicted."""
+
+    def noise_of_cell(x):
+        cell = (5.999 * x[:, :2]).astype(int) @ [6, 1]
+        return np.random.default_rng(1).normal(size=36)[cell]
+
+    cube = cube_of('kind = "latin-hypercube"\nsamples = 150\nseed = 1', noise_of_cell, width=2)
+    cube = cube.assign_coords({name: np.floor(5.999 * cube[name]) for name in ("joint_angle_deg", "torque_n_m")})
+    assert float(surrogate(cube, SETTINGS)["predicted_part"]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("constraint", "sampled"), [("", True), ('constraints = ["torque_n_m < joint_angle_deg"]', False)]
+)
+def test_chances_are_drawn_for_independent_factors_only(constraint, sampled):
+    """Regression: quantiles were those of factors without their constraint."""
+    cube = cube_of(f'kind = "latin-hypercube"\nsamples = 60\nseed = 1\n{constraint}', lambda x: x[:, 0] - x[:, 1])
+    assert read_what_if(surrogate(cube, SETTINGS), "s").sampled is sampled

@@ -282,6 +282,10 @@ def test_keys_know_a_point_by_its_values():
             '[factors]\nneedle_count={low=20,high=27}\n[design]\nkind="finite-differences"\nsamples=4',
             r"\[factors.needle_count\]: finite-differences needs continuous factors",
         ),
+        (
+            '[factors]\nneedle_count={low=20,high=27}\n[design]\nkind="fast"\nsamples=65',
+            r"\[factors.needle_count\]: fast needs continuous factors, and this one has levels; use a saltelli",
+        ),
         ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed_rpm > 5']", "exclude every point"),
         ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed > 5']", "speed_rpm"),
         (

@@ -81,6 +81,11 @@ def _class_ends(levels: FloatArray, inside: FloatArray) -> FloatArray:
     return np.array([(levels[first - 1] + levels[first]) / 2, (levels[last] + levels[last + 1]) / 2])
 
 
+def _r2(curve: FloatArray, fitted: FloatArray) -> float:
+    """Part of the variation that fitted values explain."""
+    return 1 - float(((curve - fitted) ** 2).sum()) / float(((curve - curve.mean()) ** 2).sum())
+
+
 def _is_proportion(levels: FloatArray, curve: FloatArray, slope: float) -> bool:
     """Whether every value lies nearly on a straight line through zero."""
     line, apart = slope * levels, _THROUGH_ZERO * np.abs(curve).max()
@@ -198,8 +203,7 @@ class EffectWording:
         verb = "increases" if effect.shape is Shape.RISING else "decreases"
         slope, offset = np.polyfit(levels, curve, 1)
         through = float(levels @ curve) / float(levels @ levels)
-        rest = curve - (slope * levels + offset)
-        straight = 1 - float(rest @ rest) / float(((curve - curve.mean()) ** 2).sum())
+        straight = _r2(curve, slope * levels + offset)
         if straight < _STRAIGHT or levels.size < 3:
             ends = self._at_levels(effect, (0, -1))
             return f"{self.start} {verb} with {self._signed(effect)}, from {ends[0]} to {ends[1]}{self.where(effect)}"
@@ -207,10 +211,14 @@ class EffectWording:
         step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
         written = number if effect.ground is Ground.REGRESSION else level
         over = text_range(written(float(levels[0])), written(float(levels[-1])), own) + self.where(effect)
-        exact = straight > _EXACT
+        near_zero = abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max())
+        own_r2 = _r2(curve, through * levels)
+        proportional = near_zero and own_r2 >= _STRAIGHT and _is_proportion(levels, curve, through)
+        r2 = own_r2 if proportional else straight
+        exact = r2 > _EXACT
         fit = "R2 of these means" if effect.ground is Ground.REGRESSION else "R2"
-        fit += f" > {_EXACT}" if exact else f" = {math.floor(straight * 1e4) / 1e4:.4f}"
-        if abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max()) and _is_proportion(levels, curve, through):
+        fit += f" > {_EXACT}" if exact else f" = {math.floor(r2 * 1e4) / 1e4:.4f}"
+        if proportional:
             per = f"{self.value(through * step)} per {own or number(step)}"
             return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
         per = f"{self.value(abs(slope) * step)} per {own or number(step)}"

@@ -30,8 +30,10 @@ from tripod_doe.study.cube.lazy_dataset import flat_points
 Answers = dict[str, FloatArray]
 """Estimates by the names of variables, the component last."""
 
-CORRELATED = "its index divides the variance among independent factors, those of this study are correlated"
-"""Why an analysis is refused whose factors are correlated."""
+DEPENDENT = (
+    "its index divides the variance among independent factors; those of this study are correlated or constrained"
+)
+"""Why an analysis is refused whose factors depend on each other."""
 
 _FRACTIONS = (8, 4, 2)  # parts of the points over which the convergence is looked at
 _FEWEST = 16  # blocks of the smallest part
@@ -71,8 +73,8 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     cube = flat_points(cube)
     names = chosen_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, method.designs, names)
-    if method.independent and sample.design.correlation:
-        raise InputError(CORRELATED)
+    if method.independent and not sample.independent:
+        raise InputError(DEPENDENT)
     joint = side_by_side(cube, names)
     names = joint + [name for name in names if name not in joint]
     result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)

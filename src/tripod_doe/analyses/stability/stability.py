@@ -139,8 +139,9 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
     runs = _runs(cube, settings)
     reference, certainty, rates, source = _references(runs)
     certain = certainty <= _SURE * settings.limit
+    apart = np.abs(runs.value - reference[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.abs(runs.value / reference[:, None] - 1)
+        error = np.where(apart == 0, 0.0, apart / np.abs(reference[:, None]))  # a reference may be zero
     kind = np.full(runs.outcome.shape, RunKind.REFUSED, np.int8)
     done = runs.outcome == Outcome.FINISHED
     kind[done & (error <= settings.limit)] = RunKind.GOOD

@@ -140,7 +140,7 @@ def learn(places: FloatArray, values: FloatArray, seed: int, folds: int = 5, kno
             envelope, their errors are not.
     """
     known = known or Known.nothing(*values.shape)
-    parts = _folds(len(places), seed, folds)
+    parts = _folds(_one_side(places, known), seed, folds)
     exponents = _exponents(places.shape[1])
     centres = places if len(places) <= _PROCESS_POINTS else places[:0]
     if len(centres) and known.parity.any():
@@ -164,14 +164,29 @@ def polynomial_error(places: FloatArray, values: FloatArray, seed: int, known: K
     """Sum of the squared errors of polynomials at points left out of the fit; see `learn`."""
     with warnings.catch_warnings(), threadpool_limits(1):
         warnings.simplefilter("ignore")
-        parts = _folds(len(places), seed, _FEW_FOLDS)
+        parts = _folds(_one_side(places, known), seed, _FEW_FOLDS)
         return float((_all_polynomials(places, values, _exponents(places.shape[1]), parts, known)[1] ** 2).sum())
 
 
-def _folds(points: int, seed: int, folds: int) -> list[Fold]:
+def _one_side(places: FloatArray, known: Known) -> FloatArray:
+    """Places with their mirror images on the same side, where the surrogates are mirrored."""
+    if not known.parity.any():
+        return places
+    numbers = places[:, known.mirrored]
+    first = np.take_along_axis(numbers, (numbers != 0).argmax(axis=1)[:, None], axis=1)
+    return np.where(first < 0, known.flipped(places), places)
+
+
+def _folds(places: FloatArray, seed: int, folds: int) -> list[Fold]:
+    """Parts of the points; all points of a place are in one part, or they would be known there."""
     from sklearn.model_selection import KFold  # slow to import: every study would wait for it
 
-    return list(KFold(min(folds, points), shuffle=True, random_state=seed).split(np.arange(points)))
+    different, place = np.unique(places, axis=0, return_inverse=True)
+    count, place = len(different), place.ravel()
+    if count == len(places):
+        place = np.arange(count)
+    parts = KFold(min(folds, count), shuffle=True, random_state=seed).split(np.arange(count))
+    return [(np.flatnonzero(np.isin(place, seen)), np.flatnonzero(np.isin(place, out))) for seen, out in parts]
 
 
 def _exponents(width: int) -> NDArray[np.int8]:

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field
 
+from tripod_doe.analyses.encoding import as_numbers
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import (
     OutputTable,
@@ -81,8 +82,9 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     cube = flat_points(cube)
     names = usual_outputs(cube, settings.outputs, "outputs" in settings.model_fields_set)
     sample = read_sample(cube, settings, SURROGATE_DESIGNS, names)
-    if sample.rows.size < _FEWEST:
-        raise InputError(f"a surrogate needs at least {_FEWEST} points, {sample.rows.size} finished")
+    settings_of_factors = np.stack([as_numbers(column) for column in sample.columns.values()])
+    if (different := np.unique(settings_of_factors, axis=1).shape[1]) < _FEWEST:
+        raise InputError(f"a surrogate needs at least {_FEWEST} different points, {different} finished")
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
     known = foreknown(sample.columns, cube)

@@ -190,7 +190,7 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
         "inputs": [[each.factor, each.low, each.high, each.word, each.sign] for each in inputs],
         "zeros": known.zeros,
         "factors": {name: _range(name, sample, cube) for name in sample.columns},
-        "sampled": sample.design.kind in SAMPLED_DESIGNS and not sample.design.correlation,
+        "sampled": sample.design.kind in SAMPLED_DESIGNS and sample.independent,
         "components": [[c.label, c.unit, c.order, c.wraps, c.vanishes] for c in components],
     }
     data = {

@@ -34,7 +34,11 @@ def _rbd_fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArr
 
 FAST = {
     "fast": sampled(
-        _fast, INDEPENDENT, points=lambda table, width: width, block=lambda table, width: table.samples or 1
+        _fast,
+        INDEPENDENT,
+        points=lambda table, width: width,
+        block=lambda table, width: table.samples or 1,
+        continuous=True,  # a step has more harmonics than count, at the frequencies of other factors
     ),
     "rbd-fast": sampled(_rbd_fast, INDEPENDENT),
 }

@@ -72,8 +72,8 @@ def sampled(
             )
         if continuous and (levelled := [name for name, factor in factors.items() if has_levels(factor)]):
             raise InputError(
-                f"[factors.{levelled[0]}]: {table.kind} needs continuous factors, since a small step changes no level; "
-                "use a saltelli or morris design"
+                f"[factors.{levelled[0]}]: {table.kind} needs continuous factors, and this one has levels; use a "
+                "saltelli or morris design"
             )
         unit = sample(table, request.tables)
         if table.correlation:

@@ -37,6 +37,8 @@ def _table(request: Request) -> Made:
                 values.append(_cell(parameter, row[index]))
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
+        if parameter.kind == "argument" and any(isinstance(value, str) for value in values):
+            values = [row[index] for row in rows.values()]  # words, of which some look like numbers
         if name in study.factors and not study.folder.has_results:
             _refuse_other_levels(study.factors[name], values)
         columns[name] = parameter.column(values)
@@ -53,7 +55,9 @@ def _refuse_other_levels(factor: Factor, column: list[Value]) -> None:
 
 def _cell(parameter: Parameter, text: str) -> Value:
     """One field of a CSV file as its parameter takes it; an empty one leaves open what follows from others."""
-    if not text and parameter.default is None and parameter.kind != "argument":
+    if not text and parameter.kind == "argument":
+        raise InputError("this field is empty; a function needs a value for each argument")
+    if not text and parameter.default is None:
         return None if parameter.kind == "choice" else math.nan
     if parameter.kind == "choice":
         return parameter.check(text)

@@ -1,0 +1,59 @@
+"""Points and factors that an analysis counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tripod_doe as td
+from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
+from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
+from tripod_doe.errors import InputError
+
+TABLE = "a,b\n" + "".join(f"{k / 4},{(k * k) % 5 + 3 * k / 4}\n" for k in range(20))
+
+
+@pytest.fixture
+def run_table(tmp_path):
+    """Run a table of two columns through y = a + 10 b, of which the study file need list none."""
+
+    def run(table, listed=""):
+        (tmp_path / "tenfold.py").write_text("def f(a=0.0, b=0.0):\n    return {'y': a + 10 * b}\n")
+        (tmp_path / "t.csv").write_text(table)
+        (tmp_path / "s.toml").write_text(
+            f'[study]\nname = "t"\nfunction = "tenfold:f"\n{listed}\n[design]\nkind = "table"\ntable = "t.csv"\n'
+        )
+        td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+        return td.open_cube(tmp_path / "out")
+
+    return run
+
+
+@pytest.mark.parametrize("listed", ["", "[factors.a]", "[factors.a]\n[factors.b]"])
+def test_columns_of_a_table_are_factors_whether_the_study_lists_them_or_not(run_table, listed):
+    """Regression: a column that was not listed was left out, and its effect was stated as that of another."""
+    cube = run_table(TABLE, listed)
+    found = factorial_effects(cube, EffectsSettings(interactions=False, squares=False))
+    assert found["effect"].sel(term="a").item() == pytest.approx(np.ptp(cube["a"].values))
+    assert found["effect"].sel(term="b").item() == pytest.approx(10 * np.ptp(cube["b"].values))
+    learned = surrogate(cube, SurrogateSettings(outputs=["y"]))
+    assert float(learned["error_rms"]) < 1e-6 * float(cube["y"].std())
+
+
+def test_a_column_with_open_fields_is_named(tmp_path):
+    angles = "".join(f"{4 + k / 2},{0.05 if k % 2 else ''}\n" for k in range(12))
+    (tmp_path / "t.csv").write_text("joint_angle_deg,groove_spin_friction\n" + angles)
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\n[base]\nmodel = "equilibrium"\n[design]\nkind = "table"\ntable = "t.csv"\n'
+        '[keep]\noutputs = ["thrust_amplitude"]\n'
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    with pytest.raises(InputError, match="column 'groove_spin_friction' of the table has open fields"):
+        factorial_effects(td.open_cube(tmp_path / "out"))
+
+
+def test_words_and_numbers_in_a_column_are_words(run_table):
+    """Regression: a column of both ended the run with an internal error after its last point, as an empty field did."""
+    assert run_table("a\n1\ntwo\n")["a"].values.tolist() == ["1", "two"]
+    with pytest.raises(InputError, match="line 3: a: this field is empty"):
+        run_table("a,b\n1,2\n,3\n")
