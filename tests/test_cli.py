@@ -398,7 +398,7 @@ def test_the_terminal_prints_the_findings_of_the_analyses_that_a_study_asks_for(
     first, *others = err.splitlines()
     assert first.startswith("Total Sobol' indices of y: x 0.8")
     assert "+-" in first
-    assert any(line.startswith("64 blocks are not enough for y") for line in others)
+    assert any(line.startswith("64 samples are not enough for y") for line in others)
     assert any(line.startswith("y lies between") for line in others)
     assert "\r" not in err
     assert re.search(r"\n256 points computed in [\d.]+ [mu]?s \([\d,.]+ points per second\), 0 reused\n", err)

@@ -187,7 +187,7 @@ class Truth:
         return np.unique(settings[several, other - (other > at)])
 
     def mean_curve(self, at: int) -> np.ndarray:
-        """Mean over the settings of the others at which all levels are, shape (level,)."""
+        """Mean over the settings of the other factors at which all levels are, shape (level,)."""
         levels = np.unique(self.points[:, at])
         return np.mean([values for group, values in self.groups(at) if group.size == levels.size], axis=0)
 

@@ -91,11 +91,11 @@ def test_a_doubtful_verdict_names_the_cheapest_sure_model_and_its_price():
         )
         assert (verdicts(finer).trust == Trust.SURE).all()
     sentence, *_ = model_notes(simulator, {name: column[:1] for name, column in columns.items()}, {})
-    usual = f"usually about {1e3 * prices['rollers']:.0f} ms of CPU time"
+    usual = f"typically {1e3 * prices['rollers']:.0f} ms of CPU time"
     assert sentence.endswith(f'; check it with model = "rollers" (sure there, {usual}).')
     sentence, *_ = model_notes(simulator, columns, {})
     assert 'check some of these with model = "' in sentence
-    assert "(sure at 1 of them, usually about " in sentence
+    assert "(sure at 1 of them, typically " in sentence
     same = {name: np.repeat(column[:1], 2) for name, column in columns.items()}
     sentence, *_ = model_notes(simulator, same, {})
     assert f'check some of these with model = "rollers" (sure at all of them, {usual}' in sentence
@@ -121,10 +121,10 @@ def test_several_reasons_make_one_verdict_with_the_weightiest_first():
     summary = ModelSummary()
     summary.add(ModelErrors("third order", "fine", models, np.full(4, 0.01), np.full(4, 0.01), unknown, left))
     verdict, _, ranges = summary.texts
-    assert "mostly since model coarse holds for needle up to 0.5 only (3 points)" in verdict
+    assert "mostly since model coarse is valid only for needle up to 0.5 (3 points)" in verdict
     assert ranges == (
-        "Model coarse is outside its range at all 4 points: needle up to 0.5, there 0.6 to 1; it holds; "
-        "also swing up to 3, at 2 points 4; also crown up to 0, at 3 points 1."
+        "Model coarse is outside its valid range at all 4 points: needle = 0.6 to 1, valid up to 0.5; it holds; "
+        "also swing = 4 at 2 points, valid up to 3; also crown = 1 at 3 points, valid up to 0."
     )
 
 

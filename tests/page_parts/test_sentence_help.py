@@ -48,8 +48,11 @@ def test_every_sentence_of_the_code_has_an_entry(place):
     ("sentence", "key"),
     [
         ("Verdict on the third order: sure, since its value is known exactly.", "verdict"),
-        ("Model rollers: typical error of the third order 0.96 % against needles.", "model-error"),
-        ("Model kinetostatic is outside its range here: swing_ratio up to 3, here 4.4; beyond, x.", "model-range"),
+        ("Model rollers: typical error of the third order 0.96 % relative to model needles.", "model-error"),
+        (
+            "Model kinetostatic is outside its valid range here: swing_ratio = 4.4, valid up to 3; beyond, x.",
+            "model-range",
+        ),
         ("The third order of the thrust force is the largest: 14.4 N; the next is the ninth order.", "largest-order"),
         ("The third order lies between 1.4 N (at joint angle 2 deg) and 38.7 N (at joint angle 14 deg).", "range"),
         ("The second order is the same at all points: 0.2 N.", "range"),
@@ -69,15 +72,18 @@ def test_every_sentence_of_the_code_has_an_entry(place):
         ("Direct decomposition of the third order: what each force adds. They need not agree.", "shares"),
         ("Total Sobol' indices of the third order: groove sliding friction 0.9 +- 0.1.", "sobol"),
         ("The probability that the third order exceeds 16 N is 9.4 % (6.4 to 14 %).", "exceedance"),
-        ("For the third order, tighten groove sliding friction first: half its scatter takes 50 % off.", "tighten"),
-        ("To keep the third order within 16 N with 99 %, it is enough that x scatters 0.65 times as far.", "keep"),
+        (
+            "For the third order, tighten groove sliding friction first: halving its scatter reduces it by 50 %.",
+            "tighten",
+        ),
+        ("To keep the third order within 16 N with a probability of 99 %, halve the scatter of x.", "keep"),
         ("The measured third order is 14 +- 1 N, the model's 13 N: a difference of 1 N.", "compared-order"),
         ("Check the sign of the force: with the sign reversed, the record agrees better.", "doubts"),
         ("Groove sliding friction is 0.07 (0.06 to 0.08), with the intervals of 95 % confidence.", "fitted"),
-        ("No record is needed to know x within 5 %: it is. To know it better, measure at y.", "next-record"),
+        ("x is already known within 5 %. To know it better, measure at y.", "next-record"),
         ("Measure next at joint angle 4 deg: the interval of x becomes 28 % shorter.", "next-record"),
         ("The smallest third_order of 40 candidates is 16 +- 0.2 N, at pitch radius = 22 mm.", "best"),
-        ("Of 40 candidates 15 do not keep all limits.", "search-effort"),
+        ("Of 40 candidates, 15 violate a limit.", "search-effort"),
     ],
 )
 def test_a_sentence_leads_to_its_own_entry(sentence, key):

@@ -291,10 +291,11 @@ def test_a_plan_warns_of_points_outside_the_range_of_their_model():
     )
     plan = td.plan(parse_study(text), timing=False)
     (message,) = [text for text in plan.warnings if "swing_ratio" in text]
-    assert message.startswith("Model equilibrium is outside its range at 2 of 4 points (50 %): swing_ratio (swing of")
+    outside = "Model equilibrium is outside its valid range at 2 of 4 points (50 %): swing_ratio (swing of"
+    assert message.startswith(outside)
     slip = [21 * np.tan(theta) * np.sin(theta) / 2 for theta in np.radians([2, 1])]
     low, high = (2 * 0.05 * 0.0086 * 16 / each for each in slip)  # docs/reference/models.md
-    assert f" up to 0.05, there {low:.2g} to {high:.2g}; beyond, rollers swing" in message
+    assert f" = {low:.2g} to {high:.2g}, valid up to 0.05; beyond, rollers swing" in message
     assert "model        equilibrium: typical error of the third order" in plan.describe()
 
 

@@ -37,7 +37,7 @@ def test_the_point_is_named_with_what_was_given(table):
 def test_a_doubtful_point_names_the_flag_of_a_surer_model():
     """Regression: it named a key of study files."""
     table = point_table(simulate_point(joint_angle_deg=1, torque_n_m=50))
-    assert "; check it with --model rollers (sure there, usually about " in table
+    assert "; check it with --model rollers (sure there, typically " in table
     assert 'model = "' not in table
 
 

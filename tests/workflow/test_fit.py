@@ -212,7 +212,7 @@ def test_records_beyond_the_range_of_the_model_are_counted(fitted):
     outside = friction / np.radians(fit["joint_angle_deg"].values) > 0.2
     (line,) = (line for line in fit.attrs["remarks"].splitlines() if "needle_ratio" in line)
     count, first = int(outside.sum()), fit["record"].values[outside.argmax()]
-    assert f"equilibrium is outside its range at {count} of {outside.size} records, the first {first}: " in line
+    assert f"equilibrium is outside its valid range at {count} of {outside.size} records, the first {first}: " in line
     assert line in find_in_fit(fit)
 
 

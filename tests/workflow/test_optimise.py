@@ -659,7 +659,7 @@ def test_limits_that_only_the_first_sample_keeps(solve):
         scatter={"s": {"distribution": "normal", "mean": 0, "std": 0.1}},
         search={"evaluations": 10, "samples": 8, "confirm_samples": 256, "confirmed": 2, "seed": 3},
     )
-    assert summary.lines[0] == "No candidate that was judged once more is feasible; in the search 2 of 2 were."
+    assert summary.lines[0] == "No recomputed candidate is feasible; in the search 2 of 2 were."
     assert summary.lines[1].startswith("The nearest one is x = 1, where calm")
 
 
@@ -733,7 +733,7 @@ def test_a_level_changes_by_decibels(solve):
     base = {"x": 0.3}
     lines = solve("hole", variables, aims, base=base, responses=responses, search={"evaluations": 10}).lines
     (start,) = (line for line in lines if line.startswith("Where the search starts"))
-    assert start.startswith("Where the search starts, loudness is 16.9 dB; the best is 12.04 dB (")
+    assert start.startswith("At the start of the search, loudness is 16.9 dB; the best is 12.04 dB (")
     assert start.endswith("4.86 dB).")
     assert any("came within 0.1 dB of its last value" in line and "the last 0.1 dB cost" in line for line in lines)
     assert not any("%" in line for line in lines)
@@ -783,7 +783,7 @@ def test_a_search_that_has_not_come_to_rest_says_so(solve):
     light = float(summary.front["x"].values.max())
     text = " ".join(summary.lines)
     assert light < 0.39
-    assert "has not come to rest at the best lightest: x = " in text
+    assert "has not converged at the best lightest: x = " in text
     assert f"in place of {light:.4g} improves it by" in text
 
 

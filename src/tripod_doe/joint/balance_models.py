@@ -242,20 +242,22 @@ def _solve_kinetostatic(
     return solve_kinetostatic(points, samples, reader=reader, names=names)
 
 
-_NO_PRELOAD = ValidRange("bearing_radial_clearance_mm", "below, the bearing carries load all around", low=0, unit="mm")
+_NO_PRELOAD = ValidRange(
+    "bearing_radial_clearance_mm", "below, the bearing is preloaded and carries load all around", low=0, unit="mm"
+)
 _NO_CROWN = ValidRange(
     "needle_crown_um", "beyond, rollers tilt more easily on their needles than the model assumes", high=0, unit="um"
 )
 
 
 _SLOW = ValidRange(
-    "inertia_ratio", "beyond, the inertia that the model leaves out counts", high=0.03, meaning=RATIOS["inertia_ratio"]
+    "inertia_ratio", "beyond, inertia matters, and the model neglects it", high=0.03, meaning=RATIOS["inertia_ratio"]
 )
 
 
 _CALM = ValidRange(
     SHARE,
-    "beyond, joints often vibrate by themselves, which the model leaves out: rollers follow vibrations",
+    "beyond, joints often vibrate by themselves, which the model leaves out; model rollers includes vibration",
     high=0.1,
     meaning=SHARE_MEANING,
 )

@@ -62,19 +62,14 @@ class ValidRange:
     unit: str = ""  # of the quantity, for people; empty without dimension
     meaning: str = ""  # definition of the quantity, if its name is not enough
 
-    @property
-    def text(self) -> str:
-        """The range in words: ``swing_ratio (its definition) up to 0.2``."""
+    def left_by(self, values: str) -> str:
+        """Values outside in words: ``swing_ratio (its definition) = 0.3 to 0.4, valid up to 0.2``."""
         name = f"{self.quantity} ({self.meaning})" if self.meaning else self.quantity
-        return f"{name} {self._ends}"
+        return f"{name} = {values}, valid {self.ends}"
 
     @property
-    def short(self) -> str:
-        """The range without the definition of its quantity: ``swing_ratio up to 0.2``."""
-        return f"{self.quantity} {self._ends}"
-
-    @property
-    def _ends(self) -> str:
+    def ends(self) -> str:
+        """The range in words: ``up to 0.2``."""
         return allowed_range(self.low, self.high, self.unit)
 
 
@@ -90,7 +85,7 @@ class Departure:
     @property
     def reason(self) -> str:
         """Why a point outside is doubtful."""
-        return f"model {self.model} holds for {self.left.short} only"
+        return f"model {self.model} is valid only for {self.left.quantity} {self.left.ends}"
 
     @property
     def excess(self) -> FloatArray:

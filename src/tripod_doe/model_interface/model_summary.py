@@ -126,8 +126,8 @@ class ModelSummary:
         quantity, reference = self._of
         if known.known:
             yield (
-                f"typical error of the {quantity} {_percents(*known.expected)} against "
-                f"{reference} (90th percentile {_percents(*known.limit)}), from similar points"
+                f"typical error of the {quantity} {_percents(*known.expected)} relative to "
+                f"model {reference} (90th percentile {_percents(*known.limit)}), from similar points"
             )
             if known.above:
                 share = _share(known.above, known.count)
@@ -147,12 +147,13 @@ class ModelSummary:
             order = sorted(left, key=lambda reason: (-self._verdicts.points_by(reason), -left[reason].points))
             first, *others = (left[reason] for reason in order)
             where = _share(first.points, count) or (" here" if count == 1 else f" at all {count:,} points")
-            text = f"{first.range.text}, {'here' if count == 1 else 'there'} {first.ends}; {first.range.reason}"
+            text = f"{first.range.left_by(first.ends)}; {first.range.reason}"
             more = "".join(
-                f"; also {each.range.short}, {'here' if count == 1 else f'at {_points(each.points)}'} {each.ends}"
+                f"; also {each.range.quantity} = {each.ends}{f' at {_points(each.points)}' * (count > 1)}, "
+                f"valid {each.range.ends}"
                 for each in others
             )
-            sentences.append(f"Model {model}{self._which} is outside its range{where}: {text}{more}.")
+            sentences.append(f"Model {model}{self._which} is outside its valid range{where}: {text}{more}.")
         return sentences
 
 

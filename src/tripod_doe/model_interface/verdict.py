@@ -61,13 +61,13 @@ def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdic
     """
     what, finest = errors.quantity, errors.reference
     reasons = [
-        f"{finest} is the finest model",
-        f"nine in ten similar points were within {_NOTABLE} of {finest}",
+        f"model {finest} is the finest one",
+        f"nine in ten similar points were within {_NOTABLE} of model {finest}",
         f"one in ten similar points was off by more than {_NOTABLE}",
         f"one in ten similar points was off by more than {_LARGE}",
         f"half of the similar points were off by more than {_NOTABLE}",
         "no similar points were compared with a finer model",
-        f"the run states a numerical error of the {what} above {_NOTABLE}",
+        f"the run reports a numerical error of the {what} above {_NOTABLE}",
         "its value is known exactly",
     ]
     trust = np.full(errors.expected.size, Trust.DOUBTFUL, np.int8)
@@ -166,6 +166,6 @@ class VerdictCount:
         at = "there" if doubtful == 1 else "at all of them" if count == doubtful else f"at {count:,} of them"
         notes = [f"sure {at}"] * bool(count)
         if count and model in self.prices and reason not in self.unpriced:
-            notes.append(f"usually about {duration(self.prices[model], 2)} of CPU time{' each' * (doubtful > 1)}")
+            notes.append(f"typically {duration(self.prices[model], 2)} of CPU time{' each' * (doubtful > 1)}")
         named = f' with model = "{model}"' + (f" ({', '.join(notes)})" if notes else "")
         return f"check {'it' if doubtful == 1 else 'some of these'}{named}"

@@ -435,7 +435,7 @@ def test_an_order_below_its_uncertainty_does_not_agree_with_anything():
     assert compared["agrees"].sel(order=[1, 2, 4, 12]).values.tolist() == [TOO_SMALL] * 4
     said = find_in_comparison(compared, "c")[0]
     assert re.match("Order 3 (agrees within|differs by more than) the uncertainties", said)
-    assert said.endswith("; orders 1, 2 and 4 to 12 are smaller than these uncertainties, which decides nothing.")
+    assert said.endswith("; orders 1, 2 and 4 to 12 are smaller than these uncertainties: no conclusion is possible.")
 
 
 def test_small_orders_beside_one_that_the_model_does_not_have():

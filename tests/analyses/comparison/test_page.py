@@ -46,7 +46,7 @@ def test_sentences_say_what_differs_and_what_was_lost(comparison):
     assert "Error of the model kinetostatic: recorded for similar points" in told[3]
     assert "2 left out for a gap wider than 14.4 deg or too few samples" in told[5]
     assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[6]
-    assert told[7].startswith("The speed of the record is 3")
+    assert told[7].startswith("The record was taken at 3")
     assert told[8] == "Lost: 401 samples without a number."
 
 
@@ -123,14 +123,14 @@ def test_the_error_of_the_model_is_stated_with_its_origin(grid_cube):
     point = model_point(grid_cube, ["joint_angle_deg=8", "torque_n_m=50"])
     record = Measurement(np.arange(0.0, 3600.0), np.tile(point["thrust"].values, 5), None, "first sample")
     known = compare(record, point, 0.0)
-    (told,) = [line for line in find_in_comparison(known) if line.startswith("Uncertainties are of 95 %")]
+    (told,) = [line for line in find_in_comparison(known) if line.startswith("Uncertainties are 95 % intervals")]
     third = known.sel(order=3)
     percent = 100 * float(third["model_amplitude_uncertainty"] / third["model_amplitude"])
-    assert f"it counts as +- {percent:.2g} % of the third order" in told
+    assert f"it amounts to +- {percent:.2g} % of the third order" in told
     assert "other orders and phases from runs of needles at 145 random joints in drive and 26 in coast" in told
     assert float(third["amplitude_difference_uncertainty"]) >= float(third["model_amplitude_uncertainty"]) > 0
     strange = compare(record, point.drop_attrs(deep=False), 0.0)
-    assert "is not known here and does not count" in " ".join(find_in_comparison(strange))
+    assert "is not known here and not included" in " ".join(find_in_comparison(strange))
 
 
 def test_the_page_names_its_point_with_units(grid_cube):

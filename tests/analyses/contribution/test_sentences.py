@@ -149,7 +149,7 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     off = contribution_findings(third)[1]
     first, second = (percent(100 - third.closure[at : at + 1]) for at in (0, 1))
     assert off.endswith(f"; they add up to {first} / {second} (analysis c).")
-    assert "(what is lost without it), at 5 deg / 10 deg: groove sliding " in off
+    assert "(loss without the mechanism), at 5 deg / 10 deg: groove sliding " in off
     assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2
 
 
@@ -240,10 +240,10 @@ def many(make_cube):
 def test_many_operating_points_are_told_by_median_and_quartiles(many):
     _, first, furthest = contribution_findings(many)
     assert (
-        "by Shapley value (its fair part where mechanisms need each other), "
+        "by Shapley value (mean over all sequences of switching on), "
         "median (and quartiles) over 12 operating points: x 70.8 % (62.5 to 76.2), z" in first
     )
-    assert furthest.startswith("The share of x in y is furthest from its median: 400000.0 % at a 4, b 3, with a")
+    assert furthest.startswith("The share of x in y differs most from its median at a 4, b 3: 400000.0 %, with a")
     assert share_rows(many)[1][0][1] == "70.8 (62.5 to 76.2)"
 
 
@@ -255,7 +255,7 @@ def test_operating_points_without_an_amplitude_do_not_take_the_shapley_values_of
     (part,) = contributions({"s": contribution_shares(cube, ContributionSettings(output="y"))})
     _, first, second, *_ = contribution_findings(part)
     assert (
-        "by Shapley value (its fair part where mechanisms need each other), "
+        "by Shapley value (mean over all sequences of switching on), "
         "median (and quartiles) over 9 operating points: x " in first
     )
     assert second == "At 3 of 12 operating points y is zero within its numerical error, and has no shares."
@@ -310,7 +310,7 @@ def test_shares_of_an_amplitude_within_its_error_are_flagged(case_2):
     scatter = 0.06 * case_2["thrust_amplitude"] * (case_2["thrust_amplitude"]["order"] == 2)
     result = contribution_shares(case_2.assign(thrust_amplitude_scatter=scatter))
     third, second = contributions({"c": result})
-    assert "These shares are uncertain: the numerical error of the second order is above 5 % of it." in (
+    assert "These shares are uncertain: the numerical error of the second order exceeds 5 % of it." in (
         contribution_findings(second)
     )
     assert not any("uncertain" in sentence for sentence in contribution_findings(third))
@@ -404,10 +404,7 @@ def test_both_ends_of_a_change_have_their_sign():
 
 @pytest.mark.parametrize(
     ("factors", "rest"),
-    [
-        (None, "is the part of no friction"),
-        (["groove_sliding", "needle_sliding"], "mechanisms that this study does not"),
-    ],
+    [(None, "is not due to friction"), (["groove_sliding", "needle_sliding"], "mechanisms that this study does not")],
 )
 def test_the_rest_beside_some_mechanisms_is_not_that_of_no_friction(tmp_path, factors, rest):
     """Regression: 10.8 % were said to be inertia and numerical error, where groove rolling made 7.2 % of them."""

@@ -106,9 +106,9 @@ def test_records_say_whether_needles_turn(rig, stay):
     if not stay:  # exact but for the fitted skews
         assert fit.attrs["needles_turn_deg"] == pytest.approx(most, rel=0.1)
     fit.attrs["needles_turn_deg"] = 0.1
-    assert not any("fit rollers" in line for line in find_in_fit(fit))
+    assert not any('fit with model = "rollers"' in line for line in find_in_fit(fit))
     fit.attrs["needles_turn_deg"] = 1.9
-    assert any("turn by up to 1.9 deg" in line and "fit rollers" in line for line in find_in_fit(fit))
+    assert any("turn by up to 1.9 deg" in line and 'fit with model = "rollers"' in line for line in find_in_fit(fit))
 
 
 def test_intervals_reach_over_both_where_records_do_not_say(rig):
@@ -119,5 +119,5 @@ def test_intervals_reach_over_both_where_records_do_not_say(rig):
         assert profile.low <= place <= profile.high
         assert fit["low"].sel(unknown=name) < HIDDEN[name] < fit["high"].sel(unknown=name)
     lines = find_in_fit(fit)
-    assert any("by less than 20 to 1" in line for line in lines)
-    assert any(line.startswith("Measure next") and "which that record may exclude, too" in line for line in lines)
+    assert any("by odds of less than 20 to 1" in line for line in lines)
+    assert any(line.startswith("Measure next") and "which that record may exclude" in line for line in lines)

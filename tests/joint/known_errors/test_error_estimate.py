@@ -122,7 +122,10 @@ def test_inside_its_range_a_model_is_within_five_per_cent_at_nine_in_ten_measure
 def test_an_answer_names_its_model_and_error():
     result = td.simulate(joint_angle_deg=8, samples_per_revolution=60)
     verdict, errors = result.attrs["model_notes"]
-    assert verdict == "Verdict on the third order: sure, since nine in ten similar points were within 5 % of needles."
+    assert (
+        verdict
+        == "Verdict on the third order: sure, since nine in ten similar points were within 5 % of model needles."
+    )
     assert errors.startswith("Model kinetostatic: typical error of the third order")
 
 

@@ -85,7 +85,7 @@ values = [13.0, 13.1]
     records = model_records(study, points, np.ones(points.count, bool))
     (verdict,) = records.verdict
     assert f": {word} at all 2 points, since " in verdict
-    assert ("only results with vibrates show whether these do" in verdict) == (word == "usable")
+    assert ("the output vibrates shows whether these do" in verdict) == (word == "usable")
     calm = study.simulator.model_errors(
         study.simulator.columns(study.base, points.columns, 2), {"vibrates": np.zeros(2)}
     )

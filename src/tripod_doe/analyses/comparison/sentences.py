@@ -85,7 +85,7 @@ def nothing_decided(orders: list[int]) -> str:
     what = (
         "Every order is" if len(orders) == _ROTATING else f"{orders_text(orders)} {'are' if len(orders) > 1 else 'is'}"
     )
-    return f"{what} smaller than the {_TOGETHER}, which decides nothing."
+    return f"{what} smaller than the {_TOGETHER}: no conclusion is possible."
 
 
 def too_small_text(orders: list[int]) -> str:
@@ -94,8 +94,8 @@ def too_small_text(orders: list[int]) -> str:
         return ""
     several = len(orders) > 1
     return (
-        f"; {orders_text(orders).lower()} {'are' if several else 'is'} smaller than these uncertainties, which decides "
-        "nothing"
+        f"; {orders_text(orders).lower()} {'are' if several else 'is'} smaller than these uncertainties: no "
+        "conclusion is possible"
     )
 
 
@@ -110,7 +110,7 @@ def _asymmetry(comparison: xr.Dataset) -> list[str]:
     at = f"up to {size} N (order {int(largest['order'])})" if len(orders) > 1 else f"{size} N"
     return [
         f"{asymmetry_text(orders)}; the record has {at}, more than its scatter: the joint (skews, clearances, parts "
-        "that are not alike) or the rig (a shaft that is out of true, an imbalance) is not symmetric."
+        "that differ) or the rig (shaft runout, imbalance) is not symmetric."
     ]
 
 
@@ -149,14 +149,16 @@ def _origin_sentence(comparison: xr.Dataset) -> str:
     origin = str(comparison.attrs.get("model_uncertainty_origin", ""))
     confidence = f"{100 * float(comparison.attrs['confidence_level']):g} %"
     if not origin:
-        return f"Uncertainties are of {confidence}. The error of the model is not known here and does not count."
+        return f"Uncertainties are {confidence} intervals. The error of the model is not known here and not included."
     counted = []
     for order in (3, 2):
         model, unsure = (float(comparison[f"model_amplitude{part}"].sel(order=order)) for part in ("", "_uncertainty"))
         if model > _NOTHING * float(comparison["model_amplitude"].max()):
             counted.append(f"+- {number(100 * unsure / model, 2)} % of the {ORDINALS[order]}")
-    counts = f"; it counts as {' and '.join(counted)}" if counted else ""
-    return f"Uncertainties are of {confidence}. Error of the model {comparison.attrs['model']}: {origin}{counts}."
+    counts = f"; it amounts to {' and '.join(counted)}" if counted else ""
+    return (
+        f"Uncertainties are {confidence} intervals. Error of the model {comparison.attrs['model']}: {origin}{counts}."
+    )
 
 
 def _run_up_sentence(comparison: xr.Dataset) -> list[str]:
@@ -185,9 +187,10 @@ def _revolutions(attrs: Mapping[str, Any]) -> str:
     compared = int(attrs.get("revolutions_compared", whole))
     why = " for a gap wider than 14.4 deg or too few samples" if left else ""
     speeds = f", {whole - compared} outside of the speeds compared" if compared < whole else ""
+    verb = "is" if compared == 1 else "are"
     return (
-        f"Of {count_of(whole + left, 'whole revolution')} of the record {compared:,} are compared: "
-        f"{left or 'none'} left out{why}{speeds}."
+        f"{compared:,} of {count_of(whole + left, 'whole revolution')} of the record {verb} compared"
+        f"{f', {left:,} left out{why}' if left else ''}{speeds}."
     )
 
 
@@ -211,8 +214,8 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         speed = comparison["speed_rpm"].values
         if np.abs(speed - model_speed).max() > _SPEED_APART * model_speed:
             sentences.append(
-                f"The speed of the record is {value_range(float(speed.min()), float(speed.max()), 'rpm')}, that of the "
-                f"model's point {level(model_speed)} rpm."
+                f"The record was taken at {value_range(float(speed.min()), float(speed.max()), 'rpm')}, the model at "
+                f"{level(model_speed)} rpm."
             )
     counts = (
         ("lost_samples", "sample", "without a number"),
@@ -222,7 +225,7 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
     drift = attrs.get("drift_n_per_revolution", 0.0)
     if abs(drift) > _DRIFT * float(comparison["measured_amplitude"][1:].max()):
         sentences.append(
-            f"The force drifts by {number(drift, 2)} N per revolution; what this adds to the orders is subtracted."
+            f"The force drifts by {number(drift, 2)} N per revolution; its contribution to the orders is subtracted."
         )
     sentences += str(attrs.get("remarks", "")).splitlines()
     if attrs.get("columns"):

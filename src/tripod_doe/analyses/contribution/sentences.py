@@ -150,8 +150,8 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
 def _rest_meaning(part: Contribution) -> str:
     """What the rest of a direct decomposition is; a study may switch some of the mechanisms alone."""
     if set(part.mechanisms) >= set(MECHANISMS):
-        return "the part of no friction (inertia, numerical error)"
-    return "the part of all else: mechanisms that this study does not switch, inertia, numerical error"
+        return "not due to friction (inertia, numerical error)"
+    return "due to the rest: mechanisms that this study does not switch, inertia, numerical error"
 
 
 def _points_without_shares(part: Contribution) -> list[str]:
@@ -171,9 +171,9 @@ def _uncertain(part: Contribution) -> list[str]:
     if count == 0:
         return []
     if len(part.labels) == 1:
-        return [f"These shares are uncertain: the numerical error of {part.what} is above 5 % of it."]
+        return [f"These shares are uncertain: the numerical error of {part.what} exceeds 5 % of it."]
     of = f"{count:,} of {len(part.labels):,} operating points"
-    return [f"At {of} the numerical error of {part.what} is above 5 % of it, so that its shares there are uncertain."]
+    return [f"At {of} the numerical error of {part.what} exceeds 5 % of it, so its shares there are uncertain."]
 
 
 def _furthest(part: Contribution) -> list[str]:
@@ -192,8 +192,8 @@ def _furthest(part: Contribution) -> list[str]:
     median = percent(usual[at : at + 1, which])
     side = next(f" in {side}" if side else "" for side, rows in part.sides.items() if rows[at])
     return [
-        f"The share of {spoken(part.mechanisms[which])} in {part.what} is furthest from its median: "
-        f"{percent(values[at : at + 1, which])} at {part.labels[at]}, with a median{side} of {median}."
+        f"The share of {spoken(part.mechanisms[which])} in {part.what} differs most from its median at "
+        f"{part.labels[at]}: {percent(values[at : at + 1, which])}, with a median{side} of {median}."
     ]
 
 

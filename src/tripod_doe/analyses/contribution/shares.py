@@ -29,10 +29,10 @@ CHANGES = {"change_halved": "half of its friction", "change_off": "without it"}
 """Changes of one mechanism by the variables that hold them."""
 
 ANSWERS = {
-    "share_off": "what is lost without it",
-    "share_on": "what it makes alone",
-    "share_shapley": "its fair part where mechanisms need each other",
-    "share_direct": "whose force it is while all are on",
+    "share_off": "loss without the mechanism",
+    "share_on": "effect of the mechanism alone",
+    "share_shapley": "mean over all sequences of switching on",
+    "share_direct": "force of each mechanism with all on",
 }
 """What each definition answers."""
 

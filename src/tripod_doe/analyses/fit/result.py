@@ -92,8 +92,8 @@ def _out_of_range(rig: RigFit, solution: Solution) -> list[str]:
             first = rig.record_names[int(each.outside.argmax())]
             ends = value_range(float(each.values.min()), float(each.values.max()))
             where = f"{own} of {count_of(len(rig.records), 'record')}, the first {first}"
-            text = f"{each.left.text}, there {ends}; {each.left.reason}"
-            lines.append(f"Model {each.model} is outside its range at {where}: {text}.")
+            text = f"{each.left.left_by(ends)}; {each.left.reason}"
+            lines.append(f"Model {each.model} is outside its valid range at {where}: {text}.")
     return lines
 
 

@@ -98,15 +98,15 @@ def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str
             abs(end - float(own[f"bound_{name}"])) > _EDGE * abs(end) for end, name in ((low, "low"), (high, "high"))
         )
         if ends_low and ends_high:
-            return f"lies within {ends}, and there an end is where points of the model fail"
+            return f"lies within {ends}; at one of these ends, points of the model fail"
         side, end = ("at least", low) if ends_low else ("at most", high)
         return (
             f"is {side} {with_unit(number(end), unit)} with 95 % confidence; the records set no other limit within its "
             f"bounds {value_range(float(own['bound_low']), float(own['bound_high']))}"
         )
     if verdict == COMBINATION:
-        return f"is known only together with other unknowns: by itself it may be anything from {ends}"
-    return f"does not follow from these records: anything from {ends} fits"
+        return f"is known only in combination with other unknowns: by itself it may be anything from {ends}"
+    return f"is not identified by these records: any value from {ends} fits"
 
 
 def _sentence_of_records(own: xr.Dataset, name: str) -> str:
@@ -166,16 +166,16 @@ def _next_sentences(fit: xr.Dataset) -> list[str]:
     own = fit.attrs["next_unknown"]
     at = candidate_text(fit, int(order[0]))
     shorter = f"{number(100 * (1 - float(best['next'])), 2)} % shorter"
-    apart = " It is longer by other minima, which that record may exclude, too." if _reaches_over_others(fit) else ""
+    apart = " It includes other minima, which that record may exclude." if _reaches_over_others(fit) else ""
     if records == 0:
         return [
-            f"No record is needed to know {own} within {within}: it is. To know it better, measure at {at}: its "
+            f"{own} is already known within {within}. To know it better, measure at {at}: its "
             f"interval becomes {shorter}.{apart}"
         ]
     if math.isfinite(records):
         more = f" With {count_of(int(records), 'such record')} it would be known within {within}."
     else:
-        more = f" Records there alone do not reach {within}."
+        more = f" More records at that point alone cannot reach {within}."
     return [f"Measure next at {at}: the interval of {own} becomes {shorter}.{apart}{more}"]
 
 
@@ -199,7 +199,7 @@ def candidate_text(fit: xr.Dataset, at: int) -> str:
 def _cautions(fit: xr.Dataset) -> Iterator[str]:
     attrs = fit.attrs
     if bad := [str(name) for name, left in zip(fit["record"].values, fit["left_out"].values, strict=True) if left]:
-        yield f"Left out, as no joint within the bounds fits them beside the others: {', '.join(bad)}."
+        yield f"Left out, since no joint within the bounds fits them together with the other records: {', '.join(bad)}."
     root = math.sqrt(float(attrs["scatter"]))
     if root > _WIDE:
         yield (
@@ -208,10 +208,12 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
         )
     if attrs["other_minima"]:
         count = int(attrs["other_minima"])
-        yield f"Further minima that the records do not exclude: {count}; the intervals reach over all."
+        minima = count_of(count, "further minimum").replace("minimums", "minima")
+        yield f"The records do not exclude {minima}; the intervals include {'it' if count == 1 else 'them all'}."
     yield from _skews_that_stay(fit)
     if attrs["aligned_by_order"]:
-        yield f"Without a reference angle, records are aligned by an order of their own.{_skews_alike(fit)}"
+        aligned = "the phase of one order of each record aligns it with the model"
+        yield f"Without a reference angle, {aligned}.{_skews_alike(fit)}"
     yield f"Error of the model {attrs['model']}: {attrs['model_error_source']}.{_error_size(fit)}"
     if attrs["search_model"] != attrs["model"]:
         yield (
@@ -219,9 +221,9 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
             f"{count_of(int(attrs['corrections']), 'minimum').replace('minimums', 'minima')}."
         )
     if not attrs["at_rest"]:
-        yield "The minimum still moved at the last of these: narrow the bounds, or fit fewer unknowns."
+        yield "The minimum still moved at the last correction: narrow the bounds, or fit fewer unknowns."
     if attrs.get("failed_points"):
-        yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed; the search went around."
+        yield f"{count_of(int(attrs['failed_points']), 'point')} of {attrs['points']:,} failed and were avoided."
 
 
 def _skews_alike(fit: xr.Dataset) -> str:
@@ -230,17 +232,17 @@ def _skews_alike(fit: xr.Dataset) -> str:
         return ""
     alike = [" / ".join(number(one, 2) for one in each) for each in json.loads(str(fit.attrs.get("skews_alike", "[]")))]
     if not alike:
-        return " Trunnions then look alike: skews may change places in a circle, 1 to 2 to 3."
+        return " The trunnions are then interchangeable: skews may be shifted from trunnion to trunnion, 1 to 2 to 3."
     return (
-        f" Trunnions then look alike: skews of {', '.join(alike[1:-1])} and {alike[-1]} deg at trunnions 1 / 2 / 3, "
-        f"with the same differences as {alike[0]} deg in other places of the circle{_or_opposite(alike)}, give nearly "
-        "the same records, and the same where needles keep their skew. The search began there, too."
+        f" The trunnions are then interchangeable: skews of {', '.join(alike[1:-1])} and {alike[-1]} deg at trunnions "
+        f"1 / 2 / 3, which have the same differences as {alike[0]} deg, on other trunnions{_or_opposite(alike)}, give "
+        "nearly the same records (exactly the same if needles keep their skew). The search started there, too."
     )
 
 
 def _or_opposite(alike: list[str]) -> str:
     """Words on opposite skews, which are alike where the sign of the force is not known."""
-    return " or with the opposite ones" if len(alike) > _PLACES else ""
+    return " or with opposite signs" if len(alike) > _PLACES else ""
 
 
 def _skews_that_stay(fit: xr.Dataset) -> Iterator[str]:
@@ -253,17 +255,17 @@ def _skews_that_stay(fit: xr.Dataset) -> Iterator[str]:
     if values:
         texts = ", ".join(f"{name} {number(value, 3)}" for name, value in values.items())
         yield (
-            f"The records fit {own} better than {other} by less than 20 to 1: the values are of the former, and the "
-            f"intervals reach over both. Best values of the latter: {texts}."
+            f"The records fit {own} better than {other} by odds of less than 20 to 1: the values assume the former, "
+            f"and the intervals cover both. Best values of the latter: {texts}."
         )
     else:
-        yield f"The records fit {own} better than {other} by more than 20 to 1: the values are of the former."
+        yield f"The records fit {own} better than {other} by odds of more than 20 to 1: the values assume the former."
     if (turned := float(fit.attrs.get("needles_turn_deg", 0.0))) > _FAR:
         yield (
-            f"Needles of kinetostatic turn by up to {number(turned, 2)} deg in these records. Where they turn so far, "
-            "the third order of needles that keep their skew is smaller, by 1 to 11 % at joints where both were "
-            "computed. This fit does not know that: for such needles neither its frictions nor these odds hold. If "
-            "needles may keep their skew, fit rollers."
+            f"Needles of kinetostatic turn by up to {number(turned, 2)} deg in these records. If real needles keep "
+            "their skew instead, the third order is smaller, by 1 to 11 % at joints where both were computed. This fit "
+            "ignores that: its frictions and these odds then do not hold. If needles may keep their skew, fit with "
+            'model = "rollers".'
         )
 
 
@@ -274,13 +276,16 @@ def _error_size(fit: xr.Dataset) -> str:
     orders: dict[float, list[int]] = {}
     for order, factor in zip(fit["order"].values.tolist(), fit["model_error_factor"].values.tolist(), strict=True):
         orders.setdefault(factor, []).append(order)
-    parts = [f"{number(factor, 2)} times in order {numbers_in_words(own)}" for factor, own in orders.items()]
+    parts = [f"{number(factor, 2)} in order {numbers_in_words(own)}" for factor, own in orders.items()]
     if "phase_error_factor" in fit:
-        parts.append(f"{number(float(fit['phase_error_factor']), 2)} times in phases")
-    text = f" By what the fit leaves over, this error counts {', '.join(parts)}."
+        parts.append(f"{number(float(fit['phase_error_factor']), 2)} in phases")
+    text = f" The residuals of the fit scale this error by {', '.join(parts)}."
     if float(fit["model_error_factor"].max()) < _DOUBTFUL:
         return text
-    return f"{text} This joint is unlike those on record, and part of the error may hide in the unknowns: fit needles."
+    return (
+        f"{text} This joint is unlike the recorded ones, and part of the error may have gone into the fitted values: "
+        'fit with model = "needles".'
+    )
 
 
 def unknown_rows(fit: xr.Dataset) -> list[list[str]]:

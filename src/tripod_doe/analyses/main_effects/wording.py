@@ -191,9 +191,9 @@ class EffectWording:
         if effect.ground is not Ground.CURVES or effect.shape is Shape.NONE:
             return ""
         if other and effect.shape is not Shape.MIXED:
-            text = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the others"
+            text = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the other factors"
         if effect.largest > _MANIFOLD * effect.rise:
-            text += f"; at single settings of the others the change reaches {self.value(effect.largest)}"
+            text += f"; at single settings of the other factors the change reaches {self.value(effect.largest)}"
         return text
 
     def _one_way(self, effect: FactorEffect) -> str:
@@ -234,7 +234,7 @@ class EffectWording:
                 return self._from_zero(effect, ~np.isin(levels, inside))
             if not classes and _about_zero(levels, inside):
                 return self._from_zero(effect, np.ones(levels.size, bool))
-        best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
+        best, verb = ("largest", "decreases") if effect.shape is Shape.PEAK else ("smallest", "increases")
         spots = list(dict.fromkeys(self.at(effect, end.item()) for end in edges))
         own = factor_unit(self.cube, effect.factor)
         spot = text_range(spots[0].removesuffix(f" {own}"), spots[-1].removesuffix(f" {own}"), own)
@@ -244,7 +244,7 @@ class EffectWording:
         digits = min(max(digits_apart(*sorted((edge, float(curve[at])))) for at in (0, -1)), _MOST_DIGITS)
         value = " to ".join(dict.fromkeys(self.value(float(end), digits) for end in (within.min(), within.max())))
         label = factor_label(self.cube, effect.factor)
-        head = f"Over {label}, {self.name} is {best}, {value}, {spot} and {verb} to both sides"
+        head = f"Over {label}, {self.name} is {best}, {value}, {spot} and {verb} on both sides"
         middle = mirror_level(levels, curve, effect.error)
         if middle is not None:
             far = f"{self.value(float(curve[[0, -1]].mean()), digits)} at {self.at(effect, levels[0].item())} and "
@@ -261,7 +261,7 @@ class EffectWording:
         """
         levels, curve = effect.level.astype(float)[aside], effect.mean[aside]
         label = factor_label(self.cube, effect.factor)
-        head = f"Over {label}, {self.name} grows to both sides of zero"
+        head = f"Over {label}, {self.name} increases on both sides of zero"
         if mirror_level(levels, curve, effect.error) is not None:
             ends = [
                 f"{self.value(float(curve[[at, -1 - at]].mean()))} at {level(levels[at].item())} and "
@@ -311,7 +311,7 @@ class EffectWording:
             text = listed([f"{self.value(mean)} ({self.at(effect, word)})" for mean, word in values])
         return (
             f"Over {factor_label(self.cube, effect.factor)}, the mean of {self.name} is {text}{self.where(effect)}; "
-            f"the largest numerical error that is known is {self.value(effect.error)}; at single settings of the other "
+            f"the largest known numerical error is {self.value(effect.error)}; at single settings of the other "
             f"factors the change reaches {self.value(effect.largest)}"
         )
 

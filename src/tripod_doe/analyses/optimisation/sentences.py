@@ -60,7 +60,7 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
         reach, words, _ = _nearness(problem, best)
         same = sum(value - best <= reach for value in solved.ended)
         sentences.append(
-            f"{same} of {len(solved.ended)} searches from other places came within {words} of the best of them."
+            f"{same} of {len(solved.ended)} searches from other starts came within {words} of the best of them."
         )
     final = course[-1]
     reach, words, last = _nearness(problem, final)
@@ -69,7 +69,7 @@ def _single(problem: Problem, solved: Solved) -> list[str]:
         first, all_ = int(near[0]) + 1, len(course)
         sentences.append(
             f"The search came within {words} of its last value after {first:,} of {all_:,} candidates; "
-            f"the last {last} cost {all_ - first:,}."
+            f"the last {last} took {all_ - first:,} more."
         )
     return sentences
 
@@ -83,13 +83,13 @@ def _at_rest(problem: Problem, solved: Solved, of: str, course: FloatArray) -> l
     levels = [bool(variable.levels) for variable in problem.variables.chosen]
     if problem.confirm != problem.model:
         return [
-            f"Small steps around the best candidate were not all judged by {problem.confirm}: a joint nearby may be "
-            "better."
+            f"Not all small steps around the best candidate were computed with {problem.confirm}: a better joint "
+            "may exist nearby."
         ]
     if not np.isfinite(solved.polished):
         return [
-            f"The search ended with its {of} before small steps around the best one came to rest: "
-            f"{_last_gain(problem, course)}. Raise evaluations."
+            f"The search used its {of} before small steps around the best one stopped improving it: "
+            f"{_last_gain(problem, course)}. Raise evaluations in [search]."
         ]
     ways = [f"by {number(100 * solved.polished, 2)} % of its range"] * (not all(levels))
     ways += ["to its next value"] * any(levels)
@@ -103,9 +103,11 @@ def _last_gain(problem: Problem, course: FloatArray) -> str:
     last = max(len(course) // 4, 1)
     before, final = float(course[-last - 1]) if len(course) > last else np.nan, float(course[-1])
     if not np.isfinite(before):
-        return f"the first feasible one is among the last {last:,}, and others may be much better"
+        return f"the first feasible one is among the last {last:,}, so others may be much better"
     if final == before:
-        return f"none of the last {last:,} is better than those before, but a joint nearby or elsewhere may be"
+        return (
+            f"none of the last {last:,} is better than earlier ones, but a better joint may exist nearby or elsewhere"
+        )
     if objective_is_level(problem, 0) or before == 0:
         change = objective_change(problem, 0, final - before)
     else:
@@ -136,10 +138,10 @@ def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
     name = list(problem.objectives)[at]
     start = float(solved.start.objectives[0, at])
     if not np.isfinite(start):
-        return [f"The joint where the search starts has no {name}: {solved.start.reasons[0]}."]
+        return [f"The joint at the start of the search has no {name}: {solved.start.reasons[0]}."]
     values = solved.front.judged.objectives[:, at]
     best = float(values[np.argmin(values * problem.signs[at])])
-    keeps = "" if solved.start.feasible[0] else f", where the limits are not kept ({solved.start.reasons[0]})"
+    keeps = "" if solved.start.feasible[0] else f", which violates limits ({solved.start.reasons[0]})"
     if solved.start.feasible[0] and best == start:
         return [f"No candidate is better in {name} than the start, with {aim_text(problem, at, start)}."]
     change = ""
@@ -148,7 +150,7 @@ def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
     elif start > 0 and best != start:
         change = f" ({change_text(100 * (best / start - 1))} %)"
     return [
-        f"Where the search starts, {name} is {aim_text(problem, at, start)}{keeps}; "
+        f"At the start of the search, {name} is {aim_text(problem, at, start)}{keeps}; "
         f"the best is {aim_text(problem, at, best)}{change}."
     ]
 
@@ -184,7 +186,7 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
         f"{name} {aim_text(problem, k, float(front.judged.objectives[middle, k]))}" for k, name in enumerate(names)
     ]
     sentences.append(
-        f"Candidate {middle} is the knee, with the best worst objective over the front: {listed(values)}, at "
+        f"Candidate {middle} is the knee, the best compromise by its worst scaled objective: {listed(values)}, at "
         f"{joint_text(problem, front.units[middle])}."
     )
     for at in range(len(names)):
@@ -197,8 +199,8 @@ def _confirmation(problem: Problem, solved: Solved) -> list[str]:
     if not solved.confirmed:
         return []
     own, searched = solved.front.judged.objectives, solved.searched.objectives
-    by = f"by {problem.confirm}" if problem.confirm != problem.model else ""
-    sample = "on another sample of the scatter" if problem.scatter.factors else ""
+    by = f"with {problem.confirm}" if problem.confirm != problem.model else ""
+    sample = "with another sample of the scatter" if problem.scatter.factors else ""
     how = " ".join(filter(None, [by, sample]))
     apart = np.abs(own - searched)
     texts = [
@@ -206,9 +208,9 @@ def _confirmation(problem: Problem, solved: Solved) -> list[str]:
         for at, name in enumerate(problem.objectives)
         if np.isfinite(apart[:, at]).any() and apart[:, at].any()
     ]
-    moved = f"; on the front it differs from the search in {listed(texts)}" if texts else ", and nothing changes"
+    moved = f"; on the front this changes {listed(texts)}" if texts else "; nothing changes"
     were = "was" if solved.confirmed == 1 else "were"
-    return [f"{count_of(solved.confirmed, 'candidate')} {were} judged once more {how}{moved}."]
+    return [f"{count_of(solved.confirmed, 'candidate')} {were} recomputed {how}{moved}."]
 
 
 def _scatter(problem: Problem, solved: Solved) -> list[str]:
@@ -219,7 +221,7 @@ def _scatter(problem: Problem, solved: Solved) -> list[str]:
     table = problem.request.file.search
     count = table.confirm_samples if solved.confirmed else table.samples
     return [
-        f"Objectives and limits hold for {share} of the joints with the scatter of {names}, by a sample of "
+        f"Objectives and limits hold for {share} of the joints with the scatter of {names}, estimated from "
         f"{count_of(count, 'joint')}."
     ]
 
@@ -231,10 +233,10 @@ def _left_out(solved: Solved) -> list[str]:
     total = len(judged.reasons)
     parts = []
     if beyond:
-        parts.append(f"{beyond:,} {'does' if beyond == 1 else 'do'} not keep all limits")
+        parts.append(f"{beyond:,} {'violates' if beyond == 1 else 'violate'} a limit")
     if broken:
         parts.append(f"{broken:,} cannot be built, did not finish or lack a value")
-    return [f"Of {total:,} candidates {listed(parts)}."] if parts else []
+    return [f"Of {total:,} candidates, {listed(parts)}."] if parts else []
 
 
 def _nothing(problem: Problem, solved: Solved) -> list[str]:
@@ -242,7 +244,7 @@ def _nothing(problem: Problem, solved: Solved) -> list[str]:
     judged = solved.archive.judged
     if judged.feasible.any():
         none = (
-            f"No candidate that was judged once more is feasible; in the search {int(judged.feasible.sum()):,} of "
+            f"No recomputed candidate is feasible; in the search {int(judged.feasible.sum()):,} of "
             f"{len(judged.reasons):,} were."
         )
         if solved.nearest is None:
@@ -259,7 +261,7 @@ def _nothing(problem: Problem, solved: Solved) -> list[str]:
             f"The nearest one is {joint_text(problem, solved.archive.units[nearest])}, where {judged.reasons[nearest]}."
         )
     (reason, count), *_ = counted_reasons(judged.reasons)
-    sentences.append(f"The most frequent reason, for {count:,} of them, in the numbers of the first: {reason}.")
+    sentences.append(f"The most frequent reason, for {count:,} of them, with the values of the first: {reason}.")
     return sentences
 
 
@@ -281,7 +283,7 @@ def _improvable(problem: Problem, solved: Solved) -> list[str]:
             by = f" by {problem.model}" if problem.confirm != problem.model else ""
             value = aim_text(problem, at, float(abs(gains[best])))
             sentences.append(
-                f"The search has not come to rest at the best {name}: {step_text(problem, solved, best)} improves it "
+                f"The search has not converged at the best {name}: {step_text(problem, solved, best)} improves it "
                 f"by {value}{by}{' and keeps the limits' * bool(problem.constraints)}; more evaluations may get there."
             )
     return sentences

@@ -148,12 +148,12 @@ def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
         return []
     used, needed = int(result.attrs["groups_used"]), int(part.answers["samples_needed"])
     asked = f"+-{100 * float(result.attrs['precision']):g} % of the largest index"
-    thing = {"morris": "trajectories", "sobol": "blocks"}.get(
+    thing = {"morris": "trajectories", "sobol": "samples"}.get(
         kind, "points" if result.attrs["block_size"] == 1 else "blocks"
     )
     if needed <= used:
-        return [f"{used:,} {thing} are enough for {part.what}: no interval is wider than {asked}."]
-    return [f"{used:,} {thing} are not enough for {part.what}: about {needed:,} are needed for intervals of {asked}."]
+        return [f"{used:,} {thing} are enough for {part.what}: all intervals are within {asked}."]
+    return [f"{used:,} {thing} are not enough for {part.what}: intervals within {asked} need about {needed:,}."]
 
 
 def _holes(result: xr.Dataset) -> list[str]:

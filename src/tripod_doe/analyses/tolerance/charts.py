@@ -83,10 +83,10 @@ def _gain_chart(key: str, name: str, what: str, part: xr.Dataset) -> Chart:
         axes.axvline(0, color=MUTED, lw=0.8)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
-        axes.set_xlabel("standard deviation less by (%)")
+        axes.set_xlabel("reduction of the standard deviation (%)")
     level = 100 * float(part.attrs.get("confidence_level", 0.95))
     caption = (
-        f"What half the scatter of one factor takes off the standard deviation of {what}, with {level:g} % intervals "
-        f"(analysis {name})."
+        f"Reduction of the standard deviation of {what} if the scatter of one factor is halved, with {level:g} % "
+        f"intervals (analysis {name})."
     )
     return Chart(key, f"Which scatter to halve first, for {what}", caption, figure, data)

@@ -70,7 +70,7 @@ def _not_judged(result: xr.Dataset) -> list[str]:
         )
     if in_lists:
         sentences.append(
-            f"Of factors with listed values ({listed(in_lists)}) no other scatter is judged, however large the effect."
+            f"The scatter of factors with listed values ({listed(in_lists)}) is not judged, however large their effect."
         )
     return sentences
 
@@ -104,8 +104,8 @@ def _of_model(part: xr.Dataset) -> str:
     low, high = (number(100 * end[1], 2) for end in ends)
     usual = number(100 * float(part.attrs["model_error_usual"]), 2)
     return (
-        f" by this model, and between {low} and {high} % if each point is off by the largest error that nine in ten "
-        f"points similar to it had (for half of the points at most {usual} %)"
+        f" by this model, and between {low} and {high} % if the model is off at each point by its 90th percentile "
+        f"error (for half of the points at most {usual} %)"
     )
 
 
@@ -122,19 +122,21 @@ def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
     beyond = half * _wider(confidence, int(np.isfinite(gain).sum()))
     resolved = [at for at in np.argsort(-np.nan_to_num(gain)) if gain[at] - beyond[at] > 0]
     if not resolved:
-        return [f"These points resolve no gain for {what} by halving the scatter of a single factor."]
+        return [f"These points resolve no effect on the scatter of {what} from halving the scatter of a single factor."]
     best = resolved[0]
     level = [at for at in resolved if gain[at] + beyond[at] >= gain[best] - beyond[best]]
     rest = [at for at in resolved if at not in level]
-    takes = [f"takes {_percent(gain[at], half[at])}" for at in range(len(names))]
+    parts = [f"{_percent(gain[at], half[at])} ({spoken(names[at])})" for at in range(len(names))]
+    reduces = "reduces the standard deviation by"
     if len(level) == 1:
-        head = f"For {what}, tighten {spoken(names[best])} first: half its scatter {takes[best]}"
+        reduced = _percent(gain[best], half[best])
+        head = f"For {what}, tighten {spoken(names[best])} first: halving its scatter {reduces} {reduced}"
     else:
-        stated = [f"half the scatter of {spoken(names[at])} {takes[at]}" for at in level[:_MOST_NAMED]]
-        head = f"For {what}, these points do not tell which scatter to tighten first: {listed(stated)}"
+        stated = listed([parts[at] for at in level[:_MOST_NAMED]])
+        head = f"For {what}, these points do not show which scatter to tighten first: halving one {reduces} {stated}"
     after = _exceedance_if_halved(part.isel(factor=int(best)), unit) if len(level) == 1 else ""
-    others = listed([f"{spoken(names[at])} {_percent(gain[at], half[at])}" for at in rest[: _MOST_NAMED - 1]])
-    return [f"{head} off the standard deviation{after}{f'; next {others}' if others else ''}."]
+    others = listed([parts[at] for at in rest[: _MOST_NAMED - 1]])
+    return [f"{head}{after}{f'; halving another one, by {others}' if others else ''}."]
 
 
 def _wider(confidence: float, ways: int) -> float:
@@ -149,7 +151,7 @@ def _exceedance_if_halved(one: xr.Dataset, unit: str) -> str:
         return ""
     limit = with_unit(number(float(one["limit"])), unit)
     now = number(100 * float(one["exceedance"]), 2)
-    return f", and {_chance(one, 'exceedance_if_halved')} in place of {now} % would exceed {limit}"
+    return f", and the probability to exceed {limit} falls from {now} % to {_chance(one, 'exceedance_if_halved')}"
 
 
 def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
@@ -162,12 +164,14 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
     said = []
     resolved = float(part["exceedance_low"]) > 1 - keep or float(part["exceedance_high"]) <= 1 - keep
     if not resolved:
-        said = [f"Whether {what} stays {within} with {100 * keep:g} % is not resolved by these points."]
+        said = [
+            f"Whether {what} stays {within} with a probability of {100 * keep:g} % is not resolved by these points."
+        ]
     if not value > 1 - keep:
         return said + _run_more(part, keep, resolved) + _nothing_to_confirm(part, f"{what} keeps its limit")
     names = [str(name) for name in part["factor"].values]
     tables = factor_tables(part)
-    aim = f"To keep {what} {within} with {100 * keep:g} %"
+    aim = f"To keep {what} {within} with a probability of {100 * keep:g} %"
     ways = [_smaller_scatter(part, names, tables), _cheapest(part, names, tables), _shifts(part, names, tables)]
     chances = [chance for _, each in ways for chance in each]
     return [
@@ -196,7 +200,7 @@ def _run_more(part: xr.Dataset, keep: float, resolved: bool, proposed: bool = Fa
 
 def _nothing_to_confirm(part: xr.Dataset, reason: str) -> list[str]:
     """Why a confirmation that was asked for ran no points."""
-    return [f"No other points ran to confirm a change: {reason}."] if part.attrs.get("confirm") else []
+    return [f"No other points were run to confirm a change: {reason}."] if part.attrs.get("confirm") else []
 
 
 def _changed(name: str, table: FactorTable, now: FactorTable) -> str:
@@ -215,7 +219,7 @@ def _smaller(name: str, scale: float, tables: Mapping[str, FactorTable]) -> str:
 
 
 def _remaining_chance(part: xr.Dataset, way: str) -> str:
-    return f"then {_chance(part, f'exceedance_at_{way}')} exceed it"
+    return f"then {_chance(part, f'exceedance_at_{way}')} exceed the limit"
 
 
 _Way = tuple[str, list[float]]  # a sentence, and the chances to exceed the limit that it states
@@ -246,17 +250,17 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
 def _widest(part: xr.Dataset) -> str:
     """Why a wider scatter may do as well."""
     points = f"{int(part.attrs['points_used']):,} points"
-    return f"In steps of 5 %, no wider scatter is proven by these {points}; more points may prove one."
+    return f"In steps of 5 %, these {points} prove no wider scatter sufficient; more points may."
 
 
 def _unresolved(aim: str, part: xr.Dataset) -> str:
     """Why no smaller scatter is proposed."""
     if bool(part["scale_excluded"].values.astype(bool).all()):
         most = float(part["exceedance_low"]) > _MOST_EXCEED
-        move = f"move a nominal value: {_chance(part, 'exceedance')} exceed it now, and " if most else ""
-        return f"{aim}, {move}no smaller scatter of one factor or two is enough."
+        move = f"shift a nominal value: {_chance(part, 'exceedance')} exceed the limit now, and " if most else ""
+        return f"{aim}, {move}reducing the scatter of one or two factors is not enough."
     points = f"{int(part.attrs['points_used']):,} points"
-    return f"{aim}, these {points} resolve no smaller scatter of one factor or two that is enough."
+    return f"{aim}, these {points} prove no reduced scatter of one or two factors sufficient."
 
 
 def _cheapest(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> _Way:
@@ -287,7 +291,7 @@ def _shifts(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable
         by = with_unit(f"{shift:+.3g}", unit_text(units.get(name, "1")))
         ways.append(f"{spoken(name)} by {by} ({keys}): {_remaining_chance(part.isel(factor=at), 'shift')}")
     chances = part["exceedance_at_shift"].values[moved].tolist()
-    return f"With the scatter as it is, move the nominal value of {'; or of '.join(ways)}.", chances
+    return f"With unchanged scatter, shift the nominal value of {'; or of '.join(ways)}.", chances
 
 
 def _no_shift(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTable]) -> str:
@@ -296,16 +300,18 @@ def _no_shift(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTab
     bounded = [name for name in names if name not in [*related, *listed_values] and tables[name].high is not None]
     reasons = []
     if bounded:
-        reasons.append(f"these points lie between the bounds of {listed(list(map(spoken, bounded)))}, which would move")
+        reasons.append(
+            f"the points lie within the bounds of {listed(list(map(spoken, bounded)))}, which would shift too"
+        )
     if listed_values:
         reasons.append(f"{listed(list(map(spoken, listed_values)))} has listed values")
     if related:
         reasons.append(f"{listed(list(map(spoken, related)))} are correlated")
     if len(bounded) + len(listed_values) + len(related) < len(names):
-        reasons.append("too few points lie where a moved scatter would have most of them")
+        reasons.append("too few points lie where a shifted distribution would have most of them")
     return (
-        f"Whether the limit is kept by moving one nominal value is not resolved: {', and '.join(reasons)}; "
-        "a run with that value moved answers it."
+        f"Whether shifting one nominal value keeps the limit is not resolved: {', and '.join(reasons)}. Run "
+        "the study with a shifted value to find out."
     )
 
 
@@ -321,7 +327,7 @@ def _confirmed(part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float)
     if low <= 1 - keep < high:
         needed = points_to_decide(float(part[CONFIRMED]), 1 - keep, int(run["points"]))
         more = f"; confirm = {needed} would decide" if needed else ""
-    return [f"By {points} the change of {keys} is {verdict}: {_chance(part, CONFIRMED)} exceed the limit{more}."]
+    return [f"The change of {keys} is {verdict} by {points}: {_chance(part, CONFIRMED)} exceed the limit{more}."]
 
 
 def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
@@ -332,10 +338,10 @@ def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:
     seed = int(part.attrs["seed_of_points"]) + 1
     scramble = "" if part.attrs["scramble_of_points"] else ", scramble = true"
     return [
-        "These chances come from the same points, weighted. To confirm a change, write its values into a copy of the "
-        f"study, with seed = {seed}{scramble} and samples = {samples} in [design], and run it: "
-        f"tripod-doe run COPY.toml --out DIR{_finer(part, samples)}. For the change that is named first, confirm = "
-        f"{samples} in this analysis of the study file does that by itself."
+        "These probabilities are estimated from the same points, reweighted. To confirm a change, write its values "
+        f"into a copy of the study, with seed = {seed}{scramble} and samples = {samples} in [design], and run it: "
+        f"tripod-doe run COPY.toml --out DIR{_finer(part, samples)}. With confirm = {samples} in "
+        "this analysis of the study file, the run itself confirms the change that is named first."
     ]
 
 
@@ -346,7 +352,7 @@ def _finer(part: xr.Dataset, samples: int) -> str:
         return ""
     models = " or ".join(f'"{name}"' for name in prices)
     times = " or ".join(duration(samples * each, 2) for each in prices.values())
-    return f"; with model = {models} in [base] (about {times} of CPU time), since the error of this model counts here"
+    return f"; take model = {models} in [base] (about {times} of CPU time), since the error of this model matters here"
 
 
 def _percent(value: float, half: float) -> str:
@@ -365,4 +371,4 @@ def tolerance_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
             chance = _chance(one, "exceedance_if_halved") if if_halved else "-"
             name = spoken(str(one["factor"].values))
             rows.append([what, name, _percent(gain, half) if np.isfinite(gain) else "-", chance])
-    return ["output", "factor", "standard deviation less by", "exceeds the limit if halved"], rows
+    return ["output", "factor", "standard deviation reduced by", "exceeds the limit if halved"], rows

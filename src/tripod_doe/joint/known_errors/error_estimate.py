@@ -50,8 +50,8 @@ _FAR = 1e6
 """Coordinate of a ratio that has no logarithm: far from all measured points."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
-WITHOUT_ITS_VIBRATION = "the joint vibrates by itself, and this is the answer without the vibration"
-NOT_LOOKED_AT = "similar joints vibrate by themselves, and only results with vibrates show whether these do"
+WITHOUT_ITS_VIBRATION = "the joint vibrates by itself, and this model leaves the vibration out"
+NOT_LOOKED_AT = "similar joints vibrate by themselves (the output vibrates shows whether these do)"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 

@@ -17,11 +17,11 @@ LINEAR = ("skew_deg", "direction")
 
 RATIOS = {
     "joint_angle_deg": "joint angle",
-    "groove_friction": "sliding friction coefficient of the grooves, 0 with their sliding off",
-    "swing_ratio": "swing of a roller in its groove by friction, over its slip along the groove",
-    "needle_friction": "sliding friction coefficient of the needles, 0 with it off",
-    "needle_ratio": "needle sliding friction, 0 with it off, over joint angle in rad",
-    "inertia_ratio": "force that keeps a roller on its orbit, over its mean normal force",
+    "groove_friction": "sliding friction coefficient of the grooves, 0 if switched off",
+    "swing_ratio": "swing of a roller in its groove by friction, divided by its slip along the groove",
+    "needle_friction": "sliding friction coefficient of the needles, 0 if switched off",
+    "needle_ratio": "needle sliding friction, 0 if switched off, divided by joint angle in rad",
+    "inertia_ratio": "inertial force of a roller on its orbit, divided by its mean normal force",
     "crown_ratio": "1 + crown of the needles over the penetration of the most loaded one without crown and clearance",
     "skew_deg": "initial skew of the needles, root mean square of the three bearings",
     "direction": "1 in drive, -1 in coast, where an error is a larger share of a smaller thrust force",
