@@ -194,3 +194,22 @@ def test_effects_without_points_to_judge_them_by_are_named_with_their_sizes(effe
     assert "R2" not in sentence
     assert "is significant" not in sentence
     assert all(f"{each:g}" in sentence for each in effects)
+
+
+def test_an_effect_is_the_mean_over_three_words_and_rounding_is_none(tmp_path):
+    """Regression: it was the effect at the first word, and what rounding left was significant, with F infinite."""
+    (tmp_path / "three.py").write_text(
+        "def f(a, s, b):\n    return {'y': {'x': 2.0, 'y': -1.0, 'z': -1.0}[s] * a + 3.0 * (s == 'z') + 0.7}\n"
+    )
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\nfunction = "three:f"\n[factors]\na.values = [0, 1]\ns.values = ["y", "x", "z"]\n'
+        "b.values = [0.1, 0.2, 0.7]\n"
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    result = factorial_effects(td.open_cube(tmp_path / "out"))
+    effect = result["effect"].to_series()
+    assert effect["a"] == 0
+    assert effect["s=x"] == pytest.approx(1.5)  # (2 - -1) / 2: the mean over a
+    assert effect["s=z"] == pytest.approx(3)
+    assert effect["a:s=x"] == pytest.approx(1.5)
+    assert result["p_value"].to_series()[["a", "b"]].tolist() == [1, 1]

@@ -1,7 +1,7 @@
 """Effects of factors and their interactions by regression on coded levels, with the table of an analysis of variance.
 
 A number is coded from -1 at its low to 1 at its high, on a logarithmic scale where it has one; a word by what sets it
-apart from the first. Terms are single factors, products of two (``a:b``), and squares (``a^2``) where a factor has more
+apart from the first, about its mean, so that the effect of any other factor is its mean over the words. Terms are single factors, products of two (``a:b``), and squares (``a^2``) where a factor has more
 than two levels, each as far as the design separates it from those before.
 """
 
@@ -73,7 +73,8 @@ def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[t
         words = list(dict.fromkeys(map(str, table.values or np.unique(column.astype(str)))))
         if len(words) == 2:
             return [(name, np.where(column.astype(str) == words[1], 1.0, -1.0), 2.0)]
-        return [(f"{name}={word}", (column.astype(str) == word).astype(float), 1.0) for word in words[1:]]
+        share = 1 / len(words)
+        return [(f"{name}={word}", (column.astype(str) == word) - share, 1.0) for word in words[1:]]
     numbers = column.astype(float)
     given = [float(value) for value in table.values or () if not isinstance(value, str)]
     low = table.low if table.low is not None else min(given, default=numbers.min())
@@ -161,7 +162,10 @@ def _fit(terms: Terms, values: FloatArray, confidence: float, sampled: bool) -> 
     rest = np.where((rest**2).sum(axis=0) < _ROUNDING * spread, 0.0, rest)
     residual = (rest**2).sum(axis=0)
     spare, inverse = count - width - 1, np.linalg.inv(r)[1:]
-    effects, own = coefficients[1:] * terms.reach[:, None], (inverse**2).sum(axis=1)[:, None]
+    own = (inverse**2).sum(axis=1)[:, None]
+    rounding = (residual == 0) & (coefficients[1:] ** 2 / own < _ROUNDING * spread)
+    slopes = np.where(rounding, 0.0, coefficients[1:])
+    effects = slopes * terms.reach[:, None]
     if spare > 0:
         plain = error = np.sqrt(own) * np.sqrt(residual / spare) * terms.reach[:, None]
         freedom: float = spare
@@ -174,8 +178,8 @@ def _fit(terms: Terms, values: FloatArray, confidence: float, sampled: bool) -> 
         "effect": effects,
         "effect_conf": stats.t.ppf(0.5 + confidence / 2, freedom) * error,
         "p_value": 2 * stats.t.sf(np.abs(_ratio(effects, error)), freedom),
-        "coefficient": coefficients[1:],
-        "sum_of_squares": coefficients[1:] ** 2 / own,  # of each term, given all others
+        "coefficient": slopes,
+        "sum_of_squares": slopes**2 / own,  # of each term, given all others
         "f_value": _ratio(effects, plain) ** 2,
         "mean": coefficients[0],
         "residual_sum_of_squares": residual,
