@@ -7,6 +7,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
+from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
 from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.errors import InputError
 
@@ -57,3 +58,17 @@ def test_words_and_numbers_in_a_column_are_words(run_table):
     assert run_table("a\n1\ntwo\n")["a"].values.tolist() == ["1", "two"]
     with pytest.raises(InputError, match="line 3: a: this field is empty"):
         run_table("a,b\n1,2\n,3\n")
+
+
+def test_an_output_that_most_points_lack_is_left_out(tmp_path):
+    """Regression: `vibrates`, which kinetostatic looks for at few joints, made 6 of 8 finished points "lost"."""
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\n[factors]\njoint_angle_deg.values = [5, 8, 11, 13]\ntorque_n_m.values = [60, 150]\n'
+        "[analysis.effects]\n"
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out" / "analysis" / "effects.nc") as found:
+        assert found.attrs["points_used"] == 8
+        assert "vibrates" not in found["output"]
+        lacking = int(td.open_cube(tmp_path / "out")["vibrates"].isnull().sum())
+        assert f"The output vibrates is left out: {lacking} of 8 points do not have it." in find_in_effects(found, "e")

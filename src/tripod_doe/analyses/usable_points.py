@@ -156,6 +156,26 @@ def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]
     return usable
 
 
+def without_sparse(cube: xr.Dataset, names: Sequence[str], most: float) -> tuple[list[str], str]:
+    """Outputs without those of one number a point that more than this part of the finished points lack.
+
+    A model may give an output at some points only, as kinetostatic does `vibrates`: these points are not lost.
+
+    Returns:
+        The outputs, all of them if none would be left; and a line ``NAME: reason`` for each that is left out.
+    """
+    finished = cube["outcome"].values == Outcome.FINISHED
+    lacking = {
+        name: int(np.isnan(cube[name].values[finished]).sum()) for name in names if cube[name].dims == ("point",)
+    }
+    count = int(finished.sum())
+    sparse = [name for name, lost in lacking.items() if most * count < lost < count]
+    if len(sparse) == len(names):
+        return list(names), ""
+    lines = [f"{name}: {lacking[name]:,} of {count:,} points do not have it" for name in sparse]
+    return [name for name in names if name not in sparse], "\n".join(lines)
+
+
 def refuse_holes(settings: PointSettings, region: FailingRegion | None, left: int, asked: int, block: int) -> None:
     """Refuse where too few blocks are left, or where holes are to be refused."""
     what = "points" if block == 1 else f"blocks of {block} points"

@@ -129,6 +129,12 @@ def _bounds(low: float, high: float, digits: int) -> str:
     return f"at most {number(high, digits)}" if np.isfinite(high) else "too few points for an interval"
 
 
+def left_outputs(result: xr.Dataset) -> list[str]:
+    """A sentence for each output that an analysis leaves out."""
+    lines = [line.partition(": ") for line in str(result.attrs.get("left_out", "")).splitlines()]
+    return [f"The output {spoken(name)} is left out: {reason}." for name, _, reason in lines]
+
+
 def left_points(result: xr.Dataset) -> list[str]:
     """A sentence with the numbers of missing and remaining points; empty if no point is missing."""
     dropped = int(result.attrs.get("points_dropped", 0))

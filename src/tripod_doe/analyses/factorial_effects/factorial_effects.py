@@ -1,8 +1,9 @@
 """Effects of factors and their interactions by regression on coded levels, with the table of an analysis of variance.
 
 A number is coded from -1 at its low to 1 at its high, on a logarithmic scale where it has one; a word by what sets it
-apart from the first, about its mean, so that the effect of any other factor is its mean over the words. Terms are single factors, products of two (``a:b``), and squares (``a^2``) where a factor has more
-than two levels, each as far as the design separates it from those before.
+apart from the first, about its mean, so that the effect of any other factor is its mean over the words. Terms are
+single factors, products of two (``a:b``), and squares (``a^2``) where a factor has more than two levels, each as far as
+the design separates it from those before.
 """
 
 import json
@@ -27,7 +28,7 @@ from tripod_doe.analyses.output_table import (
     stacked,
 )
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.usable_points import Sample, read_sample
+from tripod_doe.analyses.usable_points import Sample, read_sample, without_sparse
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.definition.study_tables import FactorTable
@@ -220,7 +221,9 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     """
     settings = settings or EffectsSettings()
     cube = flat_points(cube)
-    names = chosen_outputs(cube, settings.outputs)
+    names, left_out = chosen_outputs(cube, settings.outputs), ""
+    if not settings.outputs:
+        names, left_out = without_sparse(cube, names, settings.most_dropped)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     terms, sampled = _terms(sample, settings), sample.design.kind in _SAMPLED
     names = [name for name in names if not is_course(cube, name) or len(names) == 1]
@@ -248,6 +251,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
         points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         **region,
+        **({"left_out": left_out} if left_out else {}),
     )
 
 

@@ -21,7 +21,7 @@ from tripod_doe.analyses.output_table import (
     stacked,
 )
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.usable_points import Sample, read_sample
+from tripod_doe.analyses.usable_points import Sample, read_sample, without_sparse
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import cf_flags
@@ -71,14 +71,17 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
         InputError: If the cube is of another design, or too few complete blocks are left.
     """
     cube = flat_points(cube)
-    names = chosen_outputs(cube, settings.outputs)
+    names, left_out = chosen_outputs(cube, settings.outputs), ""
+    if not settings.outputs:
+        names, left_out = without_sparse(cube, names, settings.most_dropped)
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and not sample.independent:
         raise InputError(DEPENDENT)
     joint = side_by_side(cube, names)
     names = joint + [name for name in names if name not in joint]
     result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)
-    return _described(result, method, sample, output_attributes(cube, names), settings)
+    outputs = output_attributes(cube, names) | ({"left_out": left_out} if left_out else {})
+    return _described(result, method, sample, outputs, settings)
 
 
 def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: SensitivitySettings) -> xr.Dataset:

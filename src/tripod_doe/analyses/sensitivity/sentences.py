@@ -8,7 +8,7 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.method import without_interval
-from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs
+from tripod_doe.page_parts.main_outputs import OutputPart, left_outputs, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
 from tripod_doe.quantities import count_of, interval, number, rounded_up
 
@@ -41,7 +41,7 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
                 text = _index_sentence(part, kind)
         sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_without_interval(part, kind, result)]
         sentences += _convergence(part, kind, result)
-    return sentences + _holes(result)
+    return sentences + left_outputs(result) + _holes(result)
 
 
 def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
