@@ -34,7 +34,7 @@ from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measur
 from tripod_doe.analyses.sensitivity.fast import fast_indices
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
 from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
-from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
+from tripod_doe.analyses.sensitivity.rbd_fast import FEWEST, rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
 from tripod_doe.analyses.settings import SensitivitySettings
@@ -85,7 +85,8 @@ class Analysis:
     settings: type[BaseModel]  # its settings: [analysis.NAME] of a study, [steps.NAME.settings] of a workflow
     # design kinds of the studies whose cube it can read; empty where only a workflow can ask for it
     designs: tuple[str, ...] = ()
-    independent: bool = False  # whether the factors of these designs must not be correlated
+    independent: bool = False  # whether the factors of these designs must not depend on each other
+    fewest: int = 0  # samples that it needs
     crossed: bool = False  # whether such a design may also be a part of a product
     # settings that name files, relative to the workflow file; their contents are part of the step's inputs
     files: tuple[str, ...] = ()
@@ -114,6 +115,7 @@ def _indices(
     settings: type[BaseModel],
     *designs: str,
     independent: bool = False,
+    fewest: int = 0,
 ) -> Analysis:
     """The row of a sensitivity analysis that ranks the factors by an index."""
     return Analysis(
@@ -121,6 +123,7 @@ def _indices(
         settings,
         designs,
         independent,
+        fewest,
         sentences="sensitivity.sentences:find_in_sensitivity",
         figures=_INDEX_CHARTS,
         section="sensitivity",
@@ -133,7 +136,7 @@ ANALYSES: dict[str, Analysis] = {
         _indices(sobol_indices, SensitivitySettings, "saltelli"),
         _indices(morris_effects, MorrisSettings, "morris"),
         _indices(fast_indices, SensitivitySettings, "fast"),
-        _indices(rbd_fast_indices, SensitivitySettings, *SAMPLED_DESIGNS, independent=True),
+        _indices(rbd_fast_indices, SensitivitySettings, *SAMPLED_DESIGNS, independent=True, fewest=FEWEST),
         _indices(pawn_indices, PawnSettings, *SAMPLED_DESIGNS),
         _indices(borgonovo_delta, SensitivitySettings, *SAMPLED_DESIGNS),
         _indices(derivative_measures, DgsmSettings, "finite-differences"),

@@ -46,6 +46,8 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
     if analysis.independent and (design.correlation or design.constraints):
         raise study.fail(where, f"{kind}: {DEPENDENT}")
     try:
+        if (design.samples or analysis.fewest) < analysis.fewest:
+            raise InputError(f"samples = {design.samples}: {kind} needs at least {analysis.fewest}")
         settings = checked_settings(analysis.settings, table)
         if isinstance(settings, ToleranceSettings):
             check_tolerance(settings, study)

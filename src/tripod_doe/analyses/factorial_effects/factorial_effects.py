@@ -7,7 +7,8 @@ the design separates it from those before.
 """
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,7 @@ from pydantic import Field
 
 from tripod_doe.analyses.encoding import is_numeric, scaled
 from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.main_effects.repeated_sample import numbered, varied_together
 from tripod_doe.analyses.output_table import (
     OutputTable,
     answered_in_parts,
@@ -29,7 +31,7 @@ from tripod_doe.analyses.output_table import (
 )
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample, read_sample, without_sparse
-from tripod_doe.array_types import FloatArray
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.definition.study_tables import FactorTable
 
@@ -37,15 +39,14 @@ _ALIAS = 1e-8  # part of a column's length that the terms before must leave for 
 _ROUNDING = 1e-12  # part of the variance of an output below which nothing is left
 _LEVERAGE = 1e-6  # least part of a point's residual that the fit leaves to it
 _SAMPLED = ("latin-hypercube", "sobol", "halton", "rbd-fast")
+_LISTED = ("grid", "table", "zip")
 EFFECT_DESIGNS = (
     "full-factorial",
     "fractional-factorial",
     "plackett-burman",
     "central-composite",
     "box-behnken",
-    "grid",
-    "table",
-    "zip",
+    *_LISTED,
     *_SAMPLED,
 )
 """Designs whose points a regression can use."""
@@ -66,6 +67,9 @@ class Terms:
     columns: FloatArray  # their values, shape (point, term)
     reach: FloatArray  # change of a term's value from low to high: 2 for factors and products, 1 for squares and words
     aliases: dict[str, list[str]]  # by a term that is left out, the terms whose effects hold its own
+    # of a listed design whose points repeat settings of some factors: the number of this setting at each point, shape
+    # (point,), and which terms have one of these factors, shape (term,)
+    repeats: Sequence[tuple[IntArray, NDArray[np.bool_]]] = ()
 
 
 def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[tuple[str, FloatArray, float]]:
@@ -125,6 +129,43 @@ def _separable_terms(candidates: list[tuple[str, FloatArray, float]], count: int
     return Terms(names[1:], np.stack(columns[1:], axis=1), np.array(reach[1:]), aliases)
 
 
+def _with_repeats(terms: Terms, columns: Mapping[str, NDArray[np.generic]]) -> Terms:
+    """The terms with the settings that points of a list repeat: their scatter is not that of independent points.
+
+    Settings of single factors, and of factors that vary together, as in the rows of a table.
+    """
+    codes = {name: np.unique(column, return_inverse=True)[1] for name, column in columns.items()}
+    sets = {frozenset(group) for name in codes for group in ([name], varied_together(codes, name))}
+    members = [{part.partition("=")[0].removesuffix("^2") for part in name.split(":")} for name in terms.names]
+    repeats = []
+    for own in sets:
+        at = numbered(codes[name] for name in own)
+        if int(at.max()) + 1 < at.size:
+            repeats.append((at, np.array([bool(each & own) for each in members])))
+    return replace(terms, repeats=repeats)
+
+
+def _setting_deviations(weights: FloatArray, q: FloatArray, rest: FloatArray, at: IntArray) -> tuple[FloatArray, float]:
+    """Standard deviations of coefficients where only settings are independent (Liang and Zeger 1986), and what is left.
+
+    Args:
+        weights: Of the points in each coefficient, shape (term, point).
+        q: Orthonormal columns of all terms, shape (point, column).
+        rest: What the terms leave, shape (point, component).
+        at: See `Terms.repeats`.
+
+    Returns:
+        ndarray, shape (term, component); number of settings less that of the columns between them.
+    """
+    from scipy.sparse import csr_array  # imported where it is used: every study would wait for it
+
+    points = np.bincount(at)
+    sums = csr_array((np.ones(at.size), (at, np.arange(at.size))), shape=(points.size, at.size))
+    spare = points.size - float((((sums @ q) ** 2) / points[:, None]).sum())
+    squares = [((sums @ (own[:, None] * rest)) ** 2).sum(axis=0) for own in weights]
+    return np.sqrt(np.stack(squares) * points.size / max(spare, 1.0)), spare
+
+
 def _pseudo_error(effects: FloatArray) -> FloatArray:
     """Lenth's (1989) pseudo standard error of the effects of a design without spare points, shape (component,)."""
     size = np.abs(effects)
@@ -175,10 +216,20 @@ def _fit(terms: Terms, values: FloatArray, confidence: float, sampled: bool) -> 
     else:
         plain = error = np.broadcast_to(_pseudo_error(effects), effects.shape)
         freedom = width / 3
+    half = stats.t.ppf(0.5 + confidence / 2, freedom) * error
+    chance = 2 * stats.t.sf(np.abs(_ratio(effects, error)), freedom)
+    for at, concerned in terms.repeats if spare > 0 else ():
+        error, left = _setting_deviations((inverse @ q.T)[concerned], q, rest, at)
+        if left < 1 - _ALIAS:  # these settings have no scatter of their own
+            continue
+        error = error * terms.reach[concerned, None]
+        half[concerned] = np.maximum(half[concerned], stats.t.ppf(0.5 + confidence / 2, left) * error)
+        by_settings = 2 * stats.t.sf(np.abs(_ratio(effects[concerned], error)), left)
+        chance[concerned] = np.maximum(chance[concerned], by_settings)
     return {
         "effect": effects,
-        "effect_conf": stats.t.ppf(0.5 + confidence / 2, freedom) * error,
-        "p_value": 2 * stats.t.sf(np.abs(_ratio(effects, error)), freedom),
+        "effect_conf": half,
+        "p_value": chance,
         "coefficient": slopes,
         "sum_of_squares": slopes**2 / own,  # of each term, given all others
         "f_value": _ratio(effects, plain) ** 2,
@@ -207,8 +258,9 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     """Effects of factors, interactions and squares with intervals, and the analysis of variance.
 
     Intervals and probabilities are those of Student's t with the scatter that the terms leave: of a deterministic model
-    that is its lack of fit, for a random sample as it is near each point where that is more. A design without spare
-    points takes Lenth's pseudo standard error.
+    that is its lack of fit, for a random sample as it is near each point where that is more, and where points of a list
+    repeat settings of some factors that between settings where it is more. A design without spare points takes Lenth's
+    pseudo standard error. Of a factor without low and high these are the ends of its points.
 
     Returns:
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
@@ -225,7 +277,13 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     if not settings.outputs:
         names, left_out = without_sparse(cube, names, settings.most_dropped)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
-    terms, sampled = _terms(sample, settings), sample.design.kind in _SAMPLED
+    sampled = sample.design.kind in _SAMPLED
+    if sample.design.kind in _LISTED:  # a point that is listed twice is one: its outputs are the same
+        every = numbered(np.unique(column, return_inverse=True)[1] for column in sample.columns.values())
+        sample = sample.take(np.sort(np.unique(every, return_index=True)[1]))
+    terms = _terms(sample, settings)
+    if sample.design.kind in _LISTED:
+        terms = _with_repeats(terms, sample.columns)
     names = [name for name in names if not is_course(cube, name) or len(names) == 1]
     joint = side_by_side(cube, names)
     names = joint + [name for name in names if name not in joint]

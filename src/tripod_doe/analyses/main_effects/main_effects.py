@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import Column, is_numeric
 from tripod_doe.analyses.main_effects.curve_shape import Shape, curve_shapes
 from tripod_doe.analyses.main_effects.regression import Fit, Separation, fit_factor, separation
-from tripod_doe.analyses.main_effects.repeated_sample import own_sample
+from tripod_doe.analyses.main_effects.repeated_sample import one_of_each_block, own_sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.one_thread import one_thread
 
@@ -182,7 +182,8 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
             effects.append(_by_steps(name, varying, levels[name][0], compared, settings[:, at], error))
         else:
             with one_thread():
-                effects.append(_by_regression(name, varying, own_codes, response, error))
+                rows = one_of_each_block(np.delete(settings, at, axis=1))
+                effects.append(_by_regression(name, varying, own_codes, response, error, rows))
     return effects
 
 
@@ -272,11 +273,18 @@ def _outward_steps(ends: FloatArray, steps: FloatArray, any_side: bool) -> Float
 
 
 def _by_regression(
-    name: str, columns: Mapping[str, Column], codes: Mapping[str, IntArray], response: FloatArray, error: float
+    name: str,
+    columns: Mapping[str, Column],
+    codes: Mapping[str, IntArray],
+    response: FloatArray,
+    error: float,
+    independent: IntArray,
 ) -> FactorEffect:
     """Fit where the columns separate the factor; words and single points are left to the other grounds."""
     others, points = tuple(other for other in columns if other != name), response.size
     columns, response = own_sample(columns, codes, name, response)
+    if response.size == points:
+        columns, response = {other: column[independent] for other, column in columns.items()}, response[independent]
     rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
     numeric, response = is_numeric(columns[name]), response[rows]
     columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}

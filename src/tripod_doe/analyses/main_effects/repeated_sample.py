@@ -33,11 +33,11 @@ def own_sample(
     unchanged = dict(columns), response
     if int(codes[factor].max()) + 1 == response.size:  # each point has a value of its own
         return unchanged
-    own = _varying_together(codes, factor)
+    own = varied_together(codes, factor)
     rest = [name for name in codes if name not in own]
     if len(own) == 1 or not rest:
         return unchanged
-    at, place = _numbered(codes[name] for name in own), _numbered(codes[name] for name in rest)
+    at, place = numbered(codes[name] for name in own), numbered(codes[name] for name in rest)
     if not _is_product(at, place):
         return unchanged
     count = np.bincount(at)
@@ -46,7 +46,25 @@ def own_sample(
     return {name: columns[name][first] for name in own}, np.bincount(at, response) / count
 
 
-def _varying_together(codes: Mapping[str, IntArray], factor: str) -> list[str]:
+def one_of_each_block(settings: IntArray) -> IntArray:
+    """Rows of points no two of which are joined by steps in single factors, as those of a block of differences are.
+
+    Args:
+        settings: Numbers of the settings of all factors but one, shape (point, factor left out); where no column leaves
+            out a factor, the points of a block share its value.
+    """
+    block = np.arange(len(settings))
+    while True:
+        before = block
+        for column in settings.T:
+            first = np.full(int(column.max()) + 1, len(settings))
+            np.minimum.at(first, column, block)
+            block = first[column]
+        if (block == before).all():
+            return np.unique(block)
+
+
+def varied_together(codes: Mapping[str, IntArray], factor: str) -> list[str]:
     """The factors that vary together with one: those not combined with all levels of it, and with theirs in turn."""
     group, new = [factor], [factor]
     while new:
@@ -59,10 +77,10 @@ def _varying_together(codes: Mapping[str, IntArray], factor: str) -> list[str]:
 def _is_product(first: IntArray, second: IntArray) -> bool:
     """Whether almost all levels of one are combined with all levels of the other."""
     combinations = (int(first.max()) + 1) * (int(second.max()) + 1)
-    return int(_numbered([first, second]).max()) + 1 > _COMPLETE * combinations
+    return int(numbered([first, second]).max()) + 1 > _COMPLETE * combinations
 
 
-def _numbered(codes: Iterable[IntArray]) -> IntArray:
+def numbered(codes: Iterable[IntArray]) -> IntArray:
     """Numbers of the combinations of levels, shape (point,)."""
     number, *others = codes
     for other in others:

@@ -76,7 +76,7 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
         axes.set_xlabel("Sobol' index (part of the variance, -)")
         legend_above(axes, 2)
     known = bool(data["ST_conf"].notna().any())
-    sure = f"with {level:g} % confidence intervals" if known else "without intervals, which this method does not know"
+    sure = f"with {level:g} % confidence intervals" if known else "without intervals"
     caption = (
         f"Sobol' indices of {what} {sure} (analysis {name}). The total index counts "
         "a factor with all its interactions, the first-order index the factor alone."
@@ -134,7 +134,8 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
         for (row, column), value, error in zip(pairs, data["S2"], data["S2_conf"], strict=True):
             ground, ink = (_SEEN, INK) if abs(value) > error else (_UNSEEN, MUTED)
             axes.fill_between([column - 0.5, column + 0.5], row - 0.5, row + 0.5, fc=ground, ec="white")
-            text = f"{value:.2f}\n±{error:.2f}".replace("-0.00", "0.00").replace("-", "\N{MINUS SIGN}")
+            half = f"\n±{error:.2f}" if np.isfinite(error) else ""
+            text = f"{value:.2f}{half}".replace("-0.00", "0.00").replace("-", "\N{MINUS SIGN}")
             axes.text(column, row, text, ha="center", va="center", fontsize=6.5, color=ink)
         axes.set_xlim(-0.5, side - 0.5)
         axes.set_ylim(side + 0.5, 0.5)

@@ -22,37 +22,60 @@ from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 
 _DENSITY_POINTS = 100  # at which densities are compared, as in SALib
+_DIGITS = 9  # of the range, within which two values are the same
+_OFTEN = 0.02  # share of the points from which a value counts by itself
 _MOST_POINTS = 4096  # a density from more points is no better known, and each costs a sum over all
 
 
 def _classes(column: FloatArray) -> list[IntArray]:
-    """Points in classes of equal size, with the number of classes of Plischke, Borgonovo and Smith (2013)."""
+    """Points in classes of equal size, with the number of classes of Plischke, Borgonovo and Smith (2013).
+
+    Fewer levels are classes themselves.
+    """
     exponent = 2.0 / (7.0 + np.tanh((1500.0 - column.size) / 500.0))
     count = min(int(np.ceil(column.size**exponent)), 48)
+    levels, at = np.unique(column, return_inverse=True)
+    if levels.size <= count:
+        return [np.flatnonzero(at == level) for level in range(levels.size)]
     edges = np.linspace(0, column.size, count + 1).astype(int)
     order = np.argsort(column, kind="stable")
     return [order[low:high] for low, high in pairwise(edges)]
 
 
 def _density(values: FloatArray, at: FloatArray) -> FloatArray:
-    """Gaussian kernel density with Silverman's width."""
-    width = values.std(ddof=1) * (values.size * 3 / 4) ** -0.2
+    """Gaussian kernel density with Silverman's width, but none that falls between the places; 0 of a single value."""
+    if values.size < 2:
+        return np.zeros(at.size)
+    width = max(values.std(ddof=1) * (values.size * 3 / 4) ** -0.2, at[1] - at[0])
     scaled = (at[:, None] - values) / width
     return np.exp(-0.5 * scaled**2).sum(axis=1) / (values.size * width * np.sqrt(2 * np.pi))
 
 
+def _distribution(values: FloatArray, place: IntArray, places: int, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Chances of the values that have a place, which others have as -1, and the density of the others times theirs."""
+    rest, chances = values[place < 0], np.bincount(place[place >= 0], minlength=places) / values.size
+    return chances, rest.size / values.size * _density(rest, at)
+
+
 def _indices(values: FloatArray, factors: FloatArray) -> FloatArray:
-    """Half the mean distance of the density in a class to the density of all points, shape (factor, component)."""
+    """Half the mean distance of the distribution in a class to that of all points, shape (factor, component).
+
+    A value of many points has no density: it counts with its chance.
+    """
     classes = [_classes(column) for column in factors.T]
     indices = np.zeros((len(classes), values.shape[1]))
     for component, column in enumerate(values.T):
         at = np.linspace(column.min(), column.max(), _DENSITY_POINTS)
-        whole = _density(column, at)
+        scaled = np.round((column - at[0]) / (at[-1] - at[0]), _DIGITS)
+        _, number, points = np.unique(scaled, return_inverse=True, return_counts=True)
+        often = points > max(1, _OFTEN * column.size)
+        place = np.where(often, np.cumsum(often) - 1, -1)[number]
+        whole = _distribution(column, place, int(often.sum()), at)
         for factor, groups in enumerate(classes):
-            for inside in (column[rows] for rows in groups):
-                if inside.size > 1 and np.ptp(inside) > 0:
-                    gap = np.trapezoid(np.abs(whole - _density(inside, at)), at)
-                    indices[factor, component] += inside.size / (2 * column.size) * gap
+            for rows in (each for each in groups if each.size > 1):
+                own = _distribution(column[rows], place[rows], int(often.sum()), at)
+                gap = np.abs(whole[0] - own[0]).sum() + np.trapezoid(np.abs(whole[1] - own[1]), at)
+                indices[factor, component] += rows.size / (2 * column.size) * gap
     return indices
 
 

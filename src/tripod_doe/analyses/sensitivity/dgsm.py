@@ -38,11 +38,14 @@ def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: Se
     squared = np.stack(squares)  # (factor, resample, component)
     with np.errstate(invalid="ignore", divide="ignore"):
         measure = squared / (np.pi**2 * np.where(variance > 0, variance, np.nan))
+    half = half_width(np.moveaxis(measure[:, 1:], 1, 0), settings.confidence)
+    # all bounds together are at least one (Poincare's inequality), unless the output jumps between the steps
+    seen = np.where((measure[:, 0] + half).sum(axis=0) >= 1, 1.0, np.nan)
     return {
         "vi": squared[:, 0],
         "vi_conf": half_width(np.moveaxis(squared[:, 1:], 1, 0), settings.confidence),
-        "dgsm": measure[:, 0],
-        "dgsm_conf": half_width(np.moveaxis(measure[:, 1:], 1, 0), settings.confidence),
+        "dgsm": measure[:, 0] * seen,
+        "dgsm_conf": half * seen,
         "size": np.sqrt(squared[:, 0]),
     }
 
@@ -66,7 +69,8 @@ def derivative_measures(cube: xr.Dataset, settings: DgsmSettings | None = None) 
     A total Sobol' index is at most dgsm (Sobol' and Kucherenko 2009); over quantiles this holds for any distribution.
 
     Returns:
-        vi, vi_conf, dgsm, dgsm_conf (factor, and the dimensions of the output); see `method.apply`.
+        vi, vi_conf, dgsm, dgsm_conf (factor, and the dimensions of the output); see `method.apply`. dgsm is NaN where
+        an output jumps, since the derivatives explain less than its variance.
 
     Raises:
         InputError: If the cube is of another design, or too few complete blocks are left.

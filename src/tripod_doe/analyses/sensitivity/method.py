@@ -37,6 +37,7 @@ DEPENDENT = (
 
 _FRACTIONS = (8, 4, 2)  # parts of the points over which the convergence is looked at
 _FEWEST = 16  # blocks of the smallest part
+_FEWEST_DECIDING = 10  # blocks that make up a variance, for an interval: of fewer, those of 95 % held in 2 to 94 %
 _RESOLUTION = ("constant", "not_resolved", "resolved", "below_numerical_error")  # from -1
 
 
@@ -57,6 +58,9 @@ class Method:
     threshold: str = ""  # the answer that the ranked one must exceed to be resolved; zero if empty
     independent: bool = True  # whether it rests on factors that are not correlated
     judged: bool = True  # whether intervals, or a threshold, say which factors are resolved
+    # whether intervals are those of resampled variances, which know nothing where a few blocks make up the variance
+    resampled: bool = True
+    fewest: int = 2  # blocks that it needs
 
 
 def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
@@ -77,6 +81,8 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and not sample.independent:
         raise InputError(DEPENDENT)
+    if sample.blocks < method.fewest:
+        raise InputError(f"this analysis needs at least {method.fewest} points, {sample.blocks} are left")
     joint = side_by_side(cube, names)
     names = joint + [name for name in names if name not in joint]
     result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)
@@ -99,7 +105,7 @@ def _of_table(method: Method, sample: Sample, table: OutputTable, settings: Sens
     if not method.nested or table.is_waveform:
         return result
     counts, parts = [], []
-    for part in _nested(sample):
+    for part in _nested(sample, method.fewest):
         counts.append(part.blocks)
         rows = np.searchsorted(sample.rows, part.rows)
         parts.append(_estimate(method, part, table.rows(rows), settings))
@@ -118,7 +124,10 @@ def _estimate(method: Method, sample: Sample, table: OutputTable, settings: Sens
     """All components of an output, part by part; NaN for those that do not vary."""
     answers: Answers = {}
     for components in table.chunks():
-        for key, answer in method.estimate(sample, table, components, settings).items():
+        own = method.estimate(sample, table, components, settings)
+        few = _deciding_blocks(sample, table, components) < _FEWEST_DECIDING if method.resampled else False
+        for key, answer in own.items():
+            answer = np.where(few, np.nan, answer) if key.endswith("_conf") else answer
             blank = answers.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
             blank[..., components] = answer
     if not answers:  # shapes, of an output that varies nowhere
@@ -129,23 +138,32 @@ def _estimate(method: Method, sample: Sample, table: OutputTable, settings: Sens
     return answers
 
 
+def _deciding_blocks(sample: Sample, table: OutputTable, components: IntArray) -> FloatArray:
+    """How many blocks make up the variance: as many equal ones would scatter as much, shape (component,)."""
+    parts = table.parts(components)
+    squares = ((parts - parts.mean(axis=1, keepdims=True)) ** 2).sum(axis=0)
+    squares = squares.reshape(sample.blocks, sample.block, -1).mean(axis=1)
+    return np.asarray(squares.sum(axis=0) ** 2 / (squares**2).sum(axis=0))
+
+
 def _resolution(method: Method, answers: Answers, table: OutputTable, size: FloatArray | None) -> FloatArray:
     """Flags of a factor: its interval covers the threshold (0), is above (1), or its effect below the error (2)."""
     index = answers[method.ranked]
     half = answers.get(f"{method.ranked}_conf", np.zeros_like(index))
     least = answers[method.threshold] if method.threshold else 0.0
-    flags = np.where(np.abs(index) - np.where(np.isfinite(half), half, 0) > least, 1.0, 0.0)
+    unknown = np.inf if method.resampled else 0.0
+    flags = np.where(np.abs(index) - np.where(np.isfinite(half), half, unknown) > least, 1.0, 0.0)
     if size is not None:
         flags[np.abs(size) < table.error] = 2.0
     flags[~np.isfinite(index)] = -1.0
     return flags
 
 
-def _nested(sample: Sample) -> Iterator[Sample]:
+def _nested(sample: Sample, fewest: int) -> Iterator[Sample]:
     """The first eighth, quarter and half of the blocks, as far as these are enough to say anything."""
     for fraction in _FRACTIONS:
         count = sample.blocks // fraction
-        if count >= _FEWEST:
+        if count >= max(_FEWEST, fewest):
             yield sample.take(np.arange(count * sample.block))
 
 

@@ -37,28 +37,44 @@ def shorter_way(difference: FloatArray, wraps: bool) -> FloatArray:
     return (difference + 180) % 360 - 180 if wraps else difference
 
 
+def _places(sample: Sample, name: str) -> FloatArray:
+    """Values of a factor as parts of its whole range, shape (point,): of a list by their numbers, else on its scale."""
+    table, column = sample.tables[name], sample.columns.get(name)
+    if column is not None and table.distribution == "discrete":
+        numbers = {value: number for number, value in enumerate(table.values or ())}
+        return np.array([numbers[value] for value in column.tolist()]) / max(len(numbers) - 1, 1)
+    low, high = table.low, table.high
+    if column is None or low is None or high is None or table.sampled_as == "log-uniform":
+        return sample.unit[:, list(sample.tables).index(name)]
+    if table.sampled_as == "uniform":
+        if (column != np.round(column)).any():
+            return sample.unit[:, list(sample.tables).index(name)]
+        low, high = np.ceil(low), np.floor(high)  # whole numbers within the range
+    return np.asarray((column - low) / (high - low), float)
+
+
 def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
-    groups = factor_groups(sample.tables)
-    moves = np.diff(sample.unit.reshape(sample.blocks, sample.block, -1), axis=1)
     steps = shorter_way(np.diff(values_in_blocks(sample, table, components), axis=1), table.wraps)
     every, names = np.arange(sample.blocks), list(sample.tables)
-    effects, single = [], []
-    for members in groups.values():
-        own = moves[:, :, names.index(members[0])]
-        at = np.abs(own).argmax(axis=1)  # the step of the trajectory in which this group changes
-        effects.append(steps[every, at] * np.sign(own[every, at])[:, None])
-        single.append(len(members) == 1)
-    levels = sample.design.levels or 4
-    effect = np.stack(effects) / (levels / (2 * (levels - 1)))  # per whole range; (group, trajectory, component)
-    alone = np.where(single, 1.0, np.nan)[:, None]  # members of a group may move against each other: no sign
-    answers = {
-        "mu": effect.mean(axis=1) * alone,
-        "mu_star": np.abs(effect).mean(axis=1),
-        "sigma": effect.std(axis=1, ddof=1) * alone,
-    }
+    moves = np.diff(sample.unit.reshape(sample.blocks, sample.block, -1), axis=1)
     weights = bootstrap_weights(sample.blocks, max(settings.resamples, _RESAMPLES), settings.seed)
-    half = [studentised_half_width(np.abs(each), weights, settings.confidence) for each in effect]
-    return answers | {"mu_star_conf": np.stack(half), "size": answers["mu_star"]}
+    answers: dict[str, list[FloatArray]] = {key: [] for key in ("mu", "mu_star", "sigma", "mu_star_conf")}
+    for members in factor_groups(sample.tables).values():
+        at = np.abs(moves[:, :, names.index(members[0])]).argmax(axis=1)  # the step of the trajectory of this group
+        alone = np.nan if len(members) > 1 else 1.0  # members of a group may move against each other: no sign
+        places = _places(sample, members[0]) if len(members) == 1 else sample.unit[:, names.index(members[0])]
+        move = np.diff(places.reshape(sample.blocks, -1), axis=1)[every, at][:, None]
+        step, move = steps[every, at] * np.sign(move), np.abs(move)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = move / move.sum()  # alike for all steps but those between levels
+            mean, size = step.sum(axis=0) / move.sum(), np.abs(step).sum(axis=0) / move.sum()
+            scatter = np.nansum(share * (step / move - mean) ** 2, axis=0) * sample.blocks / (sample.blocks - 1)
+            each = size + (np.abs(step) - size * move) / move.mean()
+        half = studentised_half_width(each, weights, settings.confidence)
+        for key, answer in zip(answers, (mean * alone, size, np.sqrt(scatter) * alone, half), strict=True):
+            answers[key].append(answer)
+    stacked = {key: np.stack(each) for key, each in answers.items()}
+    return stacked | {"size": stacked["mu_star"]}
 
 
 METHOD = Method(
@@ -71,6 +87,7 @@ METHOD = Method(
         "sigma": "standard deviation of the elementary effects",
     },
     pure=False,
+    resampled=False,
 )
 
 
@@ -78,8 +95,8 @@ METHOD = Method(
 def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> xr.Dataset:
     """Morris' elementary effects: mean mu, mean of magnitudes mu_star with its interval, standard deviation sigma.
 
-    Effects are per whole range of a factor, in the unit of the output; estimators of Campolongo (2007). Of a group of
-    factors there is only mu_star.
+    Effects are per whole range of a factor, in the unit of the output; estimators of Campolongo (2007). Of levels the
+    range is from the first to the last, and a longer step counts more. Of a group of factors there is only mu_star.
 
     Returns:
         mu, mu_star, mu_star_conf, sigma (factor, and the dimensions of the output); see `method.apply`.

@@ -41,11 +41,14 @@ def with_chance(sample: Sample, settings: SensitivitySettings) -> tuple[FloatArr
 
 
 def _slices(column: FloatArray, count: int) -> list[IntArray]:
-    """Points of each slice that has any; as in SALib, slices are open above, so the largest value is in none."""
+    """Points of each slice that has any; as in SALib, slices are open above, so the largest value is in none.
+
+    A largest value of several points is a level, and a slice.
+    """
     step = 1 / count
     edges = np.nanquantile(column, np.arange(0, 1 + step, step)[: count + 1])
     place = np.searchsorted(edges, column, side="right") - 1
-    return [rows for number in range(count) if (rows := np.flatnonzero(place == number)).size]
+    return [rows for number in range(count + 1) if (rows := np.flatnonzero(place == number)).size > (number == count)]
 
 
 def _indices(values: FloatArray, factors: FloatArray, count: int) -> FloatArray:

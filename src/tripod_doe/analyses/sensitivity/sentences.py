@@ -29,7 +29,12 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
     kind = kind_of(result)
     sentences = []
     parts = sensitivity_parts(result)
-    if RANKED[kind] in result and not parts:
+    if kind == "dgsm" and (jumps := _without_bound(result)):
+        which = "an output, which jumps" if jumps == 1 else f"{jumps} outputs or parts of them, which jump"
+        sentences.append(
+            f"No bounds are stated for {which}: small steps show less than the variance (analysis {name})."
+        )
+    elif RANKED[kind] in result and not parts:
         sentences.append(f"The main outputs are the same at all points: no factor has an index (analysis {name}).")
     for part in parts:
         match kind:
@@ -42,6 +47,12 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
         sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_without_interval(part, kind, result)]
         sentences += _convergence(part, kind, result)
     return sentences + left_outputs(result) + _holes(result)
+
+
+def _without_bound(result: xr.Dataset) -> int:
+    """How many components have derivatives and no bounds."""
+    keys = [str(key) for key in result.data_vars if str(key).endswith("dgsm")]
+    return sum(int((result[key].isnull() & result[f"{key[:-4]}vi"].notnull()).any("factor").sum()) for key in keys)
 
 
 def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
@@ -63,10 +74,10 @@ def _with_halves(result: xr.Dataset) -> xr.Dataset:
 def sobol_sentence(part: OutputPart) -> str:
     """The strongest total indices of an output, and whether interactions show."""
     ranked = _ranked(part.answers, "ST")
-    shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
+    shown = [row for row in ranked[:_MOST_NAMED] if not row[1] <= row[2]] or ranked[:1]
     text = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
     rest = [value + half for _, value, half in ranked[len(shown) :]]
-    others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
+    others = f"; all others at most {rounded_up(max(rest))}" if rest and np.isfinite(rest).all() else ""
     first = {index: part.answers[index].values[np.isfinite(part.answers["S1"].values)] for index in ("S1", "S1_conf")}
     total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
     alone = f"the first-order indices add up to {interval(total, half)}: {_interactions(total, half)}"
@@ -126,19 +137,21 @@ def _unresolved(part: OutputPart) -> list[str]:
 
 
 def _without_interval(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
-    """Factors whose effects vary in too few trajectories for an interval."""
-    if kind != "morris":
+    """Factors without an interval: whose effects vary in too few trajectories, or all where few blocks decide."""
+    ranked, answers = RANKED[kind], part.answers
+    if f"{ranked}_conf" not in result:
         return []
-    answers = part.answers
-    missing = without_interval(answers["mu_star"].values, answers["mu_star_conf"].values)
+    missing = without_interval(answers[ranked].values, answers[f"{ranked}_conf"].values)
     names = [spoken(str(factor)) for factor in answers["factor"].values[missing]]
     if not names:
         return []
+    blocks = int(result.attrs["groups_used"])
+    if kind != "morris":
+        return [f"No intervals are known for {part.what}: a few of the {blocks:,} samples make up its variance."]
     each = "the effect" if len(names) == 1 else "the effects"
     return [
         f"No interval is known for {each} of {listed(names)} on {part.what}: "
-        f"{'it is' if len(names) == 1 else 'each is'} the same in all or nearly all of the "
-        f"{int(result.attrs['groups_used']):,} trajectories."
+        f"{'it is' if len(names) == 1 else 'each is'} the same in all or nearly all of the {blocks:,} trajectories."
     ]
 
 

@@ -73,16 +73,21 @@ def _local_variances(space: FloatArray, values: FloatArray) -> FloatArray:
 
 def _explained(
     ranks: FloatArray, values: FloatArray, weights: FloatArray
-) -> tuple[dict[frozenset[int], FloatArray], FloatArray]:
-    """Variance that each set of factors explains, and the whole one, shape (resample, component) each."""
+) -> tuple[dict[frozenset[int], FloatArray], FloatArray, FloatArray]:
+    """Variance that each set of factors explains, and the whole one, shape (resample, component) each.
+
+    The last is what the polynomials leave though all factors are known, as at a jump, shape (component,).
+    """
     width = ranks.shape[1]
     centred = values - values.mean(axis=1, keepdims=True)
     whole = weights @ (centred**2).sum(axis=0) - ((weights @ centred) ** 2).sum(axis=0)
     known = {frozenset[int](): np.zeros_like(whole), frozenset(range(width)): whole}
-    for size in range(1, width):
+    left = np.zeros_like(whole)
+    for size in range(1, width + 1):
         for members in combinations(range(width), size):
-            known[frozenset(members)] = whole - weights @ _local_variances(ranks[:, members], centred)
-    return known, whole
+            left = weights @ _local_variances(ranks[:, members], centred)
+            known.setdefault(frozenset(members), whole - left)
+    return known, whole, left[0]
 
 
 def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
@@ -95,7 +100,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
     ranks, values = sample.ranks[:count] + apart, table.parts(components)[:, :count]
     draws = bootstrap_weights(count, settings.resamples, settings.seed)
     weights = np.concatenate([np.full((1, count), 1 / count), draws])
-    known, whole = _explained(ranks, values, weights)
+    known, whole, left = _explained(ranks, values, weights)
     effects = []
     for factor in range(width):
         others = [each for each in range(width) if each != factor]
@@ -106,7 +111,8 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
         )
         effects.append(added / np.where(whole > 0, whole, np.nan))
     shares = np.stack(effects)
-    return {"shapley": shares[:, 0], "shapley_conf": half_width(np.moveaxis(shares[:, 1:], 1, 0), settings.confidence)}
+    half = half_width(np.moveaxis(shares[:, 1:], 1, 0), settings.confidence)
+    return {"shapley": shares[:, 0], "shapley_conf": half + left / whole[0]}  # whose that is, is not known
 
 
 METHOD = Method(

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.encoding import is_numeric
 from tripod_doe.analyses.tolerance.chances import Exceeding, density_ratio, points_to_resolve, weighted_chances
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray
@@ -28,11 +29,14 @@ def together(confidence: float, ways: int) -> float:
 
 
 def own_scatter(sample: Sample, name: str) -> Scatter | None:
-    """The scatter of a factor, if weights can change it alone; None for listed values and for correlated factors.
+    """The scatter of a factor, if weights can change it alone; None for levels and for correlated factors.
 
     Weights of a correlated factor would change the factors that go with it, too.
     """
     if name in correlated_factors(sample.design.correlation, list(sample.tables)):
+        return None
+    column = sample.columns[name]
+    if is_numeric(column) and (column == np.round(column)).all():  # whole numbers have no density
         return None
     return scatter_density(sample.tables[name])
 

@@ -78,7 +78,10 @@ def _not_judged(result: xr.Dataset) -> list[str]:
 def _unweighted(result: xr.Dataset) -> tuple[list[str], list[str]]:
     """Factors whose points cannot be weighted for another scatter: correlated ones, and others with listed values."""
     related, tables = str(result.attrs.get("correlated", "")).split(", "), factor_tables(result)
-    in_lists = [name for name in tables if name not in related and scatter_density(tables[name]) is None]
+    levels = str(result.attrs.get("levels", "")).split(", ")  # whole numbers are not in the tables
+    in_lists = [
+        name for name in tables if name not in related and (name in levels or scatter_density(tables[name]) is None)
+    ]
     return [name for name in tables if name in related], in_lists
 
 

@@ -29,7 +29,7 @@ from tripod_doe.analyses.output_table import (
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
 from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
 from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep
-from tripod_doe.analyses.tolerance.narrower_scatter import cheapest_to_keep, scale_to_keep, scaled_weights
+from tripod_doe.analyses.tolerance.narrower_scatter import cheapest_to_keep, own_scatter, scale_to_keep, scaled_weights
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
@@ -312,6 +312,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
         **_model_attributes(cube, sample),
         seed_of_points=sample.design.seed,
+        levels=", ".join(name for name in sample.tables if own_scatter(sample, name) is None),
         correlated=", ".join(correlated_factors(sample.design.correlation, list(sample.tables))),
         scramble_of_points=int(sample.design.scramble),
         samples_of_points=sample.design.samples or sample.rows.size,

@@ -70,6 +70,11 @@ def sampled(
             raise InputError(
                 f"[factors.{unbounded[0]}]: {table.kind} needs bounded factors; use a truncated-normal distribution"
             )
+        if unbounded and not table.scramble:
+            raise InputError(
+                f"[factors.{unbounded[0]}]: a sequence that is not scrambled begins at the lower end of all factors, "
+                "which a normal distribution has not; leave out scramble, or use a truncated-normal distribution"
+            )
         if continuous and (levelled := [name for name, factor in factors.items() if has_levels(factor)]):
             raise InputError(
                 f"[factors.{levelled[0]}]: {table.kind} needs continuous factors, and this one has levels; use a "
