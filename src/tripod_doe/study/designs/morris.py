@@ -39,11 +39,7 @@ def _finite_differences(table: DesignTable, tables: Mapping[str, FactorTable]) -
 MORRIS = {
     "morris": sampled(_morris, _STEPS, points=lambda table, width: width + 1, grouped=True, bounded=True),
     "finite-differences": sampled(
-        _finite_differences,
-        _STEPS,
-        points=lambda table, width: width + 1,
-        bounded=True,
-        continuous=True,
+        _finite_differences, _STEPS, points=lambda table, width: width + 1, bounded=True, continuous=True
     ),
 }
 """Designs of single steps by kind."""
