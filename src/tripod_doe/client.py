@@ -214,7 +214,7 @@ class Service:
 
 @dataclass
 class ServiceRun:
-    """A run of a service; what it says of itself is as fresh as the latest question about it."""
+    """A run of a service; its attributes are as of the latest answer about it."""
 
     service: Service
     record: dict[str, Any]  # as the service describes it

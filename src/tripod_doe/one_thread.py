@@ -15,7 +15,7 @@ def one_thread() -> AbstractContextManager[object]:
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """The libraries of linear algebra, looked for once: that takes 2 ms, as long as many a run."""
+    """The libraries of linear algebra, looked for once: that takes 2 ms, as long as some runs."""
     import scipy.linalg  # noqa: F401  a library that is not loaded yet is not found
 
     return ThreadpoolController()

@@ -10,7 +10,7 @@ P = ParamSpec("P")
 _ATTRIBUTE = "analysis_kind"
 
 MADE: set[str] = set()
-"""Kinds of which this process has made a result."""
+"""Kinds of the results that this process has made."""
 
 
 def makes_kind(kind: str) -> Callable[[Callable[P, xr.Dataset]], Callable[P, xr.Dataset]]:

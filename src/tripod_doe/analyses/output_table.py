@@ -65,7 +65,7 @@ class OutputTable:
 
     @property
     def keys(self) -> list[str]:
-        """What `named` knows."""
+        """Keys that `named` accepts."""
         orders = self.variable["order"].values if self.variable.dims[1:] == ("order",) else ()
         return [self.name, *(f"{self.name}_{order}" for order in orders)]
 

@@ -27,7 +27,7 @@ Precision = Annotated[
 
 
 class PointSettings(Table):
-    """What every analysis of points with intervals asks: of which outputs, how sure, and what if points failed."""
+    """Settings of every analysis of points with intervals: outputs, confidence, and treatment of failed points."""
 
     outputs: list[str] = Field([], description="outputs to analyse; all kept ones if omitted")
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the confidence intervals")

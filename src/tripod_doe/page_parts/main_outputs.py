@@ -87,7 +87,7 @@ def _about_mean(answers: xr.Dataset) -> xr.Dataset:
 
 
 def _turned_on(degrees: FloatArray | float) -> FloatArray:
-    """Angles from 0 to 360 deg; what is below 0 by rounding is none."""
+    """Angles from 0 to 360 deg; one that is below 0 by rounding does not become 360."""
     return np.asarray((degrees + _ROUNDING) % 360 - _ROUNDING)
 
 

@@ -29,7 +29,7 @@ _NEAR = re.compile(r"did you mean '([^']+)'")
 _AT = re.compile(r"\(at line (\d+), column (\d+)\)")
 _MOST = 50  # problems that one answer lists
 _LONGEST, _LONGEST_LINE = 1_000, 10_000  # characters of a value and of a message
-_LARGEST = 10**30  # nobody needs larger whole numbers
+_LARGEST = 10**30  # no key needs larger whole numbers
 _TABLES = {"designs": "design"}  # name in the model, name in a file
 
 

@@ -95,8 +95,8 @@ class Service:
     def seen_by(self, settings: Settings, is_open: Callable[[], bool]) -> Service:
         """The service for a reader: it changes nothing, and shows only one run if the settings name one.
 
-        Workers that answer readers answer nobody else, so that the owner waits for no question of theirs; one reader
-        leaves workers to the others.
+        Readers have workers of their own, so that the owner never waits for their questions; one reader leaves some of
+        these to the others.
 
         Args:
             settings: Settings for this reader.

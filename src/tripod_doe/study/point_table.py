@@ -16,7 +16,7 @@ _NO_PHASE = "-"
 
 
 def point_table(point: SimulatedPoint) -> str:
-    """Outcome, point, model with its known error, outputs (waveforms by range, phases of what is not zero), cost.
+    """Outcome, point, model with its known error, outputs (waveforms by range, no phases of zeros), cost.
 
     Outputs without any number, as of an unfinished point, are only named.
     """

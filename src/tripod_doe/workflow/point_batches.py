@@ -90,7 +90,7 @@ class PointBatches:
         self.computed = 0
 
     def _learn(self, number: int, block: FinishedBlock, finished_only: bool = False) -> None:
-        """Note where the points of a block stand, unless it lacks an output."""
+        """Record where the points of a block are stored, unless it lacks an output."""
         good = block.result.outcome == Outcome.FINISHED
         if good.any() and not set(self._study.stored) <= {*block.result.outputs, *self._optional}:
             return

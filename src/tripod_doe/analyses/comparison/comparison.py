@@ -198,7 +198,7 @@ def _side_by_side(
 
 
 def _without_drift(measurement: Measurement, beside: _Beside) -> tuple[float, FloatArray]:
-    """How far a record lies above the model before it turns, N, and its force without that and without drift."""
+    """Offset of a record from the model at its start, N, and the force of the record without offset and drift."""
     drift = float(beside.tracked.attrs["drift_n_per_revolution"])
     turned = (measurement.rotation_deg - measurement.rotation_deg[0]) / 360
     level = float(beside.mean[0].real - beside.model[0].real)

@@ -100,7 +100,7 @@ def too_small_text(orders: list[int]) -> str:
 
 
 def _asymmetry(comparison: xr.Dataset) -> list[str]:
-    """What the record has in orders in which three alike trunnions give nothing."""
+    """Orders of the record that three equal trunnions cannot cause."""
     own = comparison.isel(order=np.flatnonzero(comparison["agrees"].values == NONE_IN_MODEL))
     if not own.sizes["order"]:
         return []

@@ -155,7 +155,7 @@ def _rest_meaning(part: Contribution) -> str:
 
 
 def _points_without_shares(part: Contribution) -> list[str]:
-    """Count the operating points at which nothing is shared out, by the reason."""
+    """Count the operating points without shares, by reason."""
     lost = ~part.shared & ~part.zero
     reasons = {
         f"{part.what} is zero within its numerical error, and has no shares": int(part.zero.sum()),

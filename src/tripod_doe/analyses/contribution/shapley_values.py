@@ -32,7 +32,7 @@ def shapley_bounds(everything: list[FloatArray], count: int, member: int) -> tup
     smallest, largest = np.fmin.reduce(everything), np.fmax.reduce(everything)
 
     def filled(with_it: FloatArray, without_it: FloatArray) -> FloatArray:
-        """With these values for combinations with and without the mechanism, of which the value rises and falls."""
+        """The Shapley value with these guesses for missing combinations with and without the mechanism."""
         guesses = [with_it if combination >> member & 1 else without_it for combination in range(len(everything))]
         known = [np.where(np.isnan(p), guess, p) for p, guess in zip(everything, guesses, strict=True)]
         return shapley_index(known, count, (member,))

@@ -130,7 +130,7 @@ def stated_over(part: Contribution, rows: NDArray[np.bool_]) -> str:
 
 
 def at_each(values: FloatArray, text: Callable[[FloatArray], str]) -> str:
-    """Percent at each of a few operating points, or one value where all print alike; of many the quartiles."""
+    """Percent at each of a few operating points, one value if all texts are the same; quartiles if there are many."""
     each = [text(values[at : at + 1]) for at in range(values.size)]
     return " / ".join(each) if values.size < _MANY and len(set(each)) > 1 else text(values)
 

@@ -119,7 +119,7 @@ def diff_cubes(a: xr.Dataset, b: xr.Dataset, variables: Collection[str] = ()) ->
 
 
 def _read_side(path: Path, opened: ExitStack) -> xr.Dataset | str:
-    """A cube, of which what is compared is read; or the text of a study file."""
+    """One side of the comparison: a cube, open and read in parts, or the text of a study file."""
     if path.suffix == ".toml":
         return read_text(path, "study file")
     cube = opened.enter_context(opened_cube(path))

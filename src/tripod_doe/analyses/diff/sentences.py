@@ -109,7 +109,7 @@ def _change(one: KeyDifference) -> str:
 
 
 def _list_difference(values: list[Any], others: list[Any]) -> list[Any]:
-    """What is left of a list without the values of another one, each taken away as often as it is there."""
+    """A list without the values of another one, each removed as often as it occurs there."""
     rest = values.copy()
     for value in others:
         if value in rest:

@@ -172,7 +172,7 @@ def _bad_records(problem: Problem, best: Descent, per_record: int) -> NDArray[np
 def _corrected(
     problem: Problem, descents: list[Descent], cheap: Predict, finer: Predict
 ) -> tuple[Problem, list[Descent], int, bool]:
-    """The problem with the cheap model corrected at its minimum, its minimum, and whether that came to rest."""
+    """The problem with the cheap model corrected at its minimum, its minimum, and whether that converged."""
     best, count, rests = descents[0], 0, False
     for _ in range(_CORRECTIONS):
         offset = np.nan_to_num(finer(best.place[None])[0] - cheap(best.place[None])[0])

@@ -1,4 +1,4 @@
-"""Whitened differences of measured and predicted orders, with what is of no interest solved for and projected out.
+"""Whitened differences of measured and predicted orders, with nuisance parameters solved for and projected out.
 
 A residual is the difference of two complex amplitudes over its standard deviation, along the measured one and across
 it. Nuisances of a record are the angle of its marker and, if it is not known, the sign of the force; nuisances of all

@@ -43,7 +43,7 @@ _LENGTH = {"kinetostatic": 0.2}  # of logarithms of the joint angle, over which 
 _USUAL_LENGTH = 1.0
 _LOW, _HIGH = np.log(0.1), np.log(60.0)  # logarithms of deg: smaller angles are alike
 TURNING = "kinetostatic"
-"""The model of which the errors of the following parts are known."""
+"""The model whose errors are recorded in the parts below."""
 
 # of the second order at a groove, and of what its needles' turning has added: in a record alone, and alike
 _OWN_PARTS = np.array([0.08, 0.04])

@@ -1,6 +1,6 @@
-"""A fit file with its records: checked, laid out as scalars, and put to the model as points.
+"""A fit file with its records: checked, laid out as scalars, and turned into points of the model.
 
-Whatever computes points is handed in, so that nothing here knows of journals or workers.
+The function that computes points is an argument, so that this module needs neither journals nor workers.
 """
 
 import itertools

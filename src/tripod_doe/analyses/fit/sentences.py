@@ -241,7 +241,7 @@ def _skews_alike(fit: xr.Dataset) -> str:
 
 
 def _or_opposite(alike: list[str]) -> str:
-    """Words on opposite skews, which are alike where the sign of the force is not known."""
+    """Words on opposite skews, which records do not distinguish if the sign of the force is not known."""
     return " or with opposite signs" if len(alike) > _PLACES else ""
 
 

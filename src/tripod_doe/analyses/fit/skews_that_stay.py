@@ -1,4 +1,4 @@
-"""Needles that keep the skew that they start with, beside needles that turn: which of both the records bear out.
+"""Needles that keep their initial skew against needles that turn: which of both the records support.
 
 Needles of `kinetostatic` turn while the joint does, as those of `needles` do; those of `rollers` keep their skew. A
 joint may do either, and fitted skews differ by half between both, more than the errors on record. So both are
@@ -22,7 +22,7 @@ from tripod_doe.analyses.fit.profile_likelihood import Profile
 from tripod_doe.array_types import ComplexArray, FloatArray
 
 UNLIKELY = float(2 * np.log(20))
-"""Twice the logarithm of the odds from which on one of both counts no more."""
+"""Twice the logarithm of the odds above which the less likely of both is rejected."""
 
 _WEIGHINGS = 2
 

@@ -143,7 +143,7 @@ class EffectWording:
         return f"; at {larger} it is {number(ratio, 2)} times as large as at {smaller}"
 
     def _signed(self, effect: FactorEffect) -> str:
-        """A factor whose value grows or falls: where it is negative, that is not its size, as the torque of coast."""
+        """A factor whose value grows or falls, with a note if it can be negative, as the torque of coast can."""
         return factor_label(self.cube, effect.factor) + " (with its sign)" * self._is_signed(effect)
 
     def _is_signed(self, effect: FactorEffect) -> bool:

@@ -47,12 +47,12 @@ def price_of_point(
 
 
 def known_candidates(file: StudyFile) -> Sequence[Candidate]:
-    """Prices that the scene of a study knows; none of a user's function, whose file may be gone."""
+    """Candidates with recorded prices of the scene; none for a user's function, whose file may be gone."""
     return () if file.study.function else load_simulator(file.study.scene, None).candidates
 
 
 FEWEST = 16
-"""Samples of the truth below which intervals do not hold what they say."""
+"""Samples of the truth below which intervals miss their stated confidence."""
 
 
 @dataclass(frozen=True)

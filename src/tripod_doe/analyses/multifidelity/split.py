@@ -75,7 +75,7 @@ def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
 
 
 def within(samples: Mapping[str, int], least: int, most: int) -> dict[str, int]:
-    """Samples of each model, the truth first, with those of cheap models shrunk alike where all are too many.
+    """Samples of each model, the truth first; too many in all reduce the samples of cheap models by one factor.
 
     Args:
         samples: What is wanted.
@@ -106,7 +106,7 @@ def _explained(ladder: Ladder, rungs: tuple[Rung, ...], tables: list[OutputTable
 
 
 def _statistics(ladder: Ladder, rungs: tuple[Rung, ...], table: OutputTable, at: int) -> FloatArray:
-    """What the split is to know well: the value, and with indices the total effects; (model, statistic, sample)."""
+    """What the split is made for: the value, and with indices the total effects; shape (model, statistic, sample)."""
     values = [table.values[rung.rows, at] for rung in rungs]
     parts = np.stack([statistics(moments(each - each.mean()), 0.0) for each in values])
     factors = (parts.shape[1] - 2) // 2
@@ -132,7 +132,7 @@ def _explained_parts(parts: FloatArray) -> list[FloatArray]:
 
 
 def _chains(truth: str, prices: Mapping[str, float], explained: Mapping[str, float]) -> Iterator[list[str]]:
-    """The truth with some cheaper models, in falling order of what they explain, as far as each pays for its place."""
+    """The truth and cheaper models by falling explained variance, whose share per cost grows from each to the next."""
     others = sorted((model for model in prices if model != truth), key=lambda model: -explained[model])
     for length in range(len(others) + 1):
         for chosen in combinations(others, length):

@@ -40,7 +40,7 @@ def first_confirmed(archive: Archive, signs: FloatArray, count: int, by_better: 
 
 
 def next_confirmed(better: Judged, signs: FloatArray, chosen: IntArray, count: int) -> IntArray:
-    """The candidates that promise most beside those that were judged once more; none if none promises anything.
+    """The most promising candidates that are not confirmed yet; none if none is promising.
 
     If no candidate is feasible after a correction, the candidates closest to feasible.
 

@@ -90,7 +90,7 @@ class Judged:
 
     @staticmethod
     def impossible(reasons: list[str], objectives: int, constraints: int) -> Judged:
-        """Candidates that cannot be, of which no point runs."""
+        """Impossible candidates, whose points are not run."""
         count = len(reasons)
         aims, limits = np.full((count, objectives), np.nan), np.full((count, constraints), np.nan)
         return Judged(aims, aims, limits, limits, limits, np.ones(count), reasons)

@@ -63,7 +63,7 @@ class Problem:
 
     @property
     def is_corrected(self) -> bool:
-        """Whether a better model corrects the search; from a single confirmed candidate it would learn in vain."""
+        """Whether a better model corrects the search, which takes at least two confirmed candidates."""
         return self.confirm != self.model and self.request.file.search.confirmed > 1
 
     @property

@@ -31,7 +31,7 @@ FAILED = 10.0
 """Violation of a candidate that cannot be computed: more than limits have."""
 
 WIDEST, NARROWEST = 0.1, 1e-3
-"""Steps around a candidate with which it begins to be refined, and at which it is at rest, as parts of a range."""
+"""Step around a candidate at the start of its refinement, and the step that ends it, as parts of a range."""
 
 
 def population_of(evaluations: int, given: int | None) -> int:
@@ -111,7 +111,7 @@ def first_generation(variables: Variables, population: int, seed: int, start: Fl
 
 
 def leading(aims: FloatArray, judged: Judged, count: int) -> IntArray:
-    """Candidates with which a search goes on: those nearest to feasible, of these the ones that fewest dominate.
+    """Candidates from which a search continues: the nearest to feasible, among these the least dominated.
 
     Args:
         aims: Objectives to minimise, shape (candidate, objective).

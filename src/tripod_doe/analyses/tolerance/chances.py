@@ -123,9 +123,9 @@ def points_to_resolve(chances: WeightedChances, allowed: float, confidence: floa
 
 
 def points_to_decide(chance: float, allowed: float, least: int) -> int | None:
-    """Points, `least` times a power of two, whose interval of a chance lies on one side of what is allowed.
+    """Points, `least` times a power of two, that decide whether a chance is above or below the allowed one.
 
-    It does in nineteen of twenty runs, if the chance is the true one (Wilson's interval of 95 %). None where a thousand
+    They do in nineteen of twenty runs, if the chance is the true one (Wilson's interval of 95 %). None where a thousand
     times as many do not.
     """
     for doublings in range(_MOST_DOUBLINGS + 1):

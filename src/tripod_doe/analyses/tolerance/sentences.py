@@ -60,7 +60,7 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
 
 
 def _not_judged(result: xr.Dataset) -> list[str]:
-    """The factors of which no other scatter and no other nominal value is judged."""
+    """The factors for which neither another scatter nor another nominal value is judged."""
     related, in_lists = ([spoken(name) for name in names] for names in _unweighted(result))
     sentences = []
     if related:

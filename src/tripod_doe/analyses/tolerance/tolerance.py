@@ -59,8 +59,7 @@ class ToleranceSettings(SensitivitySettings):
         description="other points that confirm the change that is proposed first for a limit; 0: none run",
     )
     costs: dict[str, Annotated[float, Field(gt=0)]] = Field(
-        {},
-        description="what it costs to halve the scatter of a factor; one of which nothing stands here stays as it is",
+        {}, description="cost of halving the scatter of a factor; the scatter of a factor without one stays as it is"
     )
 
 

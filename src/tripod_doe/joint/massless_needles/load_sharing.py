@@ -293,7 +293,7 @@ def load_needles(c, at, needles):
 
 @inlined_kernel
 def _put(at, needles, place, away, slots):
-    """Write the load of a needle that is so many needles away from the nearest one, whose slot `at.most` holds."""
+    """Write the load of the needle `away` places from the nearest one, whose slot `at.most` holds meanwhile."""
     k, i, n = place
     slot, step = at.most[k, i, n] + away, WIDTH * i + n
     slot += slots if slot < 0 else -slots if slot >= slots else 0

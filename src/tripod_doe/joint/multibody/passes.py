@@ -53,7 +53,7 @@ class Pass:
     """The sampled revolutions, followed with one setting."""
 
     setting: float  # tolerance or step
-    parts: tuple[Run, ...]  # runs, each of which goes on where the one before it ended
+    parts: tuple[Run, ...]  # runs, each of which continues the one before it
     before: int  # samples of the first part before the sampled revolutions
     orders: ComplexArray  # complex orders of the thrust, shape (revolution, order)
 

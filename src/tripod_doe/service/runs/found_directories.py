@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class Signature(NamedTuple):
-    """What changes where the command line goes on in a directory, or its owner mends it."""
+    """State of a directory, which changes when the command line continues there or its owner repairs it."""
 
     inode: int  # of its journal
     mode: int
@@ -124,7 +124,7 @@ def _may_be_another(run: Run, path: Path) -> bool:
 
 
 def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
-    """Whether the command line went on in the directory of a run at rest.
+    """Whether the command line has continued in the directory of a run at rest.
 
     In a run that the service made, by another study or table than was submitted: times alone change in a copy.
     """

@@ -118,10 +118,10 @@ def with_results(run: Run, directory: Path) -> Run:
 
 
 def is_exchanged(run: Run, directory: Path) -> bool:
-    """Whether a directory holds other results than those of its run.
+    """Whether a directory holds other results than its run made.
 
-    What the command line fills is known by its file: links to one run do not open a copy of it that goes on elsewhere.
-    A run of the service stays itself in a copy of the whole folder.
+    Results of the command line are recognised by their file: a link to one run does not open a copy of it that is
+    continued elsewhere. A run of the service stays the same run in a copy of the whole folder.
     """
     here = results_in(directory)
     if run.results and here["results"] != run.results:

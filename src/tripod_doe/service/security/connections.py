@@ -33,7 +33,7 @@ _LEAST_FILES = 64  # kept for everything but connections
 
 
 def left_of(scope: Scope) -> threading.Event | None:
-    """What is set when the client of a request leaves; None without a connection of this server."""
+    """The event that is set when the client of a request leaves; None without a connection of this server."""
     connection = _connection_of(scope)
     return connection.left if connection is not None else None
 

@@ -24,7 +24,7 @@ def is_unbounded(factor: Factor) -> bool:
 
 
 def has_levels(factor: Factor) -> bool:
-    """Whether the factor takes some values only, as whole numbers or those of a list."""
+    """Whether the factor takes only some values: whole numbers, or the values of a list."""
     return factor.table.distribution == "discrete" or factor.parameter.kind in ("integer", "switch")
 
 

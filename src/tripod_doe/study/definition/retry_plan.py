@@ -144,7 +144,7 @@ def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
 
 
 def _refuse_another_point(parameter: Parameter, is_factor: bool) -> None:
-    """Refuse (InputError) to change what a point stands for: its answer would be given as that of another one."""
+    """Refuse (InputError) changes that make another point of it, whose answer would be stored for this one."""
     if is_factor:
         raise InputError(f"retry: {parameter.name}: this study varies it, so a changed point would be another one")
     if parameter.kind != "argument" and parameter.group != "numerics":

@@ -181,7 +181,7 @@ class ExistingScheduler:
 
 
 def _handshake(place: SplitResult, tls: ssl.SSLContext | None) -> None:
-    """Connect to a scheduler once; OSError if nobody answers, ssl.SSLError if TLS is not spoken or not trusted."""
+    """Connect to a scheduler once; OSError without an answer, ssl.SSLError without TLS or trust."""
     with socket.create_connection((place.hostname, place.port), timeout=_ATTEMPT) as plain:
         if tls:
             tls.wrap_socket(plain).close()

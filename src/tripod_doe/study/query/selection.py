@@ -90,7 +90,7 @@ def _selected(name: Any, wanted: Any) -> Selection:
 
 
 def _value(given: Any) -> float | str:
-    """A value as selections hold it; a truth stays one, since it is no number but may be a label."""
+    """A value as selections hold it; a bool stays a bool, which may be a label."""
     if isinstance(given, bool | np.bool_):
         return bool(given)
     return given if isinstance(given, str) else float(given)
