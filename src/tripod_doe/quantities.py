@@ -85,6 +85,11 @@ def level(value: float) -> str:
     return number(value, _GIVEN_DIGITS)
 
 
+def level_or_word(value: object) -> str:
+    """A value of a parameter as text: a level, or the word that it is."""
+    return level(float(value)) if isinstance(value, int | float) else str(value)
+
+
 def levels_apart(values: Iterable[float]) -> list[str]:
     """Levels of a factor in a legend: four significant digits, or as many as let neighbours look different."""
     ordered = sorted(set(map(float, values)))

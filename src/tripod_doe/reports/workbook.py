@@ -34,7 +34,9 @@ def tables_of(directory: Path) -> bytes:
     with opened_study(directory) as cube:
         sheets = [_points(cube), _parameters(cube), *_of_analyses(analyses)]
         said = {"name": about.name, "owner": about.owner, "tags": ", ".join(about.tags), "note": about.note}
-        return workbook([*sheets, provenance(cube.attrs, said), _study(cube)])
+        lines = str(cube.attrs.get("study", "")).splitlines()
+        study = Sheet("Study", ("Study file",), [(line,) for line in lines])
+        return workbook([*sheets, provenance(cube.attrs, said), study])
 
 
 def answer_workbook(path: str | Path, columns: Mapping[str, Any], asked: Mapping[str, str]) -> bytes:
@@ -127,7 +129,3 @@ def _of_analyses(analyses: Mapping[str, xr.Dataset]) -> Iterator[Sheet]:
             frame = result[variables].to_dataframe().reset_index()[[*dims, *variables]]
             units = [unit_text(str(result[column].attrs.get("units", "1"))) for column in variables]
             yield Sheet(name, [str(head) for head in frame.columns], frame.values.tolist(), [*[""] * len(dims), *units])
-
-
-def _study(cube: xr.Dataset) -> Sheet:
-    return Sheet("Study", ("Study file",), [(line,) for line in str(cube.attrs.get("study", "")).splitlines()])

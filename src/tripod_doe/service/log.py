@@ -1,21 +1,20 @@
 """The log of the server on standard error: bounded in number and in length, without control characters.
 
 Clients decide how often an error occurs and what its message holds; neither may fill a disk or control a terminal.
-
 """
 
 import logging
-import re
 import sys
 import time
 from collections.abc import Callable
+
+from tripod_doe.errors import printable
 
 MOST_ALIKE, MOST = 10, 200
 """Most messages in a minute: from one line of code, and in total."""
 
 _MINUTE = 60.0
 _LONGEST = 10_000  # characters of a message, with its traceback
-_CONTROL = re.compile(r"[^\S \n\t]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Bounded(logging.Filter):
@@ -53,11 +52,6 @@ class Plain(logging.Formatter):
         if len(text) > _LONGEST:
             text = f"{text[: _LONGEST // 2]}\n...\n{text[-_LONGEST // 2 :]}"
         return printable(text)
-
-
-def printable(text: str) -> str:
-    """A text with control characters as escapes, except line ends and tabs."""
-    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def start_log() -> None:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.model_interface import Outcome, Value, Values
-from tripod_doe.quantities import count_of, duration, level, number, value_range, with_unit
+from tripod_doe.model_interface import Outcome, Values
+from tripod_doe.quantities import count_of, duration, level, level_or_word, number, value_range, with_unit
 from tripod_doe.study.simulate import SimulatedPoint
 
 _NOTHING = 1e-9  # amplitudes below this part of the largest one are rounding, and have no phase
@@ -70,13 +70,9 @@ def _operating_point(point: SimulatedPoint) -> list[str]:
     operating = [name for name in known if known[name].group == first and (name in point.given or values.get(name))]
     others = [name for name in point.given if name not in operating]
     texts = [
-        ", ".join(f"{name} {_value_text(values[name])}" for name in names) for names in (operating, others) if names
+        ", ".join(f"{name} {level_or_word(values[name])}" for name in names) for names in (operating, others) if names
     ]
     return [f"point  {'; '.join(texts)}"] if texts else []
-
-
-def _value_text(value: Value) -> str:
-    return level(float(value)) if isinstance(value, int | float) else str(value)
 
 
 def _largest_orders(outputs: Mapping[str, Values]) -> list[str]:

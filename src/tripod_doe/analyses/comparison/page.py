@@ -219,23 +219,20 @@ def write_overview(records: Sequence[ComparedRecord], study: str, output: Path) 
         if record.comparison is not None:
             write_comparison(record.comparison, output / _FOLDER / folder)
     differing = _differing(records)
+    heads = [f"{ORDINALS[order]}: {word}" for order in _SHOWN for word in ("measured", "computed", "verdict")]
     by_record = [rows[at : at + len(rows) // len(records)] for at in range(0, len(rows), len(rows) // len(records))]
     page = render(
         "overview.html",
         records=records,
         study=study,
         sentences=overview_sentences(records),
-        heads=["Record", *map(spoken, differing), *_heads()],
+        heads=["Record", *map(spoken, differing), *heads],
         rows=[(record, _cells(record, own, differing)) for record, own in zip(records, by_record, strict=True)],
         links=links,
         problems=[record for record in records if record.problem],
         charts=_charts(records, rows),
     )
     return write_listed(output / "index.html", page)
-
-
-def _heads() -> list[str]:
-    return [f"{ORDINALS[order]}: {word}" for order in _SHOWN for word in ("measured", "computed", "verdict")]
 
 
 def _cells(record: ComparedRecord, rows: Sequence[OverviewRow], differing: Sequence[str]) -> list[str]:

@@ -23,7 +23,7 @@ from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.measurements.operating_point import differ
 from tripod_doe.page_parts.words import listed, spoken, unit_text
-from tripod_doe.quantities import level, with_unit
+from tripod_doe.quantities import level, level_or_word, with_unit
 from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import cell_count
 from tripod_doe.study.simulate import simulate
@@ -182,5 +182,4 @@ def _replacements(asked: Mapping[str, float | str], point: xr.Dataset) -> str:
 
 
 def _in_words(name: str, value: float | str) -> str:
-    text = level(value) if isinstance(value, int | float) else value
-    return with_unit(f"{spoken(name)} {text}", unit_text(JOINT_PARAMETERS[name].unit))
+    return with_unit(f"{spoken(name)} {level_or_word(value)}", unit_text(JOINT_PARAMETERS[name].unit))

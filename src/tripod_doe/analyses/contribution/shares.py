@@ -15,7 +15,7 @@ from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_unit, spoken, unit_text
-from tripod_doe.quantities import level, number, text_range, with_unit
+from tripod_doe.quantities import level_or_word, number, text_range, with_unit
 
 DEFINITIONS = {
     "share_off": "switching off",
@@ -220,7 +220,7 @@ def _labels(points: xr.Dataset, factors: list[str]) -> list[str]:
     for name in factors:
         values = points[name].values.tolist()
         if len(set(values)) > 1:
-            texts = [level(value) if isinstance(value, int | float) else str(value) for value in values]
+            texts = list(map(level_or_word, values))
             unit = factor_unit(points, name)
             columns.append(
                 [with_unit(text, unit) if unit else f"{factor_label(points, name)} {text}" for text in texts]

@@ -106,10 +106,6 @@ def _of_parameter(name: str) -> dict[str, str]:
     return _meaning(parameter.unit, parameter.meaning)
 
 
-def _scalars_of(layout: Layout, which: int) -> list[int]:
-    return list(dict.fromkeys(layout.index[which].tolist()))
-
-
 def _ends(layout: Layout, solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Values of the scalars and the ends of their intervals."""
     places = [solution.best.place]
@@ -122,7 +118,7 @@ def _unknowns(layout: Layout, solution: Solution) -> dict[str, Any]:
     """Variables over the unknowns; numbers of those that are shared by all records only."""
     count = len(layout.unknowns)
     value, low, high = _ends(layout, solution)
-    shared = [_scalars_of(layout, which) for which in range(count)]
+    shared = [list(dict.fromkeys(layout.index[which].tolist())) for which in range(count)]
     rows = [[part[own[0]] if len(own) == 1 else np.nan for own in shared] for part in (value, low, high)]
     verdicts = [max((solution.verdicts[s] for s in own), key=_RANK.index) for own in shared]
     mean = np.zeros((count, layout.count))

@@ -13,7 +13,7 @@ from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.words import spoken, unit_text
-from tripod_doe.quantities import interval, level, levels_apart, number, with_unit
+from tripod_doe.quantities import interval, level_or_word, levels_apart, number, with_unit
 
 NEAR_LEVEL = 0.1
 """dB from which on a level is near another one, about as much as 1 %."""
@@ -49,8 +49,7 @@ def values_text(problem: Problem, values: Mapping[str, Any]) -> str:
     parts = []
     for name, value in values.items():
         own = unit_text(problem.simulator.parameters[name].unit)
-        shown = level(float(value)) if isinstance(value, int | float) else str(value)
-        parts.append(f"{spoken_name(problem, name)} = {with_unit(shown, own)}")
+        parts.append(f"{spoken_name(problem, name)} = {with_unit(level_or_word(value), own)}")
     return ", ".join(parts)
 
 

@@ -74,7 +74,8 @@ def candidates_dataset(problem: Problem, solved: Solved) -> xr.Dataset:
     variables["reason"] = xr.Variable("candidate", reasons, {"long_name": "why it is not feasible"})
     generation = solved.archive.generation.astype(np.int32)
     variables["generation"] = xr.Variable("candidate", generation, {"long_name": "generation in which it was tried"})
-    return xr.Dataset(variables, attrs=_attributes(problem, solved) | {"title": f"{_name(problem)}: candidates"})
+    title = f"{problem.request.file.optimisation.name}: candidates"
+    return xr.Dataset(variables, attrs=_attributes(problem, solved) | {"title": title})
 
 
 def _variables(problem: Problem, archive: Archive) -> dict[str, xr.Variable]:
@@ -105,10 +106,6 @@ def _variables(problem: Problem, archive: Archive) -> dict[str, xr.Variable]:
                     "candidate", errors[:, at], {"units": attributes["units"], "long_name": text}
                 )
     return variables
-
-
-def _name(problem: Problem) -> str:
-    return problem.request.file.optimisation.name
 
 
 def _unit(problem: Problem, output: str) -> str:

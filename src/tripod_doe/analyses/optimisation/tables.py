@@ -18,7 +18,7 @@ from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.words import listed, unit_text
-from tripod_doe.quantities import digits_apart, interval, level, number
+from tripod_doe.quantities import digits_apart, interval, level, level_or_word, number
 
 _MOST_ROWS = 40
 
@@ -44,10 +44,7 @@ def front_table(problem: Problem, solved: Solved) -> Table:
         for at, (value, error) in enumerate(zip(judged.objectives[row], judged.objective_errors[row], strict=True)):
             cells.append(interval(float(value), float(error)) if error > 0 else number(float(value), apart[at]))
         cells += [number(float(value), 4) for value in judged.constraints[row]]
-        cells += [
-            level(float(v)) if isinstance(v, int | float) else str(v)
-            for v in base_values(problem, front.units[row]).values()
-        ]
+        cells += [level_or_word(v) for v in base_values(problem, front.units[row]).values()]
         table.append(cells)
     return heads, table
 

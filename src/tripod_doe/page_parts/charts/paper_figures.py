@@ -12,7 +12,7 @@ import xarray as xr
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, MUTED, Chart, drawing, legend_above, series
 from tripod_doe.page_parts.main_results import factor_names, finished
 from tripod_doe.page_parts.words import ORDINALS, factor_label
-from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.quantities import level, level_or_word, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -38,12 +38,8 @@ def point_label(cube: xr.Dataset, point: xr.Dataset) -> str:
     text = []
     if skews := [point[name].item() for name in names if name in SKEWS]:
         text.append(f"skew {', '.join(level(skew) for skew in skews)} deg")
-    text += [f"{factor_label(cube, name)} {_level(point[name].item())}" for name in names if name not in SKEWS]
+    text += [f"{factor_label(cube, name)} {level_or_word(point[name].item())}" for name in names if name not in SKEWS]
     return "; ".join(text)
-
-
-def _level(value: object) -> str:
-    return level(value) if isinstance(value, int | float) else str(value)
 
 
 def _order_wave(size: np.ndarray, phase_deg: np.ndarray, orders: tuple[int, ...], angle: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.model_interface import ModelErrors, ModelSummary, Trust
+from tripod_doe.model_interface import ModelSummary, Trust
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 
@@ -73,7 +73,7 @@ class ModelRecords:
                 self._counted.add(errors.of(own), None if numerical is None else numerical[own])
                 self._counted.add_checks(checks[own], prices)
             expected[chosen], limit[chosen] = errors.expected, errors.limit
-            of = _meaning(errors)
+            of = f"relative error of the {errors.quantity} by the model, against {errors.reference}"
         judged = {TRUST: (trust, "how far the point can be trusted")} if rows.size else {}
         if not np.isfinite(expected).any():
             return judged
@@ -129,10 +129,6 @@ class ModelRecords:
             "model_notes": "\n".join(self._summary.texts),
             "missing_effects": json.dumps(missing),
         }
-
-
-def _meaning(errors: ModelErrors) -> str:
-    return f"relative error of the {errors.quantity} by the model, against {errors.reference}"
 
 
 def model_records(study: Study, points: Points, able: NDArray[np.bool_]) -> ModelRecords:

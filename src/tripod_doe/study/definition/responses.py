@@ -183,11 +183,8 @@ def _check_name(name: str, simulator: Simulator) -> None:
     if name in simulator.outputs or name in simulator.parameters or name in dims:
         raise InputError("this name is taken by an output, a dimension or a parameter; choose another")
     if name in _LABELS | _RECORDS | _FUNCTIONS or name.endswith(_TAKEN):
-        raise InputError(f"this name is kept for a variable of every cube or a function, or ends as one ({_ends()})")
-
-
-def _ends() -> str:
-    return ", ".join(_TAKEN)
+        ends = ", ".join(_TAKEN)
+        raise InputError(f"this name is kept for a variable of every cube or a function, or ends as one ({ends})")
 
 
 def _point_of_nan(simulator: Simulator, values: Mapping[str, Value]) -> Iterator[tuple[str, NamedArray]]:
