@@ -91,16 +91,15 @@ def own_candidates(known: Sequence[Candidate], taken: Collection[str]) -> tuple[
         bare = replace(candidate, values=own)
         if bare.label not in kept or (bare.full and not kept[bare.label].full):
             kept[bare.label] = bare
-    differ = {
-        name
-        for candidate in kept.values()
-        for name in candidate.values
-        if len({each.values[name] for each in kept.values()}) > 1
-    }
+    differ = {name for candidate in kept.values() for name in candidate.values if _varies(name, kept.values())}
     return tuple(
         replace(candidate, values={name: value for name, value in candidate.values.items() if name in differ})
         for candidate in kept.values()
     )
+
+
+def _varies(name: str, candidates: Collection[Candidate]) -> bool:
+    return len({candidate.values[name] for candidate in candidates}) > 1
 
 
 def _quantity(simulator: Simulator, name: str, allowed: float) -> Quantity:
