@@ -321,7 +321,7 @@ def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) ->
     if decimal == ",":
         numbers[text.str.contains(".", regex=False).fillna(False).to_numpy(bool)] = np.nan
     if role == "time_s" and np.isnan(numbers).all():
-        numbers = _seconds(text.fillna("").tolist())
+        numbers = np.array(list(_seconds(text.fillna("").tolist())), float)
     gap = text.str.casefold().isin(_GAPS).fillna(True).to_numpy(bool)
     words = np.flatnonzero(np.isnan(numbers) & ~gap)
     if words.size:
@@ -334,12 +334,8 @@ def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) ->
     return numbers
 
 
-def _seconds(texts: Sequence[str]) -> FloatArray:
+def _seconds(texts: Sequence[str]) -> Iterator[float]:
     """Seconds since the first of some times of day, with or without a date; also across midnight."""
-    return np.array(list(_clock(texts)), float)
-
-
-def _clock(texts: Sequence[str]) -> Iterator[float]:
     before, days, start = -np.inf, 0, None
     for text in texts:
         match = _CLOCK.search(text)

@@ -20,7 +20,7 @@ from tripod_doe.csv_table import read_csv_table, refuse_misspelt
 from tripod_doe.errors import CubeError, InputError, closest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.quantities import csv_cell
+from tripod_doe.quantities import csv_cell, plain_json
 
 
 @dataclass(frozen=True)
@@ -118,12 +118,4 @@ def overview_csv(rows: Sequence[OverviewRow]) -> str:
 
 def overview_json(rows: Sequence[OverviewRow]) -> str:
     """The overview as a list of objects; NaN is null."""
-    return json.dumps(
-        [
-            {
-                key: None if isinstance(value, float) and math.isnan(value) else value
-                for key, value in asdict(row).items()
-            }
-            for row in rows
-        ]
-    )
+    return json.dumps(plain_json([asdict(row) for row in rows]))

@@ -97,7 +97,7 @@ def _change(one: KeyDifference) -> str:
     """Old and new value; of two long lists, what was added and what was left out."""
     if isinstance(one.a, list) and isinstance(one.b, list):
         changes = [
-            f"{word} {_listed(values)}"
+            f"{word} {_cut(', '.join(map(_value, values)))}"
             for word, values in (
                 ("added", _list_difference(one.b, one.a)),
                 ("left out", _list_difference(one.a, one.b)),
@@ -115,10 +115,6 @@ def _list_difference(values: list[Any], others: list[Any]) -> list[Any]:
         if value in rest:
             rest.remove(value)
     return rest
-
-
-def _listed(values: list[Any]) -> str:
-    return _cut(", ".join(map(_value, values)))
 
 
 def _value(value: Any) -> str:

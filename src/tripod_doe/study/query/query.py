@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match, option, printable
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import csv_cell
+from tripod_doe.quantities import csv_cell, plain_json
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.memory import refuse_too_much_memory
@@ -315,7 +315,7 @@ def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> st
     """
     rows = list(zip(*(column.tolist() for column in columns.values()), strict=True))
     if form == "json":
-        return json.dumps([dict(zip(columns, map(_json_value, row), strict=True)) for row in rows])
+        return json.dumps([dict(zip(columns, map(plain_json, row), strict=True)) for row in rows])
     if form == "csv":
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n", delimiter=";" if decimal_comma else ",")
@@ -355,10 +355,6 @@ def answer_format(asked: str | None, output: Path | None) -> str:
             f"{where} is named as {named}, but {option('format')} is {asked}: change one, or leave out the latter"
         )
     return asked or named or "table"
-
-
-def _json_value(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _table_word(value: Any) -> str:
