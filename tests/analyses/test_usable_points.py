@@ -60,10 +60,11 @@ def test_words_and_numbers_in_a_column_are_words(run_table):
         run_table("a,b\n1,2\n,3\n")
 
 
-def test_an_output_that_most_points_lack_is_left_out(tmp_path):
-    """Regression: `vibrates`, which kinetostatic looks for at few joints, made 6 of 8 finished points "lost"."""
+@pytest.mark.parametrize("angles", [[5, 8, 11, 13], [5, 13, 14, 15]])
+def test_an_output_that_some_points_lack_is_left_out(tmp_path, angles):
+    """Regression: `vibrates`, which kinetostatic looks for at few joints, made finished points "lost"."""
     (tmp_path / "s.toml").write_text(
-        '[study]\nname = "t"\n[factors]\njoint_angle_deg.values = [5, 8, 11, 13]\ntorque_n_m.values = [60, 150]\n'
+        f'[study]\nname = "t"\n[factors]\njoint_angle_deg.values = {angles}\ntorque_n_m.values = [60, 150]\n'
         "[analysis.effects]\n"
     )
     td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
@@ -71,4 +72,7 @@ def test_an_output_that_most_points_lack_is_left_out(tmp_path):
         assert found.attrs["points_used"] == 8
         assert "vibrates" not in found["output"]
         lacking = int(td.open_cube(tmp_path / "out")["vibrates"].isnull().sum())
-        assert f"The output vibrates is left out: {lacking} of 8 points do not have it." in find_in_effects(found, "e")
+        assert any(
+            f"vibrates is left out: {lacking} of 8 points do not have it" in each
+            for each in find_in_effects(found, "e")
+        )

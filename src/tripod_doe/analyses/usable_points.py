@@ -156,10 +156,11 @@ def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]
     return usable
 
 
-def without_sparse(cube: xr.Dataset, names: Sequence[str], most: float) -> tuple[list[str], str]:
-    """Outputs without those of one number a point that more than this part of the finished points lack.
+def without_sparse(cube: xr.Dataset, names: Sequence[str]) -> tuple[list[str], str]:
+    """Outputs without those of one number a point that some of the finished points lack.
 
-    A model may give an output at some points only, as kinetostatic does `vibrates`: these points are not lost.
+    A model may give an output at some points only, as kinetostatic does `vibrates`: the others are not lost for the
+    rest of the outputs.
 
     Returns:
         The outputs, all of them if none would be left; and a line ``NAME: reason`` for each that is left out.
@@ -169,10 +170,13 @@ def without_sparse(cube: xr.Dataset, names: Sequence[str], most: float) -> tuple
         name: int(np.isnan(cube[name].values[finished]).sum()) for name in names if cube[name].dims == ("point",)
     }
     count = int(finished.sum())
-    sparse = [name for name, lost in lacking.items() if most * count < lost < count]
+    sparse = [name for name, lost in lacking.items() if 0 < lost < count]
     if len(sparse) == len(names):
         return list(names), ""
-    lines = [f"{name}: {lacking[name]:,} of {count:,} points do not have it" for name in sparse]
+    lines = [
+        f"{name}: {lacking[name]:,} of {count:,} points do not have it; named as the only output, it is analysed at the rest"
+        for name in sparse
+    ]
     return [name for name in names if name not in sparse], "\n".join(lines)
 
 

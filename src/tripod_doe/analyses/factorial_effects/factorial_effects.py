@@ -275,7 +275,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     cube = flat_points(cube)
     names, left_out = chosen_outputs(cube, settings.outputs), ""
     if not settings.outputs:
-        names, left_out = without_sparse(cube, names, settings.most_dropped)
+        names, left_out = without_sparse(cube, names)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     sampled = sample.design.kind in _SAMPLED
     if sample.design.kind in _LISTED:  # a point that is listed twice is one: its outputs are the same

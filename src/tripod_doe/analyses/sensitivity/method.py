@@ -77,7 +77,7 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     cube = flat_points(cube)
     names, left_out = chosen_outputs(cube, settings.outputs), ""
     if not settings.outputs:
-        names, left_out = without_sparse(cube, names, settings.most_dropped)
+        names, left_out = without_sparse(cube, names)
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and not sample.independent:
         raise InputError(DEPENDENT)
