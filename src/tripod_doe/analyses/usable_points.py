@@ -174,7 +174,7 @@ def without_sparse(cube: xr.Dataset, names: Sequence[str]) -> tuple[list[str], s
     if len(sparse) == len(names):
         return list(names), ""
     lines = [
-        f"{name}: {lacking[name]:,} of {count:,} points do not have it; named as the only output, it is analysed at the rest"
+        f"{name}: {lacking[name]:,} of {count:,} points do not have it; name it alone to analyse the rest"
         for name in sparse
     ]
     return [name for name in names if name not in sparse], "\n".join(lines)
