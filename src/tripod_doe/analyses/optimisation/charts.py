@@ -194,7 +194,7 @@ def _waveforms(problem: Problem, waves: xr.Dataset) -> list[Chart]:
         spectrum[name] = own["thrust_amplitude"].values[which]
     with drawing(4.7, 3.0) as (figure, axes):
         for which, name in enumerate(names):
-            axes.plot(data["rotation_deg"], data[name], LINES[which % len(LINES)], color=_colour(which), label=name)
+            axes.plot(data["rotation_deg"], data[name], ls=LINES[which % len(LINES)], color=_colour(which), label=name)
         axes.set_xlim(0, 360)
         axes.set_xticks(range(0, 361, 90))
         axes.set_xlabel("rotation angle of the housing (deg)")
