@@ -530,6 +530,14 @@ def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
     assert told not in find(make_cube(STILL.format(model="kinetostatic")))
 
 
+def test_a_response_keeps_the_spelling_of_its_name(make_cube):
+    """Regression: "The thrust3 kN lies between"."""
+    told = find(make_cube(LINE.format(offset=1) + '[responses.thrust3_kN]\nformula = "y / 1000"\n'))
+    assert any(sentence.startswith("thrust3_kN lies between") for sentence in told)
+    assert any(sentence.startswith("thrust3_kN increases with x") for sentence in told)
+    assert not any("thrust3 kN" in sentence for sentence in told)
+
+
 def test_a_factor_that_the_model_does_not_represent_is_named(make_cube):
     """Regression: a Morris study ranked such factors last, and a page nowhere said that the model leaves them out."""
     told = "Output inertia is not represented by model kinetostatic: all of its values give the same thrust."

@@ -184,6 +184,7 @@ def test_the_price_of_a_pilot_is_told_as_such(tmp_path):
     assert (
         f"the price is that of the pilot: at most {planned['most_points']:,} points run in all" in planned["warnings"]
     )
+    assert any(line.startswith("in all       CPU time at most about") for line in planned["choice"])
 
 
 def test_a_cube_beyond_the_limit_is_refused_before_its_points_are_judged(tmp_path, monkeypatch):
@@ -192,6 +193,12 @@ def test_a_cube_beyond_the_limit_is_refused_before_its_points_are_judged(tmp_pat
     monkeypatch.setattr(plans, "plan", None)
     with pytest.raises(TooLargeError, match="bytes in its cubes; at most 1,000"):
         plan_upload(tmp_path, "study", Limits(cube_bytes=1000), timing=False)
+
+
+def test_the_plan_of_an_upload_makes_its_points_once(tmp_path, monkeypatch):
+    (tmp_path / "study.toml").write_text(TOLERANCE)
+    monkeypatch.setattr("tripod_doe.study.plan.make_points", None)
+    assert plan_upload(tmp_path, "study", Limits(), timing=False)["points"] == 16
 
 
 def test_points_that_confirm_a_tolerance_are_counted(tmp_path, capsys):

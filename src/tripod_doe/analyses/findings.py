@@ -11,7 +11,7 @@ from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, unseparated
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS
 from tripod_doe.model_interface import NOT_REPRESENTED, Outcome
-from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen
+from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen, mixed_formulas
 from tripod_doe.page_parts.main_results import (
     ERRORS,
     Response,
@@ -30,7 +30,6 @@ from tripod_doe.page_parts.main_results import (
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_text, listed
 from tripod_doe.quantities import digits_apart, level, number, text_range, with_unit
-from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
@@ -151,11 +150,11 @@ def _not_asked(cube: xr.Dataset) -> str:
         return ""
     others = " and the waveform" if "thrust" in cube else ""
     asked = listed([ORDINALS[order] for order in orders])
-    formulas = [str(name) for name in cube.data_vars if cube[name].attrs.get("role") == RESPONSE_ROLE]
-    jump = f" {listed(formulas)} may use them: such values may jump where the model changes." if formulas else ""
+    formulas = mixed_formulas(cube)
+    users = f", nor {listed(formulas)} which may use them" if formulas else ""
     return (
-        f" Accuracy was asked for the {asked} only: other orders{others} are not shown, since they come from models of "
-        f"different error.{jump}"
+        f" Accuracy was asked for the {asked} only: other orders{others} are not shown{users}, since they come from "
+        "models of different error."
     )
 
 

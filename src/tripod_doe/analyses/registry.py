@@ -90,6 +90,7 @@ class Analysis:
     crossed: bool = False  # whether such a design may also be a part of a product
     # settings that name files, relative to the workflow file; their contents are part of the step's inputs
     files: tuple[str, ...] = ()
+    runs: tuple[str, ...] = ()  # settings by which its study runs other points, which a step of a workflow cannot
     # whether it can read the cubes of failed studies: it knows which points did not finish, and reports them
     partial: bool = False
     sentences: str = ""  # (result, name of the analysis) -> list of sentences
@@ -155,6 +156,7 @@ ANALYSES: dict[str, Analysis] = {
             ToleranceSettings,
             SAMPLED_DESIGNS,
             sentences="tolerance.sentences:find_in_tolerance",
+            runs=("confirm",),
             table="tolerance.sentences:tolerance_table",
             figures={"tolerance": "tolerance.charts:tolerance_charts"},
             section="sensitivity",

@@ -59,7 +59,7 @@ def _plan_study(options: argparse.Namespace) -> int:
     if study.file.design.kind == "multifidelity":
         from tripod_doe.analyses.multifidelity.study_split import describe_split
 
-        for line in describe_split(study, options.out):
+        for line in describe_split(study, options.out, timing=not options.no_timing):
             print(line)
     return DONE
 

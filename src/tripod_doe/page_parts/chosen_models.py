@@ -1,5 +1,6 @@
 """Choice of the models in a cube: the requested orders, the model of each point, its estimated error."""
 
+import json
 import re
 
 import numpy as np
@@ -7,7 +8,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
+from tripod_doe.study.expressions import FUNCTIONS
 
 _ESTIMATE = "_error_estimate"
 
@@ -23,6 +26,20 @@ def asked_orders(cube: xr.Dataset) -> list[int] | None:
         return None
     matches = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
     return sorted(int(match[1]) for match in matches if match)
+
+
+def mixed_formulas(cube: xr.Dataset) -> list[str]:
+    """Responses that may use what no accuracy was asked for, from models of different error; none with one model."""
+    if asked_orders(cube) is None:
+        return []
+    known = {str(name).removesuffix(_ESTIMATE) for name in cube.data_vars if str(name).endswith(_ESTIMATE)}
+    known |= {*FUNCTIONS, *map(str, cube.coords), *json.loads(str(cube.attrs.get("fixed_parameters", "{}")))}
+    formulas = {
+        str(name): re.sub(r"\[(\d+)\]", r"_\1", str(each.attrs.get("formula", "unknown")))
+        for name, each in cube.data_vars.items()
+        if each.attrs.get("role") == RESPONSE_ROLE
+    }
+    return [name for name, text in formulas.items() if not known.issuperset(re.findall(r"\b[^\W\d]\w*", text))]
 
 
 def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
-from tripod_doe.quantities import count_of, digits_apart, in_words, number, text_range, with_unit
+from tripod_doe.quantities import count_of, digits_apart, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import PHASES, RESPONSES
 
 _MOST = 4  # outputs of a function
@@ -59,7 +59,7 @@ def main_outputs(
             part = of_output if order is None else of_output.sel(order=order)
             part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0))
             if part[key].notnull().any():
-                what = in_words(output) if output in own else _words(output, order)
+                what = _words(output, order)
                 own_part = OutputPart(output, what, unit_text(units.get(output, "1")), part)
                 parts.append(own_part._replace(answers=_about_mean(part)) if own_part.is_phase else own_part)
     return parts
@@ -108,16 +108,21 @@ def _words(output: str, order: int | None) -> str:
 
 def quantile_text(part: OutputPart) -> str:
     """Quantiles of a distribution, each with its interval, or with the one end that the points bound, or none."""
-    text, answers, unit = [], part.answers, part.unit
-    ends = np.array([answers[key].values for key in ("quantile_low", "quantile", "quantile_high")]).T
-    known = [
-        min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite([low, high]).all() else 0 for low, _, high in ends
-    ]
-    for probability, (low, value, high), own in zip(answers["probability"].values, ends, known, strict=True):
-        digits = own or max([*known, 3])  # with fewer digits it may lie below a smaller one
-        shown = with_unit(number(float(value), digits), unit)
-        text.append(f"{100 * probability:g} % below {shown} ({_bounds(float(low), float(high), digits)})")
-    return f"{'from this mean, ' * part.is_phase}{', '.join(text)}"
+    answers = part.answers
+    lows, values, highs = (answers[key].values.tolist() for key in ("quantile_low", "quantile", "quantile_high"))
+    known = [_digits(low, high) for low, high in zip(lows, highs, strict=True)]
+    most, texts = max([3, *filter(None, known)]), []
+    for chance, value, low, high, own in zip(answers["probability"].values, values, lows, highs, known, strict=True):
+        digits = own or most  # with fewer digits it may lie below a smaller one
+        shown = with_unit(number(value, digits), part.unit)
+        texts.append(f"{100 * chance:g} % below {shown} ({_bounds(low, high, digits)})")
+    start = "from this mean, " if part.is_phase else ""
+    return start + ", ".join(texts)
+
+
+def _digits(low: float, high: float) -> int | None:
+    """Digits that tell the ends of an interval apart; None if an end is not known."""
+    return min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite([low, high]).all() else None
 
 
 def _bounds(low: float, high: float, digits: int) -> str:

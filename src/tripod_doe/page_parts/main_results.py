@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import ZERO_AT, Outcome
-from tripod_doe.page_parts.chosen_models import asked_orders
+from tripod_doe.page_parts.chosen_models import asked_orders, mixed_formulas
 from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
@@ -182,7 +182,8 @@ def responses(cube: xr.Dataset) -> list[Response]:
     """The responses that sentences and figures show: orders of the thrust and own responses, or numbers of a function.
 
     Leaves out orders that are small against the largest order, and checks of the numerics; if a pilot chose the models,
-    also orders without a requested accuracy: they come from different models at different points.
+    also orders without a requested accuracy, and formulas that may use them: they come from different models at
+    different points.
     """
     names = [str(name) for name in cube.data_vars]
     if "thrust_amplitude" in cube:
@@ -196,9 +197,9 @@ def responses(cube: xr.Dataset) -> list[Response]:
                 error = _error_of_order(cube, order)
                 zero_at = tuple(str(amplitude.attrs.get(ZERO_AT, "")).split())
                 chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error, zero_at))
-        return chosen + _point_responses(
-            cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE]
-        )
+        mixed = mixed_formulas(cube)
+        own = [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE and name not in mixed]
+        return chosen + _point_responses(cube, own)
     return _point_responses(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
 
 
@@ -222,7 +223,10 @@ def _is_own(cube: xr.Dataset, name: str) -> bool:
 
 
 def _own_label(cube: xr.Dataset, name: str) -> str:
-    return name if cube[name].attrs.get("long_name") == "output of a user function" else spoken(name)
+    """A variable in words; an output of a user's function, or a response, keeps its name."""
+    attrs = cube[name].attrs
+    is_named = attrs.get("role") == RESPONSE_ROLE or attrs.get("long_name") == "output of a user function"
+    return name if is_named else spoken(name)
 
 
 def zero_between(cube: xr.Dataset, response: Response, factor: str, levels: FloatArray) -> float | None:

@@ -41,6 +41,9 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
 _ONE: dict[str, Callable[[Any], Any]] = {"abs": np.abs, "sqrt": np.sqrt, "log10": np.log10}
 _SEVERAL: dict[str, Callable[[Any, Any], Any]] = {"min": np.minimum, "max": np.maximum}
 _REDUCE: dict[str, Callable[..., Any]] = {"min": np.min, "max": np.max, "mean": np.mean, "sum": np.sum}
+FUNCTIONS = frozenset(_ONE | _SEVERAL | _REDUCE)
+"""Functions that a formula may call."""
+
 _LONGEST = 4_000  # characters of a condition: the time to parse one may grow faster than its length
 _WHOLE = 2**53  # from here on not every whole number is one of float64
 _DEEPEST = 100  # operators within each other

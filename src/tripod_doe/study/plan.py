@@ -109,6 +109,7 @@ def plan(
     timing: bool = True,
     recorded: bool = False,
     among: IntArray | None = None,
+    points: Points | None = None,
 ) -> Plan:
     """Count the points of a study and time a few of them, for at most ten seconds.
 
@@ -117,10 +118,11 @@ def plan(
         timing: Whether to time points, in a process of its own.
         recorded: Whether recorded prices stand in where nothing is timed.
         among: The points to compute; None for all of them.
+        points: The points of the study, where they are known already.
     """
     if not isinstance(study, Study):
         study = load_study(study)
-    points = make_points(study)
+    points = points or make_points(study)
     excluded = int((~points.allowed).sum())
     if among is not None:
         wanted = np.zeros(points.count, bool)

@@ -194,9 +194,9 @@ def _settings(
         study = before[table.inputs[0]].study
         if len(table.inputs) != 1 or study is None:
             raise InputError(f"{where}: {analysis} needs one study step as its input")
-        if table.settings.get("confirm"):
+        for key in filter(table.settings.get, entry.runs):
             raise InputError(
-                f"{where}: settings: confirm: a step runs no other points; put the analysis with confirm into "
+                f"{where}: settings: {key}: a step runs no other points; put the analysis with {key} into "
                 f"{study.origin}, as [analysis.{analysis}]"
             )
         return settings_of(study, analysis, table.settings, f"[steps.{name}] of {workflow.origin}")[1], listed

@@ -49,10 +49,20 @@ def test_only_orders_that_were_asked_for_are_stated(chosen, grid_cube):
     assert "ninth order" not in told
     assert "Accuracy was asked for the third order only: other orders and the waveform are not shown" in told
     assert "may use them" not in told
-    second = chosen["thrust_amplitude"].sel(order=2, drop=True).assign_attrs(role="result of its own", units="N")
-    assert "second may use them: such values may jump where the model changes." in " ".join(
-        find(chosen.assign(second=second))
-    )
+
+
+@pytest.mark.parametrize(
+    ("formula", "shown"),
+    [("thrust_amplitude[2] / 2", False), ("third * 2", False), ("2e3 * sqrt(thrust_amplitude[3]) / torque_n_m", True)],
+)
+def test_formulas_of_what_has_no_accuracy_are_not_stated(chosen, formula, shown):
+    """Regression: trends of a formula were stated over points whose models have different errors."""
+    own = chosen["thrust_amplitude"].sel(order=2, drop=True)
+    cube = chosen.assign(own=own.assign_attrs(role="result of its own", units="N", formula=formula))
+    told = find(cube)
+    assert any(sentence.startswith("own ") for sentence in told) == shown
+    assert ("are not shown, nor own which may use them" in " ".join(told)) == (not shown)
+    assert ("own" in [response.label for response in responses(cube)]) == shown
 
 
 def test_without_a_pilot_all_orders_are_shown_and_no_choice_is_drawn(chosen):

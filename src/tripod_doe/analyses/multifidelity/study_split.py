@@ -8,11 +8,13 @@ import xarray as xr
 
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import CubeError, InputError
+from tripod_doe.model_interface import Value
 from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_tables import DesignTable
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
+from tripod_doe.study.plan import RECORDED, plan
 from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.stored_study import STORED, stored_study
 
@@ -106,18 +108,44 @@ def split_lines(split: Split) -> list[str]:
     return lines
 
 
-def describe_split(study: Study, directory: Path | None) -> list[str]:
-    """The split of a multifidelity study in lines, for `plan`: from a directory, else what decides it."""
+def describe_split(study: Study, directory: Path | None, timing: bool = False) -> list[str]:
+    """The split of a multifidelity study in lines, for `plan`: from a directory, else what decides it.
+
+    Args:
+        timing: Whether to time points for the largest price; else prices on record stand in.
+    """
     if not needs_split(study):
         return []
     if directory is not None and (directory / "cube.nc").exists():
         return split_lines(_split_of_results(study, directory))
     table = study.file.design
     truth, most = (study.factors[table.fidelity].values or ())[-1], most_points(study)
+    price = plan(_largest_split(study), timing, recorded=True)
+    source = f"from {price.timed} timed points" if price.timed else RECORDED
     return [
         f"split        follows from a pilot of {point_count(study):,} points; {truth} gets {table.samples:,} samples "
-        f"in any case, and all models together at most {most:,} points (most_points)"
+        f"in any case, and all models together at most {most:,} points (most_points)",
+        *(
+            [f"in all       CPU time at most about {duration(3600 * price.cpu_hours[1])} ({source})"]
+            * bool(price.cpu_hours)
+        ),
     ]
+
+
+def _largest_split(study: Study) -> Study:
+    """The study with all samples that a split may have, those beside the truth's by the most expensive other model."""
+    table, models = study.file.design, list(study.factors[study.file.design.fidelity].values or ())
+    pilot, samples = pilot_samples(table), table.samples or 0
+    whole = most_points(study) * pilot * len(models) // point_count(study)  # samples of all models together
+
+    def price(model: Value) -> float:
+        return study.simulator.recorded_price({**study.base, table.fidelity: model}) or 0.0
+
+    *others, truth = models
+    dearest = max(reversed(others), key=price)
+    split = dict.fromkeys(map(str, others), pilot) | {str(truth): samples}
+    split[str(dearest)] += whole - sum(split.values())
+    return _with_split(study, table.model_copy(update={"split": split}))
 
 
 def _split_of_results(study: Study, directory: Path) -> Split:

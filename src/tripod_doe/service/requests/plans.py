@@ -139,7 +139,7 @@ def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     """Plan a study that is within the limits."""
     points = make_points(study)
     _check_limits(limits, study.origin, points.count, cube_bytes(study, points), None)  # before each point is judged
-    price = replace(plan(study, timing, recorded=True), confirming=confirming_points(study))
+    price = replace(plan(study, timing, recorded=True, points=points), confirming=confirming_points(study))
     share = price.most / max(price.points, 1)  # with those that follow from a pilot or from a proposal
     hours = price.cpu_hours and scale(price.cpu_hours, 1 + price.confirming / max(price.points, 1))
     _check_limits(limits, study.origin, price.most, round((price.cube_bytes or 0) * share), hours)
