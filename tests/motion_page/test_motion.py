@@ -15,8 +15,9 @@ import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.motion_page.drawing import joint_drawing
-from tripod_doe.motion_page.page import motion_data, motion_page, points_in, viewed_point
+from tripod_doe.motion_page.page import motion_data, motion_page, viewed_point
 from tripod_doe.motion_page.poses import poses_of
+from tripod_doe.motion_page.stored_points import points_in
 from tripod_doe.reports.joint_drawing import drawing_of
 
 FRICTIONLESS = {

@@ -16,13 +16,8 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 from pydantic import BaseModel
 
-from tripod_doe.analyses.claims.verdicts import (
-    ClaimsOverSkewSettings,
-    ClaimsSettings,
-    check_claims,
-    claims_json,
-    claims_over_skew,
-)
+from tripod_doe.analyses.claims.over_skew import ClaimsOverSkewSettings, claims_over_skew
+from tripod_doe.analyses.claims.verdicts import ClaimsSettings, check_claims, claims_json
 from tripod_doe.analyses.comparison.record_comparison import ComparisonSettings, compare_file
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.factorial_effects.factorial_effects import EFFECT_DESIGNS, EffectsSettings, factorial_effects

@@ -27,7 +27,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def moved_points(options: argparse.Namespace) -> str:
     """The page that animates one or two points of a study, which are simulated again."""
-    from tripod_doe.motion_page.page import motion_page, points_in, viewed_point
+    from tripod_doe.motion_page.page import motion_page, viewed_point
+    from tripod_doe.motion_page.stored_points import points_in
 
     points, changes = points_in(options.directory, options.select, options.nearest), against(options.against)
     if changes and len(points) > 1:

@@ -14,7 +14,7 @@ from starlette.responses import Response
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.page import asset_files, help, run_pages, study_editor
-from tripod_doe.service.page.rendering import refusal_answer
+from tripod_doe.service.page.error_pages import refusal_answer
 from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, share_links, studies, views
 from tripod_doe.service.routes.dependencies import refuse_unread

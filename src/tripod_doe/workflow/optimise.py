@@ -16,8 +16,9 @@ from tripod_doe.analyses.optimisation.candidates import FINDINGS
 from tripod_doe.analyses.optimisation.confirmation import confirmation_batches, first_confirmed, next_confirmed
 from tripod_doe.analyses.optimisation.correction import Correction
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
+from tripod_doe.analyses.optimisation.neighbours import Neighbours, around
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
-from tripod_doe.analyses.optimisation.pareto_front import Archive, Neighbours, around, front_rows, knee, places_of
+from tripod_doe.analyses.optimisation.pareto_front import Archive, front_rows, knee, places_of
 from tripod_doe.analyses.optimisation.problem import Problem, Sample, make_problem, pasted
 from tripod_doe.analyses.optimisation.result import (
     Solved,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -13,7 +12,6 @@ import tomlkit
 import xarray as xr
 from pydantic import BaseModel
 
-import tripod_doe
 from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study
@@ -24,6 +22,7 @@ from tripod_doe.study.definition.toml_text import read_text, toml_array
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of
+from tripod_doe.workflow.step_hash import StepHash
 from tripod_doe.workflow.workflow_file import (
     AnalysisStep,
     FigureStep,
@@ -36,39 +35,6 @@ from tripod_doe.workflow.workflow_file import (
     parse_step,
     parse_workflow,
 )
-
-
-class StepHash:
-    """A hash over texts and bytes, each preceded by its length."""
-
-    def __init__(self, *texts: str) -> None:
-        self._sha = hashlib.sha256()
-        self.add(*texts)
-
-    def add(self, *texts: str) -> None:
-        """Add texts, one after the other."""
-        for text in texts:
-            self.add_bytes(text.encode())
-
-    def add_bytes(self, data: bytes) -> None:
-        """Add the contents of a file, or other bytes, with their length before them."""
-        self._sha.update(len(data).to_bytes(8, "little"))
-        self._sha.update(data)
-
-    def add_code(self, *folders: str) -> None:
-        """Add the sources of parts of this package, so that a changed analysis or page is made again."""
-        for folder in folders:
-            root = Path(tripod_doe.__file__).parent / folder
-            sources = sorted(path for path in root.rglob("*") if path.suffix in (".py", ".html", ".css", ".js"))
-            if not sources:
-                raise FileNotFoundError(f"{root}: no sources")
-            for path in sources:
-                self.add_bytes(path.read_bytes())
-
-    def text(self) -> str:
-        """The hash of all that was added, 16 hex digits."""
-        return str(self._sha.hexdigest()[:16])
-
 
 _MAKE_ANALYSES = ("analyses", "measurements")
 _MAKE_PAGES = (*_MAKE_ANALYSES, "page_parts", "reports")

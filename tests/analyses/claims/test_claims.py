@@ -9,15 +9,9 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.claims.evidence import ANY, Evidence, MissingPointError
+from tripod_doe.analyses.claims.over_skew import ClaimsOverSkewSettings, claims_over_skew
 from tripod_doe.analyses.claims.rules import RULES
-from tripod_doe.analyses.claims.verdicts import (
-    ClaimsOverSkewSettings,
-    ClaimsSettings,
-    Verdict,
-    check_claims,
-    claims_json,
-    claims_over_skew,
-)
+from tripod_doe.analyses.claims.verdicts import ClaimsSettings, Verdict, check_claims, claims_json
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS

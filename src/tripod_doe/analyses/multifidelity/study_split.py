@@ -120,16 +120,15 @@ def describe_split(study: Study, directory: Path | None, timing: bool = False) -
         return split_lines(_split_of_results(study, directory))
     table = study.file.design
     truth, most = (study.factors[table.fidelity].values or ())[-1], most_points(study)
-    price = plan(_largest_split(study), timing, recorded=True)
-    source = f"from {price.timed} timed points" if price.timed else RECORDED
-    return [
+    lines = [
         f"split        follows from a pilot of {point_count(study):,} points; {truth} gets {table.samples:,} samples "
-        f"in any case, and all models together at most {most:,} points (most_points)",
-        *(
-            [f"in all       CPU time at most about {duration(3600 * price.cpu_hours[1])} ({source})"]
-            * bool(price.cpu_hours)
-        ),
+        f"in any case, and all models together at most {most:,} points (most_points)"
     ]
+    price = plan(_largest_split(study), timing, recorded=True)
+    if price.cpu_hours:
+        source = f"from {price.timed} timed points" if price.timed else RECORDED
+        lines.append(f"in all       CPU time at most about {duration(3600 * price.cpu_hours[1])} ({source})")
+    return lines
 
 
 def _largest_split(study: Study) -> Study:

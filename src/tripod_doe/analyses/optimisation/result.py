@@ -10,7 +10,8 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.optimisation.measures import Judged
-from tripod_doe.analyses.optimisation.pareto_front import Archive, Neighbours, knee
+from tripod_doe.analyses.optimisation.neighbours import Neighbours
+from tripod_doe.analyses.optimisation.pareto_front import Archive, knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.responses import ERROR

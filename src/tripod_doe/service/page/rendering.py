@@ -8,14 +8,12 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from starlette.requests import HTTPConnection
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse
 
 from tripod_doe.page_parts.markdown import markdown
 from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import duration, in_words, level, number, size
 from tripod_doe.service.page.asset_files import stamp
-from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.security import content_policy
 from tripod_doe.service.settings import Settings
@@ -112,23 +110,3 @@ def _in_file(value: object) -> str:
 def _day(stamp: str) -> str:
     """A UTC time in the form of the lists."""
     return datetime.fromisoformat(stamp).strftime("%Y-%m-%d %H:%M UTC")
-
-
-_OF_PROGRAMS = ("/api/", "/assets/", "/parts/")
-
-
-def refusal_answer(request: HTTPConnection, refusal: RefusedError, settings: Settings, root: str) -> Response:
-    """The answer to a refused request: a page for a browser, else JSON; `root` is empty without a session."""
-    if not _is_page(request):
-        return JSONResponse(refusal.answer(), refusal.status, refusal.headers)
-    message = "; ".join(problem.message for problem in refusal.problems)
-    page = show("error.html", settings, root=root, status=refusal.status, message=message)
-    page.status_code = refusal.status
-    page.headers.update(refusal.headers)
-    return page
-
-
-def _is_page(request: HTTPConnection) -> bool:
-    """Whether a browser opens this address, not a program or a script of the page."""
-    path = str(request.scope["path"]).removeprefix(request.scope["root_path"])
-    return "text/html" in request.headers.get("accept", "") and not path.startswith(_OF_PROGRAMS)

@@ -114,17 +114,6 @@ def study_hash(path: Path) -> str:
     return _origin(path)[0]
 
 
-def study_text(path: Path) -> str:
-    """Read the file of the study of a cube.
-
-    Raises:
-        CubeError: If the cube is missing or damaged.
-    """
-    _refuse_damaged(path, whole=False)
-    with reading(path), opened_file(path) as stored:
-        return str(stored.getncattr("study"))
-
-
 def _origin(path: Path) -> tuple[str, int]:
     """Hash of the study and number of the results of a file; empty and 0 without them."""
     with reading(path):

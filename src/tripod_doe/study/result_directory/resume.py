@@ -12,7 +12,7 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.checksum_list import refuse_other_results
 from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.cube.file_checks import study_text
+from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.journal import KERNELS, Journal, text_digest
 from tripod_doe.study.result_directory.stored_study import STORED, known_texts, read_again, stored_study
@@ -72,8 +72,8 @@ class Resume:
         try:
             return stored_study(self._path)
         except CubeError:
-            with suppress(CubeError):
-                text = study_text(self._path / "cube.nc")
+            with suppress(CubeError), lazy_dataset(self._path / "cube.nc") as cube:
+                text = str(cube.attrs["study"])
                 if text_digest(text.encode()) in known_texts(self._journal):
                     return read_again(self._path, text, str(self._path / STORED))
             raise
