@@ -465,7 +465,7 @@ def test_an_order_that_the_model_does_not_have_is_no_error_of_it(order, why):
         assert ("is not symmetric" in said) == (size > 0)
         assert f"{order} differ" not in said
         if size:
-            assert ("whose three trunnions are alike" in said) == why
+            assert ("whose three trunnions are identical" in said) == why
     none = compare(Measurement(rotation, thrust, None, "zero"), model({}), 0.0)
     assert int(none["agrees"].sel(order=3)) == 0  # without a torque nothing is known of symmetry
 

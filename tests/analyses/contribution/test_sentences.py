@@ -270,7 +270,7 @@ def test_operating_points_without_an_amplitude_do_not_take_the_shapley_values_of
 
 def test_one_unusual_operating_point_does_not_set_the_scale(many):
     spread, of_two = contribution_charts(many)
-    assert "Beyond the axis (triangles): 2 shares, the furthest that of x at a 4, b 3, 400000.0 %." in spread.caption
+    assert "Beyond the axis (triangles): 2 shares, the most extreme is x at a 4, b 3 with 400000.0 %." in spread.caption
     low, high = spread.figure.axes[0].get_xlim()
     assert -10 < low < high < 110
     assert of_two.name.endswith("-map")

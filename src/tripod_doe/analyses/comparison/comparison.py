@@ -104,7 +104,7 @@ def compare(
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
         amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0, -2 where by more
-        and the model's is zero, as its three trunnions are alike, -3 where both are below these uncertainties). Over
+        and the model's is zero, as its trunnions are identical, -3 where both are below these uncertainties). Over
         ``rotation_deg``: measured_thrust about the mean of the model and without drift (attribute ``preload_n``: what
         was taken off), its deviation measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty,
         model_envelope. Over ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of

@@ -28,9 +28,9 @@ from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import cell_count
 from tripod_doe.study.simulate import simulate
 
-_SAME = 0.01  # relative: how near a measured value may be to one of the cube that was aimed at
-_STEADY = 0.05  # relative change of speed below which a record has one
-_TURNS = 2  # revolutions from which its speed is known
+_SAME = 0.01  # relative difference up to which a measured value counts as a level of the cube
+_STEADY = 0.05  # relative change of speed below which a record has one speed
+_TURNS = 2  # least number of revolutions from which a speed is computed
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class RecordPoint:
 def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measurement, select: Sequence[str]) -> RecordRow:
     """A record with what it states of its operating point, where the table and the selection say nothing.
 
-    A value within a hundredth of one of the cube is that value. The speed is that of its revolutions; where the cube
-    has several speeds around it, each revolution is compared at its own.
+    A value within a hundredth of a level of the cube counts as that level. The speed is the mean over the revolutions;
+    where the cube has several speeds around it, each revolution is compared at its own speed.
     """
     known = {*row.values, *(text.partition("=")[0] for text in select)}
     of_joint = str(cube.attrs.get("source", "")).endswith("simulator joint")
@@ -141,7 +141,7 @@ def _selected(select: Sequence[str]) -> dict[str, float | str]:
 
 
 def _base(cube: xr.Dataset) -> dict[str, Any]:
-    """Base values of the study of a cube; a model that a pilot chose is none of them."""
+    """Base values of the study of a cube; without a model that a pilot chose."""
     base = dict(parsed_study(str(cube.attrs.get("study", ""))).get("base", {}))
     if base.get("model") == "auto":
         del base["model"]
@@ -153,7 +153,7 @@ def _shared_value(cube: xr.Dataset, name: str) -> Any:
 
 
 def _is_constant(cube: xr.Dataset, name: str, value: float | str) -> bool:
-    """Whether all points of a cube have this value of a parameter that is no factor."""
+    """Whether all points of a cube have this value of a parameter that is not a factor."""
     known = _shared_value(cube, name)
     if isinstance(known, int | float) and isinstance(value, int | float):
         return math.isclose(known, value, rel_tol=1e-9)

@@ -118,7 +118,7 @@ def asymmetry_text(orders: list[int]) -> str:
     """Why a model is zero in some orders: by symmetry in those that three trunnions cancel."""
     symmetric = all(order % 3 for order in orders)
     verb = "are" if len(orders) > 1 else "is"
-    return f"{orders_text(orders)} {verb} zero in the model{', whose three trunnions are alike' * symmetric}"
+    return f"{orders_text(orders)} {verb} zero in the model{', whose three trunnions are identical' * symmetric}"
 
 
 def orders_text(orders: Sequence[int]) -> str:

@@ -109,8 +109,8 @@ def _left_out(part: Contribution, low: float, high: float) -> str:
     away = np.where(outside, np.maximum(low - values, values - high), -np.inf)
     at, which = np.unravel_index(int(away.argmax()), away.shape)
     return (
-        f" Beyond the axis (triangles): {count_of(int(outside.sum()), 'share')}, the furthest that of "
-        f"{spoken(part.mechanisms[which])} at {part.labels[at]}, {percent(values[at : at + 1, which])}."
+        f" Beyond the axis (triangles): {count_of(int(outside.sum()), 'share')}, the most extreme is "
+        f"{spoken(part.mechanisms[which])} at {part.labels[at]} with {percent(values[at : at + 1, which])}."
     )
 
 

@@ -2,20 +2,20 @@
 
 What a model leaves out is a function of the operating point, and a smooth one: at joints of `needles` with random
 geometry the errors of `kinetostatic` in both orders, and of `equilibrium` in the third, follow the joint angle and
-hardly anything else (benchmarks/RESULTS.md). So an error is alike at records of similar joint angle (a Gaussian process
-over the logarithm of the angle, of which a fit makes nuisances), and the rest is of one record alone.
+hardly anything else (benchmarks/RESULTS.md). So records at similar joint angles share a part of the error (a Gaussian
+process over the logarithm of the angle, whose values are nuisance parameters of a fit); the rest is independent.
 
-- A recorded error is a median, which of a normal error is 0.67 of its deviation. Its square counts once in each record
-  alone, and twice alike. How large it is in the records of a fit follows from what they leave over (error_size.py).
+- A recorded error is a median, which of a normal error is 0.67 of its deviation. Its square counts once in the
+  independent part, and twice in the shared one. How large it is in a fit follows from its residuals (error_size.py).
 - The second order of `kinetostatic` is what the skew of the needles gives at each groove; three grooves nearly cancel,
   and their errors do not. It errs by a part of what each groove gives, and by a part of what the turning of its needles
   since the start has added: how fast needles turn is the least certain. The likelihood of these errors is e^40 times
-  that of errors in proportion to the order itself.
+  as large as with errors in proportion to the order itself.
 - Phases err by more than amplitudes, as far as that is on record: the third order of `kinetostatic` by 0.8 to 1 % of
   itself across and 0.3 % along. That matters where the angle of the marker is known.
 
-A given error is taken as it is: alike in all records, and with half of its square in each alone. What a run reports of
-its own numerical error, and how its last two revolutions differ, is part of what is on record.
+A given error is taken as it is: shared by all records, with half of its square independent in each. The numerical error
+that a run reports, and the difference of its last two revolutions, are part of what is on record.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ _LEAST = 0.003  # relative, of the third order: medians of ten similar points ar
 _OTHER = 0.13  # relative error of any order but the third where it is not on record, or not beside the third
 _FINEST = {3: 0.003, 2: 0.05}  # between two implementations of the finest model
 _FINEST_OTHER = 0.05
-_LENGTH = {"kinetostatic": 0.2}  # of logarithms of the joint angle, over which errors are alike
+_LENGTH = {"kinetostatic": 0.2}  # correlation length of errors over the logarithm of the joint angle
 _USUAL_LENGTH = 1.0
-_LOW, _HIGH = np.log(0.1), np.log(60.0)  # logarithms of deg: smaller angles are alike
+_LOW, _HIGH = np.log(0.1), np.log(60.0)  # logarithms of deg: smaller angles count as the first
 TURNING = "kinetostatic"
 """The model whose errors are recorded in the parts below."""
 
-# of the second order at a groove, and of what its needles' turning has added: in a record alone, and alike
+# of the second order at a groove, and of what its needles' turning has added: independent, and shared
 _OWN_PARTS = np.array([0.08, 0.04])
 _ALIKE_PARTS = np.array([0.06, 0.22])
 _AHEAD = np.exp(2j * np.radians(120) * np.arange(3))  # second order of equally skewed needles at the three grooves

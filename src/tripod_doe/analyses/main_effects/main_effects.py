@@ -3,14 +3,14 @@
 A statement on one factor stands on one of three grounds, tried in this order; they follow from the columns of the
 points that finished, whatever the design was called.
 
-1. *All levels at one setting of the others* (grids, one factor at a time, their products): the change is that of the
-   factor, and the mean over such settings compares like with like. Holes are no matter as long as half of the points
-   that can be compared stand at settings without them.
+1. *All levels at one setting of the others* (grids, one factor at a time, their products): only this factor changes,
+   and the mean over such settings compares like with like. Holes do not matter as long as half of the points that can
+   be compared stand at settings without them.
 2. *Steps in one factor alone* (trajectories, Saltelli's pairs, star points, grids with many holes): the sign of each
    step is a fact; this needs at least half as many steps per factor as a design would have that changes one factor at
    a time in turn.
 3. *Regression on all factors* (random samples, fractional designs): stands only where the column of the factor is not
-   explained by those of the others, see `additive_fit.separation`, and only as far as its interval allows.
+   explained by the columns of the others, see `additive_fit.separation`, and only as far as its interval allows.
 
 Where none holds, as for lists of points in which factors change together, the design does not separate the factor.
 """
@@ -93,7 +93,7 @@ def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) ->
     )
 
 
-_MOST_ROWS = 4096  # points of a regression: more make its intervals narrower than anybody needs
+_MOST_ROWS = 4096  # points of a regression: more would narrow its intervals beyond any use
 _NEARLY_ZERO = 1e-3  # part of the largest value below which a change is not compared with the value itself
 _ROUNDING = 1e-9  # part of the largest value within which two values are the same
 

@@ -39,7 +39,7 @@ def _gain_chart(key: str, name: str, part: OutputPart, truth: str) -> Chart:
         axes.set_yticks(places, data["quantity"])
         axes.set_xlabel(f"squared error relative to {truth} alone")
     caption = (
-        f"Squared error of the answers on {part.what}, over that of {truth} alone at the same price (analysis "
+        f"Squared error of the answers on {part.what}, over the error of {truth} alone at the same price (analysis "
         f"{name}). Left of the dashed line, the cheaper models reduce the error."
     )
     return Chart(key, f"What the cheaper models gain for {part.what}", caption, figure, data)

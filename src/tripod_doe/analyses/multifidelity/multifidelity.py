@@ -81,7 +81,7 @@ def _of_component(values: list[FloatArray], alone: float, settings: Multifidelit
             answers[name] = np.array([each.value for each in indices])
             answers[f"{name}_conf"] = np.array([half(each, settings.confidence) for each in indices])
             answers[f"{name}_gain"] = np.array([_gain(each, alone) for each in indices])
-    points = [each[:, [0, -1]] if estimates.first else each for each in values]  # those of a block that are independent
+    points = [each[:, [0, -1]] if estimates.first else each for each in values]  # the independent points of a block
     asked = len(settings.probabilities)
     bounds = quantiles(points, [*settings.probabilities, *SHARES], NormalDist().inv_cdf(0.5 + settings.confidence / 2))
     return answers | dict(zip(_QUANTILES, bounds[:, :asked], strict=True)) | {"distribution": bounds[0, asked:]}
@@ -170,10 +170,10 @@ _MEANINGS = {
     "quantile_high": "upper end of the interval of the quantile",
     "S1": "first-order Sobol' index",
     "ST": "total Sobol' index",
-    "gain": "variance of the mean by the truth alone at the same price, over that of this estimate",
-    "variance_gain": "variance of the variance by the truth alone at the same price, over that of this estimate",
-    "S1_gain": "variance of S1 by the truth alone at the same price, over that of this estimate",
-    "ST_gain": "variance of ST by the truth alone at the same price, over that of this estimate",
+    "gain": "variance of the mean from the truth alone at the same price, over its variance here",
+    "variance_gain": "variance of the variance from the truth alone at the same price, over its variance here",
+    "S1_gain": "variance of S1 from the truth alone at the same price, over its variance here",
+    "ST_gain": "variance of ST from the truth alone at the same price, over its variance here",
     "correlation": "correlation of the model with the truth",
     "samples": "samples of the model",
     "price": "CPU seconds of a sample",
@@ -194,7 +194,7 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
         the prices are not known.
 
     Raises:
-        InputError: If the cube is of another design, an output is none of every model, or too few samples are left.
+        InputError: If the cube is of another design, a model lacks an output, or too few samples are left.
     """
     settings = settings or MultifidelitySettings()
     names = outputs_of_all(cube, settings.outputs)

@@ -54,7 +54,7 @@ def values_text(problem: Problem, values: Mapping[str, Any]) -> str:
 
 
 def spoken_name(problem: Problem, name: str) -> str:
-    """The name of a variable in words; that of a function's argument as it is."""
+    """The name of a variable in words; an argument of a function keeps its name."""
     return name if problem.request.file.optimisation.function else spoken(name)
 
 
