@@ -107,8 +107,8 @@ def test_means_of_models_are_listed_where_an_error_may_hide_their_difference(mak
     said = [s for s in find_effects(response, cube, effects_on(response, cube)) if s.startswith("Over z")]
     assert said
     assert (
-        "the mean of y is 1.25 (equilibrium) and 0.57 (rollers), averaged over x; the largest numerical error"
-        in said[0]
+        "the mean of y is 1.25 (equilibrium) and 0.57 (rollers), averaged over x; the largest known numerical "
+        "error" in said[0]
     )
 
 

@@ -732,10 +732,10 @@ def test_a_level_changes_by_decibels(solve):
     aims, variables = {"loudness": {"output": "loud"}}, {"x": {"values": [0.3, 0.5, 0.6]}}
     base = {"x": 0.3}
     lines = solve("hole", variables, aims, base=base, responses=responses, search={"evaluations": 10}).lines
-    (start,) = (line for line in lines if line.startswith("Where the search starts"))
+    (start,) = (line for line in lines if line.startswith("At the start of the search"))
     assert start.startswith("At the start of the search, loudness is 16.9 dB; the best is 12.04 dB (")
     assert start.endswith("4.86 dB).")
-    assert any("came within 0.1 dB of its last value" in line and "the last 0.1 dB cost" in line for line in lines)
+    assert any("came within 0.1 dB of its last value" in line and "the last 0.1 dB took" in line for line in lines)
     assert not any("%" in line for line in lines)
 
 

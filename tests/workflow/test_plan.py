@@ -190,7 +190,7 @@ def test_the_price_of_a_pilot_is_told_as_such(tmp_path):
 def test_a_cube_beyond_the_limit_is_refused_before_its_points_are_judged(tmp_path, monkeypatch):
     """Regression: a plan of many points that no model can run took 21 s to be refused."""
     (tmp_path / "study.toml").write_text(TOLERANCE)
-    monkeypatch.setattr(plans, "plan", None)
+    monkeypatch.setattr(plans, "plan_points", None)
     with pytest.raises(TooLargeError, match="bytes in its cubes; at most 1,000"):
         plan_upload(tmp_path, "study", Limits(cube_bytes=1000), timing=False)
 

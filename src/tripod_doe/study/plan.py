@@ -109,7 +109,6 @@ def plan(
     timing: bool = True,
     recorded: bool = False,
     among: IntArray | None = None,
-    points: Points | None = None,
 ) -> Plan:
     """Count the points of a study and time a few of them, for at most ten seconds.
 
@@ -118,11 +117,13 @@ def plan(
         timing: Whether to time points, in a process of its own.
         recorded: Whether recorded prices stand in where nothing is timed.
         among: The points to compute; None for all of them.
-        points: The points of the study, where they are known already.
     """
-    if not isinstance(study, Study):
-        study = load_study(study)
-    points = points or make_points(study)
+    study = study if isinstance(study, Study) else load_study(study)
+    return plan_points(study, make_points(study), timing, recorded, among)
+
+
+def plan_points(study: Study, points: Points, timing: bool, recorded: bool, among: IntArray | None = None) -> Plan:
+    """Plan a study whose points are known; see `plan`."""
     excluded = int((~points.allowed).sum())
     if among is not None:
         wanted = np.zeros(points.count, bool)

@@ -16,7 +16,7 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.plan import Plan, cube_bytes, plan
+from tripod_doe.study.plan import Plan, cube_bytes, plan_points
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.plan import WorkflowPlan, plans_of, scale
 from tripod_doe.workflow.point_batches import POINTS
@@ -139,7 +139,7 @@ def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     """Plan a study that is within the limits."""
     points = make_points(study)
     _check_limits(limits, study.origin, points.count, cube_bytes(study, points), None)  # before each point is judged
-    price = replace(plan(study, timing, recorded=True, points=points), confirming=confirming_points(study))
+    price = replace(plan_points(study, points, timing, recorded=True), confirming=confirming_points(study))
     share = price.most / max(price.points, 1)  # with those that follow from a pilot or from a proposal
     hours = price.cpu_hours and scale(price.cpu_hours, 1 + price.confirming / max(price.points, 1))
     _check_limits(limits, study.origin, price.most, round((price.cube_bytes or 0) * share), hours)
