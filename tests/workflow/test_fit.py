@@ -329,6 +329,12 @@ def test_an_empty_cell_of_the_table_is_what_the_record_states(written):
     assert plan_fit(file, timing=False).records == 8
 
 
+def test_true_is_no_sign(written):
+    """Regression: it is equal to 1, and counted as that."""
+    with pytest.raises(InputError, match=r"\[records\]: sign = true: expected a number"):
+        load_fit(written(HEAD + UNKNOWNS + RECORDS + "sign = true\n"))
+
+
 def test_a_value_that_other_records_have_is_not_assumed(written):
     """Regression: an empty cell took the middle of the values of the other records."""
     file = written(HEAD + UNKNOWNS + RECORDS)

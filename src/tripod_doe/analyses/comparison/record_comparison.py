@@ -14,7 +14,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.measurement import read_measurement
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import Table
+from tripod_doe.study.definition.study_tables import NO_BOOLEAN, Table
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,9 @@ class ComparisonSettings(Table):
     pulses_per_revolution: int | None = Field(
         None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
     )
-    sign: Literal[1, -1] = Field(1, description="-1 where the force is positive away from the intermediate shaft")
+    sign: Annotated[Literal[1, -1], NO_BOOLEAN] = Field(
+        1, description="-1 where the force is positive away from the intermediate shaft"
+    )
     columns: dict[str, str] = Field({}, description="headings of the file by our names of the columns")
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
     speeds_rpm: Annotated[tuple[float, float], Field(strict=False)] | None = Field(

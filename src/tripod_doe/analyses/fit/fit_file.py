@@ -1,12 +1,12 @@
 """The form of a fit file: its tables and keys, with errors that name table, key and value."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from tripod_doe.errors import near_match
-from tripod_doe.study.definition.study_tables import Scalar, Table
+from tripod_doe.study.definition.study_tables import NO_BOOLEAN, Scalar, Table
 from tripod_doe.study.definition.table_file import TableFile, read_table_file
 
 
@@ -54,7 +54,9 @@ class RecordsTable(Table):
         None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
     )
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the zero of the records")
-    sign: Literal[1, -1, "free"] = Field(1, description="sign of the force; free if it is not known")
+    sign: Annotated[Literal[1, -1, "free"], NO_BOOLEAN] = Field(
+        1, description="sign of the force; free if it is not known"
+    )
     force_scale_error: float = Field(0.0, ge=0, lt=1, description="relative uncertainty of the force sensor's scale")
 
 

@@ -1,11 +1,12 @@
 """What the interface takes and gives, as pydantic models: the OpenAPI description is made from them."""
 
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tripod_doe.service.problems import Problem
 from tripod_doe.service.requests.uploads import KINDS
+from tripod_doe.study.definition.study_tables import NO_BOOLEAN
 
 _STUDY = """[study]
 name = "two angles"
@@ -88,7 +89,9 @@ class Comparison(_Form):
     pulses_per_revolution: int | None = Field(
         None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
     )
-    sign: Literal[1, -1] = Field(1, description="-1 where the force is positive away from the intermediate shaft")
+    sign: Annotated[Literal[1, -1], NO_BOOLEAN] = Field(
+        1, description="-1 where the force is positive away from the intermediate shaft"
+    )
     reference_angle: float | None = Field(
         None, allow_inf_nan=False, description="rotation angle of the housing at the first rising edge (deg)"
     )

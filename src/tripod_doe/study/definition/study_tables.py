@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import PydanticCustomError
 
 from tripod_doe.errors import InputError
 from tripod_doe.names import check_identifier
@@ -12,6 +13,16 @@ from tripod_doe.study.definition.toml_text import parse_toml
 
 Scalar = Annotated[Annotated[float, AllowInfNan(True)] | int | str | bool, Field(union_mode="smart")]
 """A value that its parameter checks."""
+
+
+def _no_boolean(value: object) -> object:
+    if isinstance(value, bool):
+        raise PydanticCustomError("float_type", "expected a number")
+    return value
+
+
+NO_BOOLEAN = BeforeValidator(_no_boolean)
+"""Refuses true where 1 is allowed, which is equal."""
 
 DesignKind = Literal[
     "grid",
