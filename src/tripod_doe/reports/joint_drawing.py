@@ -25,7 +25,7 @@ def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:
         return None
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     columns = {name: cube[name].values.ravel() for name in factor_names(cube)}
-    first = {name: _plain(column[0]) for name, column in columns.items()}
+    first = {name: column[:1].item() for name, column in columns.items()}
     if not (drawing := drawing_of({**fixed, **first})):
         return None
     changed = ({**fixed, **first, name: _farthest(column)} for name, column in columns.items())
@@ -48,15 +48,12 @@ def drawing_of(given: Mapping[str, Any]) -> Markup:
     return Markup(joint_drawing(simulator.effective(known)))
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def _farthest(column: NDArray[Any]) -> Any:
     """The value farthest from the first value; for words, any other value."""
+    values = column.tolist()
     if column.dtype.kind in "fiu":
-        return _plain(column[np.abs(column - column[0]).argmax()])
-    return _plain(next((value for value in column if value != column[0]), column[0]))
+        return values[np.abs(column - column[0]).argmax()]
+    return next((value for value in values if value != values[0]), values[0])
 
 
 def _word(value: Any) -> str:

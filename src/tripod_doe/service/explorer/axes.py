@@ -112,7 +112,8 @@ def full_view(cube: xr.Dataset, view: View) -> View:
     if view.kind in OF_POINTS:
         shown |= set(design_of(cube))
     kept = tuple(text for text in view.select if text.partition("=")[0] in axes)
-    still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and not _has_value(kept, axis)]
+    fixed = {text.partition("=")[0] for text in kept}
+    still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and axis.name not in fixed]
     kept += tuple(f"{axis.name}={_start_value(cube, axis)}" for axis in still)
     return replace(view, select=kept, minus=view.minus if _can_subtract(cube, view, kept) else "")
 
@@ -153,10 +154,6 @@ def _can_subtract(cube: xr.Dataset, view: View, select: tuple[str, ...]) -> bool
     """Whether a view subtracts another run, or a level of a coordinate that it fixes."""
     level = view.minus_level
     return bool(design_of(cube)) and (level is None or any(text.startswith(f"{level[0]}=") for text in select))
-
-
-def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
-    return any(text.partition("=")[0] == axis.name for text in select)
 
 
 def _start_value(cube: xr.Dataset, axis: Axis) -> str:
