@@ -626,3 +626,29 @@ outputs = ["thrust_amplitude"]
     said = " ".join(find(make_cube(text)))
     assert "Drive in place of coast changes the third order by at most " in said
     assert "Torque changes" not in said
+
+
+def test_steps_of_finite_differences_are_no_small_effects(tmp_path):
+    """Regression: "a, b and c change y by at most 2 % of its range" of the factor that causes nearly all of it."""
+    (tmp_path / "square.py").write_text("def f(a, b=0.0, c=0.0):\n    return {'y': a * a + b * c}\n")
+    factors = "".join(f"[factors.{name}]\nlow = 0\nhigh = 1\n" for name in "abc")
+    text = f'[study]\nname = "f"\nfunction = "square:f"\n{factors}[design]\nkind = "finite-differences"\nsamples = 64\n'
+    (tmp_path / "s.toml").write_text(text)
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    (said,) = td.find(td.open_cube(tmp_path / "out"))
+    assert said.startswith("y lies between ")
+
+
+@pytest.mark.parametrize(("pairs", "which"), [(1, "the only two points"), (2, "any two points")])
+def test_a_pair_is_not_called_any_two_points(pairs, which):
+    """Regression: one pair of equal sizes of torque stood for any two points."""
+    a = np.arange(4.0)
+    columns = {"a": np.r_[a, a[:pairs]], "b": np.r_[5.0 + a, 9.0 + a[:pairs]]}
+    cube = xr.Dataset(
+        {"y": ("point", columns["a"]), "outcome": ("point", np.zeros(4 + pairs, np.int8))},
+        coords={name: ("point", column, {"source": "user function"}) for name, column in columns.items()},
+    )
+    effects = factor_effects(columns, cube["y"].values)
+    (response,) = responses(cube)
+    said = list(find_effects(response, cube, [each for each in effects if each.factor == "b"]))
+    assert said == [f"b has no effect on y between {which} that differ in it alone."]

@@ -8,8 +8,10 @@ import pytest
 import tripod_doe as td
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
 from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
+from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.errors import InputError
+from tripod_doe.reports.study_report import read_analyses
 
 TABLE = "a,b\n" + "".join(f"{k / 4},{(k * k) % 5 + 3 * k / 4}\n" for k in range(20))
 
@@ -76,3 +78,36 @@ def test_an_output_that_some_points_lack_is_left_out(tmp_path, angles):
             f"vibrates is left out: {lacking} of 8 points do not have it" in each
             for each in find_in_effects(found, "e")
         )
+
+
+CORNER = """
+def corner(a, b=0.0, c=0.0):
+    if a > 0.8 and b < 0.3:
+        raise ValueError("no")
+    return {"y": a + b * c}
+"""
+
+
+@pytest.mark.parametrize("kind", ["tolerance", "effects", "surrogate", "pawn", "sobol"])
+def test_an_answer_for_the_rest_says_for_which_range_it_holds(tmp_path, kind):
+    """Regression: 43 points that finished were called missing, and numbers for a < 0.8 stood without this range."""
+    (tmp_path / "corners.py").write_text(CORNER)
+    limits = "limits = {y = 1.2}\n" * (kind == "tolerance")
+    design = "saltelli" if kind == "sobol" else "latin-hypercube"
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "c"\nfunction = "corners:corner"\n'
+        + "".join(f"[factors.{name}]\nlow = 0\nhigh = 1\n" for name in "abc")
+        + f'[design]\nkind = "{design}"\nsamples = 256\nseed = 1\n[analysis.k]\nkind = "{kind}"\n'
+        + f'holes = "rest"\nmost_dropped = 0.9\noutputs = ["y"]\n{limits}'
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    cube, result = td.open_cube(tmp_path / "out"), read_analyses(tmp_path / "out")["k"]
+    block = cube.sizes["point"] // 256
+    lost = block * int((cube["outcome"].values != 0).reshape(-1, block).any(axis=1).sum())
+    assert result.attrs["points_dropped"] == lost
+    assert lost + result.attrs["points_used"] + result.attrs["points_outside"] == cube.sizes["point"]
+    first, *others = findings_of("k", result)
+    threshold = float(first.split(" holds for a < ")[1].split(" alone")[0])
+    assert 0.75 < threshold < 0.82
+    assert f"{result.attrs['points_outside']:,} points that have an answer outside" in first
+    assert any(f"{lost:,} points" in sentence for sentence in others)

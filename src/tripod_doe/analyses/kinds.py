@@ -20,6 +20,8 @@ def makes_kind(kind: str) -> Callable[[Callable[P, xr.Dataset]], Callable[P, xr.
         @wraps(function)
         def analysis(*args: P.args, **kwargs: P.kwargs) -> xr.Dataset:
             result = function(*args, **kwargs).assign_attrs({_ATTRIBUTE: kind})
+            for label, values in result.coords.items():
+                values.attrs.setdefault("long_name", str(label).replace("_", " "))
             MADE.add(kind)
             return result
 

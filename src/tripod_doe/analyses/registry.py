@@ -39,6 +39,7 @@ from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, Surrogate
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS
 from tripod_doe.errors import CubeError, InputError
+from tripod_doe.page_parts.main_outputs import answered_range
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 if TYPE_CHECKING:
@@ -291,7 +292,7 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
         return _load("findings:find")(data)
     row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))
     sentences = search[0] if search else row.sentences if row else ""
-    return _of_result(sentences, data, name) if sentences else []
+    return [*answered_range(data, name), *_of_result(sentences, data, name)] if sentences else []
 
 
 def table_of(data: xr.Dataset) -> Table | None:

@@ -35,9 +35,9 @@ class Sample:
     columns: dict[str, NDArray[np.generic]]  # values of the factors at the usable points, shape (point,) each
     rows: IntArray  # the usable points among those of the cube, shape (point,)
     block: int  # points of a block; 1 where every point stands alone
-    dropped: int  # points that are not used
+    dropped: int  # points of blocks that are lost
     region: FailingRegion | None = None  # where most of the points that failed lie, if they lie together
-    rest: bool = False  # whether only the points outside of that region are used
+    outside: int | None = None  # points left out since one range outside of that region is answered for, if it is
     # the sample of which this is a part, and the places of its points there; None where it is no part
     whole: tuple[Sample, IntArray] | None = None
 
@@ -71,6 +71,12 @@ class Sample:
         columns = (np.unique(column, return_inverse=True)[1] for column in self.columns.values())
         return np.stack([(rankdata(column) - 0.5) / column.size for column in columns], axis=1)
 
+    @property
+    def attributes(self) -> dict[str, str | int]:
+        """Attributes of a result: the points that it stands on, and those that it lacks."""
+        region = self.region.attributes(self.outside) if self.region else {}
+        return {"points_used": self.rows.size, "points_dropped": self.dropped, **region}
+
     def take(self, points: IntArray) -> Sample:
         """Some of its points, in whole blocks."""
         columns = {name: column[points] for name, column in self.columns.items()}
@@ -100,11 +106,11 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
     columns = {name: cube[name].values for name in tables if name in cube.coords}
     region = failing_region({name: column[inside] for name, column in columns.items()}, ~usable[inside])
     whole = usable.reshape(-1, block).all(axis=1)
-    asked = int(inside.sum()) // block
-    refuse_holes(settings, region, int(whole.sum()), asked, block)
-    rest = settings.holes == "rest" and region is not None
-    if rest and region is not None:
+    asked, left, outside = int(inside.sum()) // block, int(whole.sum()), None
+    refuse_holes(settings, region, left, asked, block)
+    if settings.holes == "rest" and region is not None:
         whole &= region.outside(columns).reshape(-1, block).all(axis=1)
+        outside = block * (left - int(whole.sum()))
     rows = np.flatnonzero(np.repeat(whole, block))
     return Sample(
         design,
@@ -112,9 +118,9 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
         {name: column[rows] for name, column in columns.items()},
         rows,
         block,
-        asked * block - rows.size,
+        block * (asked - left),
         region,
-        rest,
+        outside,
     )
 
 

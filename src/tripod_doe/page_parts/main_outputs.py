@@ -134,16 +134,23 @@ def _bounds(low: float, high: float, digits: int) -> str:
     return f"at most {number(high, digits)}" if np.isfinite(high) else "too few points for an interval"
 
 
-def left_outputs(result: xr.Dataset) -> list[str]:
-    """A sentence for each output that an analysis leaves out."""
-    lines = [line.partition(": ") for line in str(result.attrs.get("left_out", "")).splitlines()]
-    return [f"The output {spoken(name)} is left out: {reason}." for name, _, reason in lines]
-
-
 def left_points(result: xr.Dataset) -> list[str]:
-    """A sentence with the numbers of missing and remaining points; empty if no point is missing."""
-    dropped = int(result.attrs.get("points_dropped", 0))
-    if not dropped:
+    """What an analysis leaves out: outputs, and points that are missing, with the region in which most of them lie."""
+    lines = [line.partition(": ") for line in str(result.attrs.get("left_out", "")).splitlines()]
+    said = [f"The output {spoken(name)} is left out: {reason}." for name, _, reason in lines]
+    dropped, block = int(result.attrs.get("points_dropped", 0)), int(result.attrs.get("block_size", 1))
+    if dropped:
+        of_blocks = f" in {count_of(dropped // block, 'block')} of {block} points" if block > 1 else ""
+        how = f"{'is' if dropped == 1 else 'are'} {'missing' if block == 1 else 'dropped'}"
+        said.append(f"{count_of(dropped, 'point')}{of_blocks} {how}, {int(result.attrs['points_used']):,} are used.")
+    region = str(result.attrs.get("failing_region", ""))
+    return said + [f"Points fail {region}."] * bool(region)
+
+
+def answered_range(result: xr.Dataset, name: str) -> list[str]:
+    """The range of a factor for which alone an analysis of this name answers; empty if it answers for all of them."""
+    if not (answered := str(result.attrs.get("answered_range", ""))):
         return []
-    verb = "is" if dropped == 1 else "are"
-    return [f"{count_of(dropped, 'point')} {verb} missing, {result.attrs['points_used']:,} are used."]
+    used, outside = (f"{int(result.attrs.get(key, 0)):,}" for key in ("points_used", "points_outside"))
+    points = f"{used} points in this range are used, {outside} points that have an answer outside of it are not"
+    return [f"All that analysis {name} says holds for {answered} alone: {points}."]

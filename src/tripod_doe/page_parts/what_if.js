@@ -119,7 +119,8 @@
       var squares = names.map(function (name) {
         var factor = given.factors[name];
         if (factor.words) return given.quantities.map(function () { return NaN; });
-        var low = Math.max(values[name] - factor.std, factor.low), high = Math.min(values[name] + factor.std, factor.high);
+        var far = factor.levels.length ? Infinity : factor.std; // of few levels, from the first to the last one
+        var low = Math.max(values[name] - far, factor.low), high = Math.min(values[name] + far, factor.high);
         var ends = [low, high].map(function (value) {
           var moved = Object.assign({}, values);
           moved[name] = value;
@@ -248,7 +249,7 @@
     section.querySelectorAll("[data-factor]").forEach(function (control) {
       var name = control.dataset.factor, shown = control.parentNode.querySelector("output");
       control.addEventListener("input", function () {
-        values[name] = control.tagName === "SELECT" ? control.value : Number(control.value);
+        values[name] = given.factors[name].words ? control.value : Number(control.value);
         if (shown) shown.textContent = text(values[name], 4);
         move();
       });

@@ -153,6 +153,16 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2
 
 
+@pytest.mark.parametrize("other", ["torque_n_m = -10", "groove_sliding_friction = 0.02"])
+def test_the_paper_s_shares_are_those_of_its_joint_at_its_operating_point(make_cube, other):
+    """Regression: the base values were not asked, and its shares stood beside those of coast."""
+    for rest in (CROSSED, ABLATION):
+        part = contributions({"c": contribution_shares(make_cube(f"{CASE_2}{other}\n{rest}"))})[0]
+        assert not part.like_paper.any()
+        assert not any("paper" in sentence for sentence in contribution_findings(part))
+        assert "paper, 3.5" not in share_rows(part)[0]
+
+
 def test_a_function_has_no_paper_column(uneven):
     part = contributions({"shares": contribution_shares(uneven, ContributionSettings(output="y"))})[0]
     heads, rows, below = share_rows(part)

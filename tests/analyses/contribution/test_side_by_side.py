@@ -61,3 +61,10 @@ def test_the_table_has_a_column_a_model_and_the_paper_s_shares(ladder):
     assert table["third order, share of needle rolling by switching off (%)"][-1] == "6"
     assert table["third order, share of groove sliding by switching off (%)"] == ["100.0", "100.0", "86 (rest)"]
     assert table["second order, share of needle sliding by switching off (%)"][-1] == ""
+
+
+def test_other_joints_are_no_ladder_and_have_no_paper_beside_them(ladder):
+    """Regression: models at two torques were compared, and coast with the paper's drive."""
+    coast = {name: each.assign_attrs(unlike_paper='{"torque_n_m": -50.0}') for name, each in ladder.items()}
+    assert of_one_ladder({"cheap": ladder["cheap"], "fine": coast["fine"]}) == {}
+    assert not any(row[-1] for row in side_by_side_table(of_one_ladder(coast))[1])

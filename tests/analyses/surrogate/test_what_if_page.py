@@ -11,6 +11,7 @@ import xarray as xr
 from tripod_doe.analyses.output_table import read_outputs
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.surrogate.charts import surrogate_charts
+from tripod_doe.analyses.surrogate.gaussian_process import between_levels
 from tripod_doe.analyses.surrogate.sentences import find_in_surrogate
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.surrogate.what_if import what_if
@@ -18,6 +19,7 @@ from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.analyses.usable_points import read_sample
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.templates import render
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
@@ -235,6 +237,74 @@ def test_courses_are_drawn_and_labelled_as_those_of_a_surrogate():
     values, course = page.along("torque_n_m")
     at = page.at(**{**page.start, "torque_n_m": float(values[10])})
     assert course[10] == pytest.approx([value for value, _ in at])
+
+
+def grid_page(function, *levels):
+    """Result and page of a surrogate of a function over a grid of factors a, b, c."""
+    names = "abc"[: len(levels)]
+    text = '[study]\nname = "g"\n' + "".join(
+        f"[factors.{name}]\nvalues = {list(each)}\n" for name, each in zip(names, levels, strict=True)
+    )
+    columns = dict(zip(names, (each.ravel() for each in np.meshgrid(*levels, indexing="ij")), strict=True))
+    values = function(*columns.values())
+    cube = xr.Dataset(
+        {"y": ("point", values), "outcome": ("point", np.full(values.size, Outcome.FINISHED, np.int8))},
+        coords={name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
+    result = surrogate(cube, SurrogateSettings(outputs=["y"])).assign_attrs(analysis_kind="surrogate")
+    return result, what_if_pages({"s": result})[0]
+
+
+FIVE = (-1.0, -0.5, 0.0, 0.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda a, b: np.sin(2.5 * a) + b,  # odd: any one level follows from the others
+        lambda a, b: a**4 + a * b,
+        lambda a, b: np.exp(a) * (1 + b),
+        lambda a, b: np.tanh(4 * a) * (1 + b),
+    ],
+    ids=["sin", "quartic", "exp", "tanh"],
+)
+def test_a_grid_knows_its_errors_between_levels(function):
+    """Regression: 1e-8 was stated of a cubic through five levels of a sine, which is 0.05 off between them."""
+    result, page = grid_page(function, FIVE, FIVE)
+    a, b = np.random.default_rng(2).uniform(-1, 1, (2, 60))
+    told = np.array([page.at(a=x, b=y)[0] for x, y in zip(a, b, strict=True)])
+    error = np.abs(told[:, 0] - function(a, b))
+    assert np.sqrt((error**2).mean()) <= float(result["error_rms"])
+    assert (error <= told[:, 1]).mean() >= 0.9
+    assert any("without inner levels of a and b" in sentence for sentence in find_in_surrogate(result, "s"))
+
+
+@pytest.mark.parametrize("levels", [(-2.0, 0.0, 2.0), (-3.0, -1.0, 1.0, 3.0), (0.0, 1.0)])
+def test_a_factor_of_few_levels_is_asked_at_them_only(levels):
+    """Regression: x^3 is 4 x at -2, 0 and 2, and a page stated errors of 1e-5 where it was 14 % off."""
+    result, page = grid_page(lambda a, b: np.sin(a) + 0.1 * a * b, levels, FIVE)
+    assert page.surrogate.factors["a"]["levels"] == list(levels)
+    assert page.surrogate.factors["b"]["levels"] == []
+    assert page.start["a"] in levels
+    assert page.along("a")[0].tolist() == list(levels)
+    assert any(sentence.startswith("Of a only levels are shown") for sentence in find_in_surrogate(result, "s"))
+    powers, coefficients = page.surrogate.surrogates.exponents, page.surrogate.surrogates.coefficients
+    assert not coefficients[:, powers[:, 0] >= len(levels)].any()
+    shown = render("what_if_page.html", title="t", question="", pages=[page], source="")
+    assert shown.count("<option") == len(levels)
+    assert shown.count('type="range"') == 1
+    for level in levels:
+        assert page.at(a=level, b=0.25)[0][0] == pytest.approx(np.sin(level) + 0.025 * level, abs=1e-3)
+
+
+def test_points_that_share_no_levels_are_left_out_as_before():
+    random = np.random.default_rng(0)
+    assert between_levels(random.uniform(size=60)) is None
+    assert between_levels(np.repeat(random.uniform(size=8), 5)) is True
+    assert between_levels(np.repeat(random.uniform(size=4), 5)) is False
+    corners = np.array([-1.0] * 4 + [1.0] * 4 + [-1.7, 1.7] + [0.0] * 4)  # without them, its axes alone are left
+    assert between_levels(corners) is False
 
 
 def test_the_page_has_all_that_it_needs():

@@ -24,10 +24,12 @@ from tripod_doe.analyses.contribution.ablation import (
     switches_and_points,
 )
 from tripod_doe.analyses.contribution.shapley_values import shapley_bounds, shapley_index
+from tripod_doe.analyses.diff.definitions import fixed_parameters
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import is_level
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.definition.study_tables import Table
@@ -35,6 +37,16 @@ from tripod_doe.study.memory import refuse_too_much_memory
 
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}
 """Shares of the third order in percent that the paper prints in 3.5; groove sliding is the rest, 86 %."""
+
+_GROUPS = ("operating point", "friction", "geometry", "material")  # of parameters; it gives no skew for these
+PAPER_POINT = {
+    name: value
+    for name, each in JOINT_PARAMETERS.items()
+    if each.group in _GROUPS
+    and "skew" not in name
+    and (value := JOINT_PARAMETERS[each.follows].default if each.follows else each.default) is not None
+}
+"""The paper's joint and operating point, for which these hold: values of parameters by name."""
 
 _Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]
 
@@ -141,7 +153,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         | _counts(cube)
         | ({"comment": comment} if comment else {})
         | ({"left_out": "\n".join(left_out)} if (left_out := _left_out(variables, settings)) else {})
-        | ({"model": model} if (model := _model(cube)) else {}),
+        | _of_fixed(fixed_parameters(cube)),
     )
 
 
@@ -161,9 +173,10 @@ def _counts(cube: xr.Dataset) -> dict[str, int]:
     return {"points_used": used, "points_dropped": cube.sizes["point"] - used}
 
 
-def _model(cube: xr.Dataset) -> str:
-    """The model of all points; empty if there is no model, or several."""
-    return str(json.loads(str(cube.attrs.get("fixed_parameters", "{}"))).get("model", ""))
+def _of_fixed(fixed: Mapping[str, Any]) -> dict[str, str]:
+    """Attributes by the parameters with one value in all points: those that are not the paper's, and the model."""
+    unlike = {name: fixed[name] for name, value in PAPER_POINT.items() if fixed.get(name, value) != value}
+    return {"unlike_paper": json.dumps(unlike)} | ({"model": str(fixed["model"])} if "model" in fixed else {})
 
 
 def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.DataArray, FloatArray]:

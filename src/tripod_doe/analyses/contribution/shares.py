@@ -10,10 +10,10 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
+from tripod_doe.analyses.contribution.contribution import PAPER_POINT, PAPER_SHARES
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
+from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_unit, spoken, unit_text
 from tripod_doe.quantities import level_or_word, number, text_range, with_unit
 
@@ -36,7 +36,6 @@ ANSWERS = {
 }
 """What each definition answers."""
 
-_PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
 _UNSURE = 0.05  # error of an amplitude, as a part of it, above which its shares are flagged
 _ZERO = 1  # flag of a share: no amplitude beyond its error
 _MANY = 4  # operating points from which on quartiles say more than the ends
@@ -71,7 +70,7 @@ class Contribution:
     # at which other operating points the error of the amplitude is so large that shares there say little
     uncertain: NDArray[np.bool_]
     paper: FloatArray | None  # the paper's shares of it, for each mechanism; None where it gives none
-    # which operating points are the paper's in joint angle, torque and speed, as far as these vary
+    # which operating points are the paper's joint at its joint angle, torque and speed
     like_paper: NDArray[np.bool_]
     missing: str  # why there are no shares at all; empty where there are some
     lost: list[str]  # at each operating point the combinations without a result; empty where all have one
@@ -159,9 +158,9 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
     amplitude = points["amplitude"].values
     of_paper = order == 3 and output.startswith("thrust_") and set(mechanisms) == set(MECHANISMS)
     zero = (points["share_off_flag"] == _ZERO).all("mechanism").values
-    like_paper = np.ones(points.sizes["at"], bool)
-    for factor in set(factors) & set(_PAPER_POINT):
-        like_paper &= points[factor].values == _PAPER_POINT[factor]
+    like_paper = np.full(points.sizes["at"], result.attrs.get("unlike_paper") == "{}")
+    for factor in set(factors) & set(PAPER_POINT):
+        like_paper &= points[factor].values == PAPER_POINT[factor]
     rest = 100 - sum(PAPER_SHARES.values())
     nothing = np.full(points.sizes["at"], np.nan)
 

@@ -33,7 +33,8 @@ def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     }
     ranks = {name: list(MODELS).index(each.attrs["model"]) for name, each in candidates.items()}
     ordered = sorted(candidates, key=lambda name: ranks[name])
-    return {name: candidates[name] for name in ordered} if len(set(ranks.values())) == len(ranks) > 1 else {}
+    of_one = len({each.attrs.get("unlike_paper") for each in candidates.values()}) == 1
+    return {name: candidates[name] for name in ordered} if of_one and len(set(ranks.values())) == len(ranks) > 1 else {}
 
 
 def _amplitudes(ladder: Mapping[str, xr.Dataset], order: int) -> list[float]:
@@ -55,6 +56,7 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
         ladder: From `of_one_ladder`.
     """
     rest = 100 - sum(PAPER_SHARES.values())
+    of_paper = all(each.attrs.get("unlike_paper") == "{}" for each in ladder.values())
     rows = []
     for order in _ORDERS:
         rows.append([f"{ORDINALS[order]} (N)", *(number(value) for value in _amplitudes(ladder, order)), ""])
@@ -65,7 +67,7 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
                 [
                     f"{ORDINALS[order]}, share of {spoken(mechanism)} by switching off (%)",
                     *cells,
-                    paper if order == _ORDERS[0] else "",
+                    paper if of_paper and order == _ORDERS[0] else "",
                 ]
             )
     return ["Quantity", *_models(ladder), "paper, 3.5"], rows

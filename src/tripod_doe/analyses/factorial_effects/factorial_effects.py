@@ -298,17 +298,12 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     for name in result.data_vars:
         result[name].attrs = {"long_name": meaning_of(str(name), _MEANINGS)}
         result[name].attrs |= {"units": "1"} if str(name).endswith(_PURE) else {}
-    for label in result.coords:
-        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
-    region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
         **output_attributes(cube, names),
         aliases=json.dumps(terms.aliases),
         degrees_of_freedom=sample.rows.size - len(terms.names) - 1,
-        points_used=sample.rows.size,
-        points_dropped=sample.dropped,
         confidence_level=settings.confidence,
-        **region,
+        **sample.attributes,
         **({"left_out": left_out} if left_out else {}),
     )
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from tripod_doe.page_parts.main_outputs import OutputPart, left_outputs, left_points, main_outputs
+from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
 from tripod_doe.quantities import count_of, interval, number, squared, with_unit
 
@@ -62,7 +62,7 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
     if mixed:
         more = f" and {len(mixed) - _MOST_NAMED} more" if len(mixed) > _MOST_NAMED else ""
         sentences.append(f"Effects that this design confounds: {'; '.join(mixed[:_MOST_NAMED])}{more}.")
-    return sentences + left_outputs(result) + left_points(result)
+    return sentences + left_points(result)
 
 
 def _without_scatter(what: str, unit: str, rows: list[tuple[str, float, float, float]], name: str) -> str:

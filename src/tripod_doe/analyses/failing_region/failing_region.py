@@ -1,7 +1,7 @@
 """Which region of the factors fails: a small classification tree over the points of a study."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -56,6 +56,12 @@ class FailingRegion:
             f"where {_in_words(self.conditions)} ({self.failed:,} of the {self.points:,} points there, "
             f"{self.all_failed - self.failed:,} elsewhere)"
         )
+
+    def attributes(self, outside: int | None) -> dict[str, str | int]:
+        """Attributes of a result; where it answers for the rest alone, with the points that lie outside of that."""
+        answered = replace(self.kept, above=not self.kept.above).text
+        rest = dict[str, str | int](answered_for="the rest", answered_range=answered, points_outside=outside or 0)
+        return {"failing_region": self.text, **({"answered_for": "all"} if outside is None else rest)}
 
     def outside(self, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.bool_]:
         """Points of the largest box outside of the region, shape (point,)."""

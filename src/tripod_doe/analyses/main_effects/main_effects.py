@@ -95,6 +95,7 @@ def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) ->
 
 _MOST_ROWS = 4096  # points of a regression: more would narrow its intervals beyond any use
 _NEARLY_ZERO = 1e-3  # part of the largest value below which a change is not compared with the value itself
+_SMALL = 0.02  # part of its range up to which a step, as of finite differences, says nothing of a factor's effect
 _ROUNDING = 1e-9  # part of the largest value within which two values are the same
 
 
@@ -176,6 +177,10 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
     for at, name in enumerate(varying):
         compared = compare_settings(settings[:, at], codes[:, at], response)
         ground = _ground(compared, settings[:, at], len(varying))
+        if ground is Ground.STEPS and is_numeric(varying[name]):
+            steps = np.ptp(levels[name][0].astype(float)[compared.ends], axis=1)
+            if steps.max() <= _SMALL * np.ptp(levels[name][0]):
+                continue
         if ground is Ground.CURVES:
             effects.append(_by_curves(name, varying, levels[name][0], compared, settings[:, at], error))
         elif ground is Ground.STEPS:

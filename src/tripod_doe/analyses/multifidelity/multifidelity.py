@@ -228,11 +228,8 @@ def _described(
         unit = {"units": "1"} if name.removesuffix("_conf").endswith(without_unit) else {}
         result[name].attrs = {"long_name": meaning_of(name.removesuffix("_conf"), _MEANINGS) + tail} | unit
     result["price"].attrs["units"] = "s"
-    for label in result.coords:
-        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     used = sum(rung.rows.size for rung in ladder.rungs)
-    region = {"failing_region": ladder.region.text} if ladder.region else {}
-    answered = {"answered_for": "the rest" if ladder.rest else "all"} if ladder.region else {}
+    region = ladder.region.attributes(ladder.outside) if ladder.region else {}
     return result.assign_attrs(
         **outputs,
         truth=ladder.truth.model,
@@ -242,5 +239,4 @@ def _described(
         points_dropped=ladder.lost * ladder.block,
         confidence_level=settings.confidence,
         **region,
-        **answered,
     )

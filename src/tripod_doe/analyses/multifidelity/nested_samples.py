@@ -79,7 +79,7 @@ class Ladder:
     aside: tuple[Rung, ...]  # models that got no samples beyond those of the truth
     lost: int  # samples that are dropped in all models, since a point of theirs failed in one
     region: FailingRegion | None  # where most of the failed points lie, if they lie together
-    rest: bool  # whether only the samples outside of that region are used
+    outside: int | None  # points left out since one range outside of that region is answered for, if it is
 
     @property
     def truth(self) -> Rung:
@@ -128,9 +128,10 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
     asked = int(of_truth.sum())
     refuse_holes(settings, region, int((~lost[numbers[of_truth]]).sum()), asked, block)
     kept = ~lost[numbers]
-    rest = settings.holes == "rest" and region is not None
-    if rest and region is not None:
-        kept &= region.outside(columns).all(axis=1)
+    outside = None
+    if settings.holes == "rest" and region is not None:
+        beyond = ~region.outside(columns).all(axis=1)
+        kept, outside = kept & ~beyond, block * int((kept & beyond).sum())
     candidates, rungs = known_candidates(file), []
     for name in names:
         rows = _rows_of(name, models, numbers, kept, block)
@@ -145,7 +146,7 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
         tuple(rung for rung in rungs[1:] if rung not in more),
         int(lost.sum()),
         region,
-        rest,
+        outside,
     )
 
 

@@ -74,14 +74,9 @@ def _holes(result: xr.Dataset) -> list[str]:
     if not lost:
         return []
     verb = "is" if lost == 1 else "are"
-    text = [f"{count_of(lost, 'sample')} {verb} dropped in all models, because of points that failed in one."]
-    if region := str(result.attrs.get("failing_region", "")):
-        rest = result.attrs.get("answered_for") == "the rest"
-        text.append(
-            f"Points fail {region}. "
-            + ("The answers are for a range outside of it." if rest else "The answers leave these points out.")
-        )
-    return text
+    region = str(result.attrs.get("failing_region", ""))
+    text = f"{count_of(lost, 'sample')} {verb} dropped in all models, because of points that failed in one."
+    return [text] + [f"Points fail {region}."] * bool(region)
 
 
 def model_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:

@@ -204,8 +204,6 @@ def _described(
     """Labels, meanings, flags, and what was used."""
     labels = {"factor": sample.factors} | ({"factor_2": sample.factors} if "factor_2" in result.dims else {})
     result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
-    for label in result.coords:
-        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     for name in list(result.data_vars):
         if str(name).endswith("resolved"):
             flags = result[name].fillna(-1).astype(np.int8)
@@ -213,18 +211,14 @@ def _described(
             result[name] = flags.assign_attrs(cf_flags(known, _RESOLUTION, -1))
         else:
             result[name].attrs = _attributes(str(name), method)
-    region = sample.region.text if sample.region else ""
-    failing = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
     return result.assign_attrs(
         **outputs,
         groups_used=sample.blocks,
         groups_dropped=math.ceil(sample.dropped / sample.block),
         block_size=sample.block,
-        points_used=sample.rows.size,
-        points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         precision=settings.precision,
-        **failing,
+        **sample.attributes,
     )
 
 

@@ -8,9 +8,9 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.method import without_interval
-from tripod_doe.page_parts.main_outputs import OutputPart, left_outputs, main_outputs
+from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
-from tripod_doe.quantities import count_of, interval, number, rounded_up
+from tripod_doe.quantities import interval, number, rounded_up
 
 _MOST_NAMED = 4  # factors that a sentence names
 _NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`
@@ -46,7 +46,7 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
                 text = _index_sentence(part, kind)
         sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_without_interval(part, kind, result)]
         sentences += _convergence(part, kind, result)
-    return sentences + left_outputs(result) + _holes(result)
+    return sentences + left_points(result)
 
 
 def _without_bound(result: xr.Dataset) -> int:
@@ -167,20 +167,6 @@ def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
     if needed <= used:
         return [f"{used:,} {thing} are enough for {part.what}: all intervals are within {asked}."]
     return [f"{used:,} {thing} are not enough for {part.what}: intervals within {asked} need about {needed:,}."]
-
-
-def _holes(result: xr.Dataset) -> list[str]:
-    """Dropped blocks, and the region of failed points."""
-    dropped, block = int(result.attrs.get("points_dropped", 0)), int(result.attrs.get("block_size", 1))
-    if not dropped:
-        return []
-    blocks = f" in {count_of(dropped // block, 'block')} of {block} points" if block > 1 else ""
-    used = int(result.attrs["points_used"])
-    text = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
-    if region := str(result.attrs.get("failing_region", "")):
-        rest = " The indices are for a range outside of it." if result.attrs.get("answered_for") == "the rest" else ""
-        text.append(f"Points fail {region}.{rest}")
-    return text
 
 
 def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:

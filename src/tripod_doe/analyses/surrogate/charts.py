@@ -31,8 +31,9 @@ def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
     with drawing(5.0, 3.2) as (figure, axes):
         for rank, name in enumerate(spans):
             values, course = courses[name][0], courses[name][1][:, position]
-            place = np.linspace(0, 100, values.size)
-            axes.plot(place, course, color=COLOURS[rank], ls=LINES[rank], label=spoken(name))
+            place, levels = 100 * (values - values[0]) / (np.ptp(values) or 1), page.surrogate.factors[name]["levels"]
+            style = {"marker": "o", "ls": ""} if levels else {"ls": LINES[rank]}  # nothing is known between them
+            axes.plot(place, course, color=COLOURS[rank], label=spoken(name), **style)
             rows += [(name, value, answer) for value, answer in zip(values, course, strict=True)]
         axes.axhspan(*(page.at(**page.start)[position][0] + half * np.array([-1, 1])), color="#cfdeee", lw=0)
         axes.set_xlabel("factor, from the least (0) to the largest (100 %) of the points")

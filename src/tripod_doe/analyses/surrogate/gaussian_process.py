@@ -6,7 +6,7 @@ A surrogate is plain numbers, so that a page can evaluate it. Its errors are tho
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
@@ -30,6 +30,7 @@ _PROCESS_POINTS = 300  # for a Gaussian process: a page evaluates all of them
 _TOGETHER = 50_000_000  # numbers that are in memory at a time
 _MOST_INPUTS, _MOST_WORK = 200, 2_000_000  # of a surrogate that is read, and centres, inputs and components: some 10 s
 _LEAST_NOISE = 1e-7  # part of the variance; with less, weights grow until their sum loses the digits of a page
+_FEWEST_LEVELS = 5  # of an input that is asked between them: with the inner ones left out, fewer tell of a line alone
 _FEW_FOLDS = 3  # that compare envelopes
 _MINOR = 1e-3  # spread over the largest one below which a component is worth no Gaussian process
 
@@ -140,7 +141,7 @@ def learn(places: FloatArray, values: FloatArray, seed: int, folds: int = 5, kno
             envelope, their errors are not.
     """
     known = known or Known.nothing(*values.shape)
-    parts = _folds(_one_side(places, known), seed, folds)
+    parts = _folds(places, known, seed, folds)
     exponents = _exponents(places.shape[1])
     centres = places if len(places) <= _PROCESS_POINTS else places[:0]
     if len(centres) and known.parity.any():
@@ -164,7 +165,7 @@ def polynomial_error(places: FloatArray, values: FloatArray, seed: int, known: K
     """Sum of the squared errors of polynomials at points left out of the fit; see `learn`."""
     with warnings.catch_warnings(), threadpool_limits(1):
         warnings.simplefilter("ignore")
-        parts = _folds(_one_side(places, known), seed, _FEW_FOLDS)
+        parts = _folds(places, known, seed, _FEW_FOLDS)
         return float((_all_polynomials(places, values, _exponents(places.shape[1]), parts, known)[1] ** 2).sum())
 
 
@@ -177,16 +178,46 @@ def _one_side(places: FloatArray, known: Known) -> FloatArray:
     return np.where(first < 0, known.flipped(places), places)
 
 
-def _folds(places: FloatArray, seed: int, folds: int) -> list[Fold]:
-    """Parts of the points; all points of a place are in one part, or they would be known there."""
+def _folds(places: FloatArray, known: Known, seed: int, folds: int) -> list[Fold]:
+    """Parts of the points, all points of a place in one of them, or they would be known there; then inner levels."""
     from sklearn.model_selection import KFold  # slow to import: every study would wait for it
 
-    different, place = np.unique(places, axis=0, return_inverse=True)
+    different, place = np.unique(_one_side(places, known), axis=0, return_inverse=True)
     count, place = len(different), place.ravel()
     if count == len(places):
         place = np.arange(count)
     parts = KFold(min(folds, count), shuffle=True, random_state=seed).split(np.arange(count))
-    return [(np.flatnonzero(np.isin(place, seen)), np.flatnonzero(np.isin(place, out))) for seen, out in parts]
+    left_out = [np.isin(place, out) for _, out in parts] + _levels(places, folds)
+    return [(np.flatnonzero(~out), np.flatnonzero(out)) for out in left_out]
+
+
+def between_levels(column: FloatArray) -> bool | None:
+    """Whether levels that are left out tell how a surrogate errs between levels; None of a factor without levels."""
+    levels, counts = np.unique(column, return_counts=True)
+    if 2 * levels.size > column.size:
+        return None
+    return levels.size >= _FEWEST_LEVELS and 2 * int((counts + counts[::-1])[1:-1].max()) <= column.size
+
+
+def _levels(places: FloatArray, folds: int) -> list[NDArray[np.bool_]]:
+    """Points at inner levels of an input, shape (point,) each; symmetric ones tell of each other."""
+    parts = []
+    for column in places.T:
+        if between_levels(column):
+            levels, code = np.unique(column, return_inverse=True)
+            depth = np.minimum(code, levels.size - 1 - code)  # from the ends
+            several = min(int(depth.max()), folds)
+            parts += [(depth > 0) & (depth % several == part) for part in range(several)]
+    return parts
+
+
+def _errors(values: FloatArray, parts: Sequence[Fold], predict: Callable[..., FloatArray]) -> FloatArray:
+    """Errors at points that are left out, the largest of each; `predict` takes points that are seen, and these."""
+    errors = np.zeros_like(values)
+    for seen, out in parts:
+        found = predict(seen, out) - values[out]
+        errors[out] = np.where(np.abs(found) > np.abs(errors[out]), found, errors[out])
+    return errors
 
 
 def _exponents(width: int) -> NDArray[np.int8]:
@@ -228,16 +259,17 @@ def _polynomials(
     def fit(rows: IntArray) -> FloatArray:
         rows = rows[scale[rows] >= LEAST_SCALE]
         ridge = RidgeCV(np.logspace(-8, 2, 11), alpha_per_target=True, fit_intercept=constant)
-        ridge.fit(terms[rows, int(constant) :], over[rows], sample_weight=scale[rows] ** 2)
-        slopes = np.atleast_2d(ridge.coef_)
-        if not constant:
-            return slopes
-        return np.concatenate([np.reshape(ridge.intercept_, (-1, 1)), slopes], axis=1)
+        levels = [np.unique(column).size for column in places[rows].T]  # x^3 is x at -1, 0 and 1
+        told = np.flatnonzero((exponents < levels).all(axis=1))[int(constant) :]
+        ridge.fit(terms[np.ix_(rows, told)], over[rows], sample_weight=scale[rows] ** 2)
+        slopes = np.zeros((values.shape[1], len(exponents)))
+        slopes[:, told] = ridge.coef_
+        if constant:
+            slopes[:, 0] = ridge.intercept_
+        return slopes
 
-    unseen = np.empty_like(values)
-    for seen, left_out in parts:
-        unseen[left_out] = scale[left_out, None] * (terms[left_out] @ fit(seen).T)
-    return fit(np.arange(len(places))) * size[:, None], unseen * size - values
+    errors = _errors(values, parts, lambda seen, out: scale[out, None] * (terms[out] @ fit(seen).T) * size)
+    return fit(np.arange(len(places))) * size[:, None], errors
 
 
 def _process(
@@ -268,11 +300,9 @@ def _process(
             at, wanted = np.concatenate([at, other[rows]]), np.concatenate([wanted, parity * wanted])
         return GaussianProcessRegressor(whole.kernel_, optimizer=None, normalize_y=True).fit(at, wanted)
 
-    unseen = np.empty_like(values)
-    for seen, left_out in parts:
-        unseen[left_out] = scale[left_out] * fit(seen).predict(places[left_out])
+    errors = _errors(values, parts, lambda seen, out: scale[out] * fit(seen).predict(places[out]))
     process, smooth = fit(np.arange(len(places))), whole.kernel_.k1
     weights = np.zeros(len(places) if other is None else 2 * len(places))
     weights[np.flatnonzero(usable if other is None else np.tile(usable, 2))] = process.alpha_
     weights *= smooth.k1.constant_value * process._y_train_std
-    return float(process._y_train_mean), weights, smooth.k2.length_scale, unseen - values
+    return float(process._y_train_mean), weights, smooth.k2.length_scale, errors

@@ -25,21 +25,17 @@ def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
             f"Surrogate of {what} ({kind}): error {error} (root mean square) and at most {largest} at points that it "
             f"was not fitted to; it predicts {text} of the variance (analysis {name})."
         )
-    sentences += left_points(result)
-    if region := str(result.attrs.get("failing_region", "")):
-        sentences.append(
-            f"Points fail {region}: the surrogate has no values of these, and says nothing reliable there."
-        )
-    return sentences + _quantiles(name, result)
+    return sentences + left_points(result) + _quantiles(name, result)
 
 
 def _quantiles(name: str, result: xr.Dataset) -> list[str]:
-    """The distribution of what the page shows, where the points follow distributions of independent factors.
+    """What is known between levels; then quantiles of what the page shows, where the factors are independent.
 
     Of points that fail together, the others do not follow these distributions.
     """
     sentences = []
     for page in what_if_pages({name: result}):
+        sentences += [f"{note} (analysis {name})." for note in page.between_levels]
         if unknown := [each.label for each in page.quantities if not each.known]:
             sentences.append(
                 f"The surrogate predicts less than half of the variance of {listed(unknown)}: no quantiles and no "

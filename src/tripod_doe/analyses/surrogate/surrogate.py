@@ -104,9 +104,4 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
             flag_meanings=" ".join(["constant", *KINDS]),
         )
     )
-    for label in result.coords:
-        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
-    region = {"failing_region": sample.region.text} if sample.region else {}
-    return result.assign_attrs(
-        **output_attributes(cube, names), points_used=sample.rows.size, points_dropped=sample.dropped, **region
-    )
+    return result.assign_attrs(**output_attributes(cube, names), **sample.attributes)

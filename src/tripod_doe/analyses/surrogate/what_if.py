@@ -15,7 +15,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from tripod_doe.analyses.encoding import Input, encoded, is_numeric
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE, Surrogates, learn, refuse_unlike
+from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE, Surrogates, between_levels, learn, refuse_unlike
 from tripod_doe.analyses.surrogate.zeros_and_symmetries import foreknown, grown
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
@@ -51,7 +51,7 @@ class WhatIf:
     """A surrogate with the points that it was fitted to."""
 
     inputs: list[Input]
-    # for each factor its unit, range, mean and standard deviation over the computed points, or its words
+    # for each factor its unit, range, mean, standard deviation and levels over the computed points, or its words
     factors: dict[str, dict[str, Any]]
     components: list[Component]  # what it predicts: the cosine parts of orders, their sine parts, then other outputs
     surrogates: Surrogates
@@ -130,6 +130,8 @@ class _Range(BaseModel, extra="forbid"):
     mean: _Number
     std: _Number
     whole: bool
+    levels: list[_Number] = []  # at which alone it may be asked; empty if it may be between them
+    left_out: bool = False  # whether its inner levels were left out of the fit in turn
 
 
 class _Words(BaseModel, extra="forbid"):
@@ -244,11 +246,12 @@ def _checked(texts: _Texts, arrays: list[NDArray[Any]]) -> WhatIf:
 
 
 def _range(name: str, sample: Sample, cube: xr.Dataset) -> dict[str, Any]:
-    """The values of a factor at the computed points: unit, range, mean and standard deviation, or words."""
+    """The values of a factor at the computed points: unit, range, mean, standard deviation, levels; or words."""
     column = sample.columns[name]
     if not is_numeric(column):
         return {"unit": "", "words": sorted({str(word) for word in column})}
     numbers = column.astype(float)
+    between = between_levels(numbers)
     return {
         "unit": str(cube[name].attrs.get("units", "1")),
         "low": float(numbers.min()),
@@ -256,6 +259,8 @@ def _range(name: str, sample: Sample, cube: xr.Dataset) -> dict[str, Any]:
         "mean": float(numbers.mean()),
         "std": float(numbers.std()),
         "whole": bool((numbers % 1 == 0).all()),
+        "levels": np.unique(numbers).tolist() if between is False else [],
+        "left_out": between is True,
     }
 
 

@@ -108,6 +108,16 @@ class WhatIfPage:
         aside = f", {listed(moved)} (at 0 outputs vanish)" if moved else ""
         return f"the others in the middle of the points{aside}"
 
+    @property
+    def between_levels(self) -> list[str]:
+        """What is known between the levels of factors, in words."""
+        said, factors = [], self.surrogate.factors.items()
+        if left_out := [spoken(name) for name, each in factors if each.get("left_out")]:
+            said = [f"Each error is the largest without the point and without inner levels of {listed(left_out)}"]
+        if few := [spoken(name) for name, each in factors if len(each.get("levels", ())) > 1]:
+            said += [f"Of {listed(few)} only levels are shown: they are too few to know errors between them"]
+        return said
+
     def at(self, **values: float | str) -> list[tuple[float, float]]:
         """Each quantity with half its band, for some values of the factors."""
         place = self.surrogate.encoded(**values)
@@ -122,7 +132,7 @@ class WhatIfPage:
     def along(self, factor: str) -> tuple[FloatArray, FloatArray]:
         """Values of a numeric factor, and each quantity over them with the others at the start, (value, quantity)."""
         values_of = self.surrogate.factors[factor]
-        values = np.linspace(values_of["low"], values_of["high"], _STEPS)
+        values = np.array(values_of["levels"] or np.linspace(values_of["low"], values_of["high"], _STEPS))
         places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
         components = self.surrogate.predict(places)
         return values, np.stack([each.of(components) for each in self.quantities], axis=1)
@@ -226,7 +236,9 @@ def _input(each: Input) -> dict[str, Any]:
 
 
 def _rounded(factor: Mapping[str, Any], value: float) -> float:
-    """A value of a factor to about a hundredth of its range."""
+    """A value of a factor to about a hundredth of its range, or the nearest level."""
+    if factor["levels"]:
+        return float(min(factor["levels"], key=lambda level: abs(level - value)))
     span = factor["high"] - factor["low"]
     digits = 0 if factor["whole"] else 2 - math.floor(math.log10(span)) if span > 0 else 12
     return float(round(value, digits))

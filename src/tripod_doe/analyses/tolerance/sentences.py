@@ -53,10 +53,7 @@ def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
         what, unit, part = each.what, each.unit, each.answers
         sentences += [_quantiles(each, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
         sentences += _keeping(what, part, unit)
-    sentences += _not_judged(result) + left_points(result)
-    if region := str(result.attrs.get("failing_region", "")):
-        sentences.append(f"Points fail {region}; the distribution leaves them out.")
-    return sentences
+    return sentences + _not_judged(result) + left_points(result)
 
 
 def _not_judged(result: xr.Dataset) -> list[str]:

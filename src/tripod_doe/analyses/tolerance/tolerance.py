@@ -298,13 +298,8 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     for name in result.data_vars:
         unit = {"units": "1"} if str(name).startswith(pure) else {}
         result[name].attrs = {"long_name": _MEANINGS[str(name)]} | unit
-    for label in result.coords:
-        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
-    region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
         **output_attributes(cube, names),
-        points_used=sample.rows.size,
-        points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         keep=settings.keep,
         confirm=settings.confirm,
@@ -316,5 +311,5 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         scramble_of_points=int(sample.design.scramble),
         samples_of_points=sample.design.samples or sample.rows.size,
         factor_units=json.dumps({name: str(cube[name].attrs.get("units", "1")) for name in sample.tables}),
-        **region,
+        **sample.attributes,
     )
