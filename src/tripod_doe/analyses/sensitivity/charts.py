@@ -123,10 +123,10 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
     if "S2" not in part or not bool(part["S2"].notnull().any()):
         return []
     factors = [str(factor) for factor in part["factor"].values]
-    s2, half = (part[index].transpose("factor", "factor_2").values for index in ("S2", "S2_conf"))
+    s2, conf = (part[index].transpose("factor", "factor_2").values for index in ("S2", "S2_conf"))
     pairs = [(row, column) for row in range(len(factors)) for column in range(row) if np.isfinite(s2[column, row])]
     data = pd.DataFrame(
-        [(factors[b], factors[a], s2[b, a], half[b, a]) for a, b in pairs],
+        [(factors[b], factors[a], s2[b, a], conf[b, a]) for a, b in pairs],
         columns=["factor", "factor_2", "S2", "S2_conf"],
     )
     side = len(factors) - 1

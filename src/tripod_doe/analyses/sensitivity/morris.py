@@ -47,10 +47,10 @@ def _places(sample: Sample, name: str) -> FloatArray:
     if column is None or low is None or high is None or table.sampled_as == "log-uniform":
         return sample.unit[:, list(sample.tables).index(name)]
     if table.sampled_as == "uniform":
-        if (column != np.round(column)).any():
+        if (column.astype(float) % 1 != 0).any():
             return sample.unit[:, list(sample.tables).index(name)]
         low, high = np.ceil(low), np.floor(high)  # whole numbers within the range
-    return np.asarray((column - low) / (high - low), float)
+    return np.asarray((column.astype(float) - low) / (high - low))
 
 
 def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:

@@ -36,7 +36,7 @@ def own_scatter(sample: Sample, name: str) -> Scatter | None:
     if name in correlated_factors(sample.design.correlation, list(sample.tables)):
         return None
     column = sample.columns[name]
-    if is_numeric(column) and (column == np.round(column)).all():  # whole numbers have no density
+    if is_numeric(column) and (column.astype(float) % 1 == 0).all():  # whole numbers have no density
         return None
     return scatter_density(sample.tables[name])
 
