@@ -617,6 +617,10 @@ order = 3
             ),
             "log-uniform does not scatter about a candidate",
         ),
+        (
+            ('output = "thrust_amplitude"', 'output = "thrust_phase_deg"'),
+            r"thrust_phase_deg': a phase goes round at 180 deg",
+        ),
         (("[objectives", f"[base]\njoint_angle_deg = 9\n{SCATTER}[objectives"), "also a base value, which it replaces"),
     ],
 )
@@ -627,6 +631,19 @@ def test_a_wrong_file_is_refused_before_anything_runs(tmp_path, change, message)
         td.optimise(tmp_path / "a.toml", tmp_path / "out", progress=False)
     assert "a.toml" in str(refused.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_joint_that_no_balance_looks_at_keeps_a_limit_on_vibration(tmp_path):
+    """Regression: below 12 deg `vibrates` is missing, and each such joint was left out: "an output has no value there"."""
+    (tmp_path / "a.toml").write_text(
+        '[optimisation]\nname = "v"\n[base]\njoint_angle_deg = 6\n'
+        "[variables]\npitch_radius_mm = {low = 20, high = 22}\n"
+        '[objectives]\nthird = {output = "thrust_amplitude", order = 3}\n'
+        '[constraints]\ncalm = {output = "vibrates", high = 0}\n[search]\nevaluations = 8\n'
+    )
+    td.optimise(tmp_path / "a.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out" / "candidates.nc") as found:
+        assert set(found["reason"].values.tolist()) == {""}
 
 
 def test_a_front_that_the_better_judgement_rejects(solve, tmp_path):

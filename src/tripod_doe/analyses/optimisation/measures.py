@@ -136,7 +136,8 @@ def judged(
     violation = np.stack([far for _, _, far in limits], axis=1) if limits else none
     failed = ends.failed.mean(axis=1)
     reasons = [
-        _reason(why, objective[row], kept[row], violation[row], constraints) for row, why in enumerate(ends.reasons())
+        _reason(why, [*objectives], objective[row], kept[row], violation[row], constraints)
+        for row, why in enumerate(ends.reasons())
     ]
     return Judged(
         objective,
@@ -151,14 +152,16 @@ def judged(
 
 def _reason(
     why: str,
+    aims: list[str],
     objectives: FloatArray,
     kept: FloatArray,
     violation: FloatArray,
     constraints: Mapping[str, ConstraintTable],
 ) -> str:
     """The reason why a candidate is not feasible; empty where it is."""
-    if not np.isfinite(objectives).all() or not np.isfinite(kept).all():
-        return why or "an output has no value there"
+    judged = dict(zip([*aims, *constraints], [*objectives, *kept], strict=True))
+    if missing := [name for name, value in judged.items() if not np.isfinite(value)]:
+        return why or f"{', '.join(missing)}: no value there"
     texts = []
     for (name, table), value, far in zip(constraints.items(), kept, violation, strict=True):
         if far > 0:

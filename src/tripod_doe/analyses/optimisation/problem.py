@@ -16,6 +16,7 @@ from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, 
 from tripod_doe.analyses.optimisation.variables import Variables, make_variables
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.joint.outputs import VIBRATES
 from tripod_doe.model_interface import Simulator, Value, check_parameters
 from tripod_doe.study.cube.responses import response_values
 from tripod_doe.study.definition.responses import ERROR
@@ -28,6 +29,7 @@ from tripod_doe.study.designs import Points
 
 _THIRD = ("thrust_amplitude", 3)  # the quantity whose error of the model is on record
 _MODEL = "model"
+_ANGLE = "a phase goes round at 180 deg, so it has no largest value, no mean and no one-sided limit"
 
 Sample = Mapping[str, NDArray[Any]]
 
@@ -164,6 +166,8 @@ class Problem:
             value, numerical = self._values(name, order, outputs, labels, own, columns)
             if value is None:
                 value = np.full(points.count, np.nan)
+            elif name == VIBRATES:  # a balance does not look where no recorded joint vibrates
+                value = np.nan_to_num(value)
             value = np.where(finished, value, np.nan)
             numerical = np.full(points.count, np.nan) if numerical is None else numerical
             relative = np.abs(value) * model if (name, order) == _THIRD else np.full(points.count, np.nan)
@@ -315,6 +319,8 @@ def _check_quantities(problem: Problem) -> None:
                 raise request.fail(where, f"output = {entry.output!r}: unknown{near_match(entry.output, known)}")
             if entry.output in simulator.outputs:
                 dims = simulator.outputs[entry.output].dims
+                if simulator.outputs[entry.output].angle:
+                    raise request.fail(where, f"output = {entry.output!r}: {_ANGLE}")
                 if dims != (() if entry.order is None else ("order",)):
                     raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, dims)}")
                 labels = simulator.labels([entry.output], {}) if dims else {}
