@@ -169,7 +169,7 @@ def without_sparse(cube: xr.Dataset, names: Sequence[str]) -> tuple[list[str], s
     rest of the outputs.
 
     Returns:
-        The outputs, all of them if none would be left; and a line ``NAME: reason`` for each that is left out.
+        The outputs, all of them if none of the others is whole; and a line ``NAME: reason`` for each that is left out.
     """
     finished = cube["outcome"].values == Outcome.FINISHED
     lacking = {
@@ -177,7 +177,7 @@ def without_sparse(cube: xr.Dataset, names: Sequence[str]) -> tuple[list[str], s
     }
     count = int(finished.sum())
     sparse = [name for name, lost in lacking.items() if 0 < lost < count]
-    if len(sparse) == len(names):
+    if all(lacking.get(name, 0) for name in names):  # none is whole
         return list(names), ""
     lines = [
         f"{name}: {lacking[name]:,} of {count:,} points do not have it; name it alone to analyse the rest"
