@@ -1,10 +1,11 @@
-"""Published nonlinear problems as fits: NIST StRD with its certified values, and a model with an unidentifiable pair."""
+"""Published nonlinear problems as fits: NIST StRD with its certified values, and models that are made up."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
 
 MISRA1A = np.array(
@@ -59,3 +60,16 @@ def model_of(layout, function):
         return function(layout.values(places)[:, 0]).astype(complex)
 
     return predict
+
+
+def answers(every, stay=False):
+    """A made-up joint: orders in proportion to torque and frictions, needles that turn more at large angles."""
+    angle, torque, needle = (
+        np.asarray(every[name], float) for name in ("joint_angle_deg", "torque_n_m", "needle_sliding_friction")
+    )
+    initial = np.stack([np.asarray(every[f"initial_skew_{at}_deg"], float) for at in (1, 2, 3)], axis=1)
+    skew = initial * (1 if stay else 1.0 - 0.055 * angle[:, None])
+    second = (2 * torque * needle)[:, None] * np.exp(2j * np.radians(120) * np.arange(3)) * skew
+    orders = np.zeros((angle.size, 13), complex)
+    orders[:, 2], orders[:, 3] = second.sum(axis=1), 1j * torque * np.radians(angle) * (4 + 40 * needle)
+    return orders, Needles(second, skew)

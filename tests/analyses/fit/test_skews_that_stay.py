@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fit_problems import answers
 
 from tripod_doe.analyses.fit.base_file import base_text
 from tripod_doe.analyses.fit.fit_file import load_fit
-from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import find_in_fit
@@ -38,19 +38,6 @@ reference_angle_deg = 0
 [next.at.joint_angle_deg]
 values = [4, 12]
 """
-
-
-def answers(every, stay=False):
-    """A made-up joint: orders in proportion to torque and frictions, needles that turn more at large angles."""
-    angle, torque, needle = (
-        np.asarray(every[name], float) for name in ("joint_angle_deg", "torque_n_m", "needle_sliding_friction")
-    )
-    initial = np.stack([np.asarray(every[f"initial_skew_{at}_deg"], float) for at in (1, 2, 3)], axis=1)
-    skew = initial * (1 if stay else 1.0 - 0.055 * angle[:, None])
-    second = (2 * torque * needle)[:, None] * np.exp(2j * np.radians(120) * np.arange(3)) * skew
-    orders = np.zeros((angle.size, 13), complex)
-    orders[:, 2], orders[:, 3] = second.sum(axis=1), 1j * torque * np.radians(angle) * (4 + 40 * needle)
-    return orders, Needles(second, skew)
 
 
 @pytest.fixture

@@ -66,18 +66,13 @@ def interpolated(layout: Layout, places: FloatArray, answers: ComplexArray) -> P
     return predict
 
 
-def explore(problem: Problem, robust: Problem, many: int, wanted: int, seed: int) -> list[Descent]:
-    """Minima of an interpolated model, the best first: by least squares, and by the robust loss, in turn.
+def explore(problems: list[Problem], many: int, wanted: int, seed: int) -> list[Descent]:
+    """Minima of an interpolated model: of some problems (by loss, and by the sign of the force) in turn.
 
     Args:
-        many, wanted: Descents that are made, and minima that are returned of each loss.
+        many, wanted: Descents that are made, and minima that are returned of each problem.
     """
-    both = [each.minima(many, seed)[:wanted] for each in dict.fromkeys((problem, robust))]
-    mixed = [descents[at] for at in range(wanted) for descents in both if at < len(descents)]
-    return distinct_in_order(mixed)
-
-
-def distinct_in_order(descents: list[Descent]) -> list[Descent]:
-    """Minima in the order that they are given, each place once."""
-    places = [id(each) for each in distinct(descents)]
-    return [each for each in descents if id(each) in places]
+    each = [problem.minima(many, seed)[:wanted] for problem in problems]
+    mixed = [descents[at] for at in range(wanted) for descents in each if at < len(descents)]
+    kept = [id(one) for one in distinct(mixed)]
+    return [one for one in mixed if id(one) in kept]

@@ -114,7 +114,9 @@ def solve(
     if between is None:
         begins = problem.minima(starts, seed)
     else:
-        begins = explore(Problem(layout, misfit, between), Problem(layout, misfit, between, loss), _LOOKS, starts, seed)
+        losses = dict.fromkeys((np.inf, loss))
+        looks = [Problem(layout, each, between, most) for most in losses for each in misfit.of_each_sign()]
+        begins = explore(looks, _LOOKS, starts, seed)
     tell("search")
     descents = distinct([problem.descend(each) for each in _starting_states(problem, begins)[:starts]])
     if not descents:
@@ -131,12 +133,14 @@ def solve(
         own = rows.with_errors_times(size.of(rows.order))
         plain = Problem(layout, Misfit(own, ~bad, layout.priors()), predict)
         again = [replace(each, cost=plain.cost(each.prediction, each.place)) for each in descents]
-        look = plain if between is None else Problem(layout, plain.misfit, between)
+        looks = [Problem(layout, each, between or predict) for each in plain.misfit.of_each_sign()]
         if weighing == 0 and between is not None and (weigh is not None or sized):
             # of the first weights the minimum near the hidden values may be none
-            again = distinct([*again, *_starting_states(plain, explore(look, look, _LOOKS, starts, seed))])
-        begins = [state for place in alike(again[0].place) if (state := look.begin(place))]
-        again = distinct([*again, *_starting_states(plain, [look.descend(each) for each in begins])])
+            again = distinct([*again, *_starting_states(plain, explore(looks, _LOOKS, starts, seed))])
+        for look in looks:
+            best = _starting_states(look, again)[0].place
+            begins = [state for place in alike(best) if (state := look.begin(place))]
+            again = distinct([*again, *_starting_states(plain, [look.descend(each) for each in begins])])
         descents = distinct([plain.descend(each) for each in _within_reach(again, plain.misfit.data)])
     corrections, at_rest = 0, True
     if finer is not None:

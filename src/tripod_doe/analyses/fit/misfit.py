@@ -6,6 +6,7 @@ records are errors of the model that they share, and the scale of the force sens
 For each prediction the nuisances take their best values (variable projection, Golub and Pereyra 1973).
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -39,6 +40,7 @@ class Rows:
     free_phase: NDArray[np.bool_]  # whether the angle of the marker is not known, shape (record,)
     free_sign: NDArray[np.bool_]  # whether the sign of the force is not known, shape (record,)
     scale_error: float = 0.0  # relative deviation of the force sensor's scale
+    one_sign: bool = False  # whether signs that are not known are the same, as of one sensor
 
     @property
     def records(self) -> int:
@@ -89,9 +91,18 @@ class Misfit:
         turned = np.flatnonzero(column[rows.record] >= 0)
         self._turned = turned, column[rows.record][turned]  # rows with a free angle, and the column of each
         third = np.where(rows.order == 3, np.inf, size)
+        one_sign = rows.one_sign and rows.free_sign.any()
+        self._signs: list[tuple[float, ...]] = [(1.0,), (-1.0,)] if one_sign else [(1.0, -1.0)]
         self._by = np.array(
             [max(np.flatnonzero(rows.record == r), key=lambda at: third[at]) for r in range(rows.records)]
         )
+
+    def of_each_sign(self) -> list[Self]:
+        """The same with each sign alone, where records share one that is not known."""
+        parts = [copy(self) for _ in self._signs]
+        for part, own in zip(parts, self._signs, strict=True):
+            part._signs = [own]
+        return parts
 
     @property
     def free(self) -> int:
@@ -117,9 +128,13 @@ class Misfit:
         return np.asarray((parts.T * self._weights).T, float)
 
     def compare(self, prediction: ComplexArray, place: FloatArray) -> Compared:
-        """Residuals of a prediction (row,) made at some places (scalar,)."""
+        """Residuals of a prediction (row,) made at some places (scalar,), with the sign that fits best."""
+        tried = [self._compare(prediction, place, each) for each in self._signs]
+        return min(tried, key=lambda each: float(each.residual @ each.residual))
+
+    def _compare(self, prediction: ComplexArray, place: FloatArray, signs: tuple[float, ...]) -> Compared:
         rows = self.rows
-        sign, angle = self._begin(prediction)
+        sign, angle = self._begin(prediction, signs)
         beta, free = np.zeros(self._nuisances), self._angles.size
         for rounds_left in range(_ROUNDS if free else 1, -1, -1):
             turn = sign[rows.record] * np.exp(1j * rows.order * angle[rows.record])
@@ -174,9 +189,10 @@ class Misfit:
         columns = np.hstack([self._whitened(turned), shared])
         return np.vstack([columns, np.eye(columns.shape[1])[self._angles.size :]])
 
-    def _begin(self, prediction: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    def _begin(self, prediction: ComplexArray, signs: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
         """Signs and angles of the records, from the best of all alignments of one order of each record.
 
+        Where the sign of a record is not known, it is the best one of `signs`.
         A record is aligned by its third order, which is fitted in most cases, else by its largest one; k turns of
         360/k deg fit an order k alike.
         """
@@ -184,7 +200,7 @@ class Misfit:
         record, least = rows.record, np.full(rows.records, np.inf)
         sign, angle = np.ones(rows.records), np.zeros(rows.records)
         order = rows.order[by]
-        for tried in (1.0, -1.0) if rows.free_sign.any() else (1.0,):
+        for tried in signs if rows.free_sign.any() else (1.0,):
             own_sign = np.where(rows.free_sign, tried, 1.0)
             first = np.angle(rows.measured[by] * np.conj(own_sign * prediction[by])) / order
             for turn in range(int(order[rows.free_phase].max(initial=1))):

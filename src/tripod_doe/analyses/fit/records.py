@@ -44,6 +44,7 @@ class RigRecord:
     labels: Mapping[str, str]  # other columns of the table, as text
     reference_angle_deg: float | None  # None where the record is aligned by an order
     sign: float | None  # of the force; None where it is not known
+    own_sign: bool = False  # whether the table gives the sign of this record
     remarks: tuple[str, ...] = ()  # sentences on what was assumed when it was read
     digest: str = ""  # of its file
 
@@ -202,6 +203,7 @@ def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter
         labels=asked.labels,
         reference_angle_deg=settings["reference_angle_deg"],
         sign=None if sign == "free" else float(sign),
+        own_sign="sign" in asked.own,
         remarks=(*measured.remarks, *_overruled(asked, measured)),
         digest=measured.digest,
     )
@@ -307,4 +309,5 @@ def make_rows(records: Sequence[RigRecord], orders: Sequence[int], error: ModelE
         free_phase=np.array([record.reference_angle_deg is None for record in records]),
         free_sign=np.array([record.sign is None for record in records]),
         scale_error=scale_error,
+        one_sign=not any(record.sign is None and record.own_sign for record in records),
     )

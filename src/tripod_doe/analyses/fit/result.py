@@ -175,12 +175,13 @@ def _by_record(layout: Layout, solution: Solution) -> dict[str, Any]:
     """Value, interval and verdict of each unknown in each record."""
     value, low, high = _ends(layout, solution)
     dims = ("unknown", "record")
-    words = np.array(solution.verdicts, object)[layout.index]
+    words, groups = (np.array(texts, object)[layout.index] for texts in (solution.verdicts, layout.groups))
     return {
         "value_of_record": (dims, value[layout.index], _meaning("1", "fitted value in a record")),
         "low_of_record": (dims, low[layout.index], _meaning("1", "lower end of its 95 % interval")),
         "high_of_record": (dims, high[layout.index], _meaning("1", "upper end of its 95 % interval")),
         "verdict_of_record": (dims, words, {"long_name": "what the records say of it"}),
+        "group_of_record": (dims, groups, {"long_name": "record or group that the value is of; empty for all records"}),
     }
 
 
@@ -260,7 +261,7 @@ def _candidates(following: Next, width: int) -> tuple[dict[str, Any], dict[str, 
 
 def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str, str | float | int]:
     """Provenance, and what is known of the fit as a whole."""
-    layout = solution.problem.layout
+    layout, alike = solution.problem.layout, list(rig.skews_alike(solution.best.place).values())
     names, logs = layout.names(), [layout.unknowns[which].log for which in layout.owner]
     combined = [
         {
@@ -289,7 +290,8 @@ def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str,
         "records_left_out": int(solution.bad.sum()),
         "aligned_by_order": int(solution.problem.misfit.rows.free_phase.any()),
         "skews_change_places": int(rig.skews_change_places),
-        "skews_alike": json.dumps(rig.skews_alike(solution.best.place)),
+        "sign_of_force_free": int(solution.problem.misfit.rows.free_sign.all()),
+        "skews_alike": json.dumps(alike[0] if len(alike) == 1 else []),
         "other_minima": len(solution.others),
         **_skews(layout, solution),
         "combinations": json.dumps(combined),

@@ -293,20 +293,25 @@ class RigFit:
         free = all(record.reference_angle_deg is None for record in self.records)
         return free and sum(name in self.file.unknowns for name in _SKEWS) > 1
 
-    def skews_alike(self, place: FloatArray) -> list[list[float]]:
-        """Skews of the trunnions at some places, in deg, and others that records hardly tell apart.
+    def skews_alike(self, place: FloatArray) -> dict[int, list[list[float]]]:
+        """Skews of the trunnions at some places, in deg, and others that records hardly tell apart: see `skews_alike`.
 
         Returns:
-            None where the records tell them apart, or where a skew differs between records.
+            By the first record of each group with skews of its own; empty where the records tell them apart, or where
+            groups share one skew and not another one.
         """
-        unknowns = {unknown.name: unknown for unknown in self.layout.unknowns}
-        if not self.skews_change_places or any(unknowns[name].per != "all" for name in _SKEWS if name in unknowns):
-            return []
-        here = dict(zip(unknowns, self.layout.values(place[None])[0, 0].tolist(), strict=True))
+        fitted = {unknown.name: at for at, unknown in enumerate(self.layout.unknowns) if unknown.name in _SKEWS}
+        scalars, values = self.layout.index[list(fitted.values())], self.layout.values(place[None])[0]
+        groups, first = np.unique(scalars, axis=1, return_index=True)
+        if not self.skews_change_places or groups.size != np.unique(scalars).size:
+            return {}
         usual = {name: self.file.base.get(name, self.simulator.parameters[name].default) for name in _SKEWS}
-        skews = [float(str(here.get(name, usual[name]))) for name in _SKEWS]
-        either_sign = all(record.sign is None for record in self.records)
-        return [skews, *skews_alike(skews, [name not in unknowns for name in _SKEWS], either_sign)]
+        known, either_sign = [n not in fitted for n in _SKEWS], all(record.sign is None for record in self.records)
+        alike = {}
+        for record in first.tolist():
+            skews = [float(str(values[record, fitted[n]] if n in fitted else usual[n])) for n in _SKEWS]
+            alike[record] = [skews, *skews_alike(skews, known, either_sign)]
+        return alike
 
     def places_alike(self, place: FloatArray) -> list[FloatArray]:
         """Places with such other skews, at the nearest bounds where they are beyond."""
@@ -317,13 +322,16 @@ class RigFit:
         return [other for other in self._places_alike(place) if ((other >= 0) & (other <= 1)).all()]
 
     def _places_alike(self, place: FloatArray) -> list[FloatArray]:
-        places = []
-        for skews in self.skews_alike(place)[1:]:
-            other, of_name = place.copy(), dict(zip(_SKEWS, skews, strict=True))
+        """Places with skews on other trunnions in one group, or with opposite signs in all groups."""
+        groups = self.skews_alike(place)
+        changes = [{first: skews} for first, alike in groups.items() for skews in alike[1:3]]
+        changes += [dict(zip(groups, skews, strict=True)) for skews in list(zip(*groups.values(), strict=True))[3:]]
+        places = [place.copy() for _ in changes]
+        for other, change in zip(places, changes, strict=True):
             for unknown, scalars in zip(self.layout.unknowns, self.layout.index, strict=True):
-                if unknown.name in of_name:
-                    other[scalars] = unknown.place(of_name[unknown.name])
-            places.append(other)
+                if unknown.name in _SKEWS:
+                    for first, skews in change.items():
+                        other[scalars[first]] = unknown.place(skews[_SKEWS.index(unknown.name)])
         return places
 
     def next(self, points: Answers, solution: Solution) -> Next | None:

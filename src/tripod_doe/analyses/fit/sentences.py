@@ -112,7 +112,7 @@ def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str
 def _sentence_of_records(own: xr.Dataset, name: str) -> str:
     """Values of an unknown in each record or group, in a sentence."""
     values = own["value_of_record"].values
-    words = own["verdict_of_record"].values.tolist()
+    words = own["verdict_of_record"].values[list(_first_records(own).values())].tolist()
     counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
     unit = _unit(name)
     return (
@@ -232,17 +232,14 @@ def _skews_alike(fit: xr.Dataset) -> str:
         return ""
     alike = [" / ".join(number(one, 2) for one in each) for each in json.loads(str(fit.attrs.get("skews_alike", "[]")))]
     if not alike:
-        return " The trunnions are then interchangeable: skews may be shifted from trunnion to trunnion, 1 to 2 to 3."
+        shifted = " The trunnions are then interchangeable: skews may be shifted from trunnion to trunnion, 1 to 2 to 3"
+        return f"{shifted}{', and all with opposite signs' if fit.attrs.get('sign_of_force_free') else ''}."
+    opposite = " or with opposite signs" if len(alike) > _PLACES else ""  # alike where the force's sign is not known
     return (
         f" The trunnions are then interchangeable: skews of {', '.join(alike[1:-1])} and {alike[-1]} deg at trunnions "
-        f"1 / 2 / 3, which have the same differences as {alike[0]} deg, on other trunnions{_or_opposite(alike)}, give "
+        f"1 / 2 / 3, which have the same differences as {alike[0]} deg, on other trunnions{opposite}, give "
         "nearly the same records (exactly the same if needles keep their skew). The search started there, too."
     )
-
-
-def _or_opposite(alike: list[str]) -> str:
-    """Words on opposite skews, which records do not distinguish if the sign of the force is not known."""
-    return " or with opposite signs" if len(alike) > _PLACES else ""
 
 
 def _skews_that_stay(fit: xr.Dataset) -> Iterator[str]:
@@ -298,15 +295,17 @@ def unknown_rows(fit: xr.Dataset) -> list[list[str]]:
             cells = [number(float(own[key])) for key in ("value", "low", "high")]
             rows.append([name, *cells, _unit(name), str(own["verdict"].item()), partner])
             continue
-        seen = set()
-        for record in fit["record"].values.tolist():
-            each = own.sel(record=record)
+        for group, at in _first_records(own).items():
+            each = own.isel(record=at)
             cells = [number(float(each[f"{key}_of_record"])) for key in ("value", "low", "high")]
-            if (key := tuple(cells)) in seen:
-                continue
-            seen.add(key)
-            rows.append([f"{name} of {record}", *cells, _unit(name), str(each["verdict_of_record"].item()), partner])
+            rows.append([f"{name} of {group}", *cells, _unit(name), str(each["verdict_of_record"].item()), partner])
     return rows
+
+
+def _first_records(own: xr.Dataset) -> dict[str, int]:
+    """Groups of records with a value of their own, and the number of the first record of each."""
+    groups = own["group_of_record" if "group_of_record" in own else "record"].values.tolist()
+    return {group: groups.index(group) for group in groups}
 
 
 def unknown_table(fit: xr.Dataset) -> tuple[list[str], list[list[str]]]:
