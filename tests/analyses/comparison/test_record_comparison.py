@@ -75,3 +75,18 @@ def test_a_decimal_comma_in_a_selection_is_named_before_the_torque(rig, capsys):
     words = ["compare", str(rig / "out"), str(rig / "record.csv"), "--select", "joint_angle_deg=11,5"]
     assert main(words) == 2
     assert "write 11.5 with a decimal point" in capsys.readouterr().err
+
+
+def test_a_record_without_time_states_its_speed(rig, tmp_path, capsys):
+    """Regression: of a cube with several speeds, a speed in the notes of a record without time was not read."""
+    text = STUDY.replace(
+        "joint_angle_deg = {values = [8, 12]}", "speed_rpm = {values = [300, 600]}\njoint_angle_deg.values = [8]"
+    )
+    (tmp_path / "study.toml").write_text(text.replace("torque_n_m = 100", "torque_n_m = 50"))
+    td.run(tmp_path / "study.toml", out=tmp_path / "out", progress=False, workers=0)
+    record = "Speed: 600 rpm\n" + (rig / "record.csv").read_text()
+    (tmp_path / "record.csv").write_text(record)
+    found, _ = compared_everywhere(tmp_path, [], capsys)
+    assert found == pytest.approx(
+        float(td.open_cube(tmp_path / "out")["thrust_amplitude"].sel(speed_rpm=600, joint_angle_deg=8, order=3))
+    )

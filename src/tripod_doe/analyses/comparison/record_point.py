@@ -54,7 +54,7 @@ def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measuremen
     """A record with what it states of its operating point, where the table and the selection say nothing.
 
     A value within a hundredth of a level of the cube counts as that level. The speed is the mean over the revolutions;
-    where the cube has several speeds around it, each revolution is compared at its own speed.
+    where the cube has several speeds around it, each revolution of a record with time is compared at its own speed.
     """
     known = {*row.values, *(text.partition("=")[0] for text in select)}
     of_joint = str(cube.attrs.get("source", "")).endswith("simulator joint")
@@ -65,7 +65,8 @@ def with_stated_values(cube: xr.Dataset, row: RecordRow, measurement: Measuremen
         if name in known or not (name in factors or of_joint):
             continue
         levels = np.unique(cube[name].values if name in factors else [fixed.get(name, _default(name))]).astype(float)
-        if name == "speed_rpm" and levels.size > 1 and levels[0] <= value <= levels[-1]:
+        is_tracked = name == "speed_rpm" and measurement.time_s is not None
+        if is_tracked and levels.size > 1 and levels[0] <= value <= levels[-1]:
             continue
         near = float(levels[np.argmin(np.abs(levels - value))])
         values[name] = near if abs(near - value) <= _SAME * abs(value) else value
