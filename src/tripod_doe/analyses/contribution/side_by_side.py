@@ -55,8 +55,7 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
     Args:
         ladder: From `of_one_ladder`.
     """
-    rest = 100 - sum(PAPER_SHARES.values())
-    of_paper = all(each.attrs.get("unlike_paper") == "{}" for each in ladder.values())
+    rest, of_paper = 100 - sum(PAPER_SHARES.values()), all(e.attrs.get("unlike_paper") == "{}" for e in ladder.values())
     rows = []
     for order in _ORDERS:
         rows.append([f"{ORDINALS[order]} (N)", *(number(value) for value in _amplitudes(ladder, order)), ""])

@@ -409,9 +409,8 @@ class EffectWording:
         points = int(np.isfinite(self.response.values.values).sum())
         if all(effect.settings * effect.level.size >= points for effect in effects):  # all settings, without gaps
             return ", at any setting of the other factors that was computed"
-        single = all(effect.ground is Ground.STEPS and effect.settings == 1 for effect in effects)
-        pair = "the only two points" if single else "any two points"
-        return f" between {pair} that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
+        which = "the only two" if all(e.settings == 1 and e.ground is Ground.STEPS for e in effects) else "any two"
+        return f" between {which} points that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
 
     def unseen(self, effects: list[FactorEffect]) -> str:
         """Factors whose effect does not exceed the scatter."""

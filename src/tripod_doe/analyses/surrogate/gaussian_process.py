@@ -191,7 +191,7 @@ def _folds(places: FloatArray, known: Known, seed: int, folds: int) -> list[Fold
     return [(np.flatnonzero(~out), np.flatnonzero(out)) for out in left_out]
 
 
-def between_levels(column: FloatArray) -> bool | None:
+def between_levels(column: NDArray[Any]) -> bool | None:
     """Whether levels that are left out tell how a surrogate errs between levels; None of a factor without levels."""
     levels, counts = np.unique(column, return_counts=True)
     if 2 * levels.size > column.size:
@@ -263,9 +263,8 @@ def _polynomials(
         told = np.flatnonzero((exponents < levels).all(axis=1))[int(constant) :]
         ridge.fit(terms[np.ix_(rows, told)], over[rows], sample_weight=scale[rows] ** 2)
         slopes = np.zeros((values.shape[1], len(exponents)))
+        slopes[:, 0] = ridge.intercept_  # 0 without a constant, whose place a term then has
         slopes[:, told] = ridge.coef_
-        if constant:
-            slopes[:, 0] = ridge.intercept_
         return slopes
 
     errors = _errors(values, parts, lambda seen, out: scale[out, None] * (terms[out] @ fit(seen).T) * size)

@@ -250,8 +250,7 @@ def _range(name: str, sample: Sample, cube: xr.Dataset) -> dict[str, Any]:
     column = sample.columns[name]
     if not is_numeric(column):
         return {"unit": "", "words": sorted({str(word) for word in column})}
-    numbers = column.astype(float)
-    between = between_levels(numbers)
+    numbers, between = column.astype(float), between_levels(column)
     return {
         "unit": str(cube[name].attrs.get("units", "1")),
         "low": float(numbers.min()),
