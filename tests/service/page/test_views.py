@@ -25,7 +25,7 @@ from tripod_doe.service.explorer.exports import query_command, simulate_command,
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.slices import draw, numbered, seen
+from tripod_doe.service.explorer.slices import draw, numbered, seen, shown_cells
 from tripod_doe.service.explorer.view import View
 from tripod_doe.service.explorer.what_if import contribution_study, price_of_point
 from tripod_doe.service.limits import Limits
@@ -270,6 +270,19 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
     assert explore(path, items, "x")["title"].endswith("less the value at torque -40 N m")
     along = [part.split("=", 1) for part in ["kind=lines", "x=torque_n_m", "minus=torque_n_m=-40"]]
     assert explore(path, along, "x")["view"]["minus"] == ""
+    with pytest.raises(
+        InputError, match="torque_n_m is an axis of this figure"
+    ):  # the plain values came as a difference
+        figure(path, along, None)
+
+
+def test_phases_are_subtracted_by_the_shorter_way(folders):
+    """Regression: 123.1 less -142.6 deg was 265.7 deg."""
+    cube = td.open_cube(folders["grid"])
+    turned = cube.assign(thrust_amplitude=(170.0 * np.sign(cube["torque_n_m"]) + 0 * cube["thrust_amplitude"]))
+    turned["thrust_amplitude"].attrs = {"units": "degree", "wraps_at": "+-180 degree"}
+    view = view_of(turned, "kind=lines&x=joint_angle_deg&select=torque_n_m=90&minus=torque_n_m=-40")
+    assert np.unique(shown_cells(turned, view)["thrust_amplitude"]) == pytest.approx([-20])
 
 
 def test_extremes_are_those_of_the_order(folders):

@@ -127,7 +127,12 @@ def drawn_view(cube: xr.Dataset, asked: View) -> View:
         InputError: If it names what this cube does not have.
     """
     _refuse_unknown(cube, asked)
-    return full_view(cube, asked)
+    view = full_view(cube, asked)
+    if asked.minus_level and not view.minus and (name := asked.minus_level[0]) in (view.x, view.by):
+        raise InputError(
+            f"minus = {asked.minus!r}: {name} is an axis of this figure; show it by another axis, or leave minus out"
+        )
+    return view
 
 
 def _refuse_unknown(cube: xr.Dataset, view: View) -> None:

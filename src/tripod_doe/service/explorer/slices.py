@@ -178,7 +178,7 @@ def _refuse_unlike(data: xr.Dataset, other: xr.Dataset) -> None:
 
 
 def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """The first slice minus the other, at the coordinates that both have."""
+    """The first slice minus the other, at the coordinates that both have; phases by the shorter way."""
     variable, taken = shown(data), shown(other)
     try:
         first, second = xr.align(variable, taken, join="exact")
@@ -188,7 +188,10 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         ) from error
     if first.dims != second.dims:
         raise InputError("minus: the other run has other dimensions than this one")
-    changed = (first - second).assign_coords(variable.coords).assign_attrs(variable.attrs).rename(variable.name)
+    change = first - second
+    if "wraps_at" in variable.attrs:
+        change = (change + 180) % 360 - 180
+    changed = change.assign_coords(variable.coords).assign_attrs(variable.attrs).rename(variable.name)
     lost = data["outcome"].where(other["outcome"] == Outcome.FINISHED, other["outcome"]).astype(np.int8)
     kept = [name for name in data.data_vars if name in ("outcome_detail",)]
     return xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)}).assign(
