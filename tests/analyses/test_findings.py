@@ -158,14 +158,14 @@ z = {{ values = [0, {bend}] }}
         (
             [-6, -2, 2, 6],
             1e-6,
-            "Over x, y increases on both sides of zero, symmetrically: 2 at -2 and 2, 6 at -6 and 6, ",
+            "Over x, y rises on both sides of zero, symmetrically: 2 at -2 and 2, 6 at -6 and 6, ",
         ),
         (
             [-900, 700, 2200],
             1,
-            "Over x, y increases on both sides of zero: 855 at -900, and 735 at 700 to 2310 at 2200, ",
+            "Over x, y rises on both sides of zero: 855 at -900, and 735 at 700 to 2310 at 2200, ",
         ),
-        ([-9, 0, 4], 1, "Over x, y is smallest, 0, at 0 and increases on both sides: 8.55 at -9, 4.2 at 4, "),
+        ([-9, 0, 4], 1, "Over x, y is smallest, 0, at 0 and rises on both sides: 8.55 at -9, 4.2 at 4, "),
     ],
 )
 def test_between_drive_and_coast_no_value_is_the_smallest(make_cube, values, bend, told):
@@ -369,7 +369,7 @@ def test_too_few_points_for_a_regression_is_not_said_to_confound_factors(make_cu
 def test_an_effect_of_both_signs_of_the_skew_is_symmetric(make_cube):
     (told,) = [s for s in find(make_cube(SKEWS)) if "initial skew 1, the second order" in s]
     assert re.match(
-        r"Over initial skew 1, the second order is smallest, 0 N, at 0 deg and increases on both sides, "
+        r"Over initial skew 1, the second order is smallest, 0 N, at 0 deg and rises on both sides, "
         r"symmetrically: 0\.\d+ N at -0\.7 deg and 0\.7 deg, averaged over torque\.$",
         told,
     )

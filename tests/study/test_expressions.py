@@ -42,6 +42,7 @@ def test_conditions(text, expected):
         ("[a for a in b]", "not allowed"),
         ("lambda: 1", "not allowed"),
         ("a <", "not an expression"),
+        ("a = 3", "write == to compare"),
         ("aa < 1", "did you mean 'a'"),
         ("abs(a, b) < 1", "arguments"),
         ("a @ b", "not allowed"),

@@ -314,3 +314,9 @@ def test_a_plan_of_very_many_points_judges_a_sample(monkeypatch):
     assert sampled.foreseen[0].count == pytest.approx(4000, rel=0.1)
     assert any("drawn at random" in note for note in sampled.design)
     assert not any("drawn at random" in note for note in whole.design)
+
+
+def test_a_plan_names_outputs_that_its_model_does_not_compute():
+    """Regression: a kept thrust_amplitude_error was silently missing from the cube of kinetostatic."""
+    text = '[study]\nname = "w"\n[factors]\njoint_angle_deg = {values = [4, 8]}\n[keep]\noutputs = ["thrust_amplitude_error"]\n'
+    assert "thrust_amplitude_error: not computed by kinetostatic" in td.plan(parse_study(text), timing=False).warnings

@@ -12,8 +12,8 @@ from tripod_doe.cli.parser import DONE, Command, Parser, add_format
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
     parser.add_argument("--name", metavar="TEXT", help="name to show; customer/joint-7 lies in the folder customer")
-    parser.add_argument("--owner", metavar="TEXT", help="who answers for it")
-    parser.add_argument("--tags", metavar="A,B", help="tags in place of those there are; an empty text removes them")
+    parser.add_argument("--owner", metavar="TEXT", help="person responsible for it")
+    parser.add_argument("--tags", metavar="A,B", help="replace all tags; an empty text removes them")
     parser.add_argument("--note", metavar="TEXT", help="note in Markdown")
     add_format(parser)
 
@@ -37,4 +37,4 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("name, tag and note a result directory, or print what is written about it", _add_arguments, _run)
+COMMAND = Command("set name, owner, tags and note of a result directory, or print them", _add_arguments, _run)

@@ -26,4 +26,4 @@ def _run(options: argparse.Namespace) -> int:
     return DONE if all(file.is_whole for file in files) else SOME_FAILED
 
 
-COMMAND = Command("hold the files of a result directory against their checksums", _add_arguments, _run)
+COMMAND = Command("verify the files of a result directory against their checksums", _add_arguments, _run)

@@ -28,4 +28,4 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMAND = Command("print the place of the documentation, which needs no network", _add_arguments, _run)
+COMMAND = Command("print the path of the documentation, which needs no network", _add_arguments, _run)

@@ -139,7 +139,7 @@ def add_execution(parser: Parser, workers: str) -> None:
 def add_take_over(parser: Parser) -> None:
     """Add the flag for the directory of a process that died on another machine."""
     parser.add_argument(
-        "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
+        "--take-over", action="store_true", help="take over a directory from a process that died while holding it"
     )
 
 
@@ -149,5 +149,5 @@ def add_notify(parser: Parser) -> None:
         "--notify",
         metavar="COMMAND|URL|@FILE",
         help="at the end of a run, start this command with the facts as JSON on its standard input, or send them to "
-        "this address; @FILE holds one of both, which the list of processes then does not show",
+        "this address; @FILE reads command or address from a file, so that the list of processes does not show it",
     )

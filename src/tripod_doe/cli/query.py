@@ -36,7 +36,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--decimal-comma",
         action="store_true",
-        help="csv: commas in numbers and semicolons between them, for spreadsheets that read it so",
+        help="csv: decimal commas, and semicolons between columns, for spreadsheets with such a locale",
     )
 
 

@@ -1,4 +1,4 @@
-"""Write the page of a result directory again, or hand on a part of it."""
+"""Write the page of a result directory again, or export a part of it."""
 
 import argparse
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--format",
         choices=tuple(_FILES),
-        help="what to write in place of the report: one page for print or a browser (question, three sentences, one "
+        help="what to export instead: one page for print or a browser (question, three sentences, one "
         "picture), all tables with their units as a workbook, each figure as SVG and PNG, or the page that asks a "
         "surrogate what if",
     )
@@ -31,13 +31,13 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--output",
         metavar="FILE",
         type=Path,
-        help="where to write that: a file whose ending may stand for --format, or a folder for figures (default: "
+        help="where to export it: a file whose ending sets --format, or a folder for figures (default: "
         "DIR/report/summary.pdf, summary.html, tables.xlsx, figures, what_if.html)",
     )
     parser.add_argument(
         "--motion",
         action="store_true",
-        help="show the joint in motion in the report: one or two points, simulated again; about a megabyte each",
+        help="add the joint in motion to the report: one or two points, simulated again; about a megabyte each",
     )
     add_selection(parser, "with --motion: a value of a factor")
     add_against(parser)
@@ -100,4 +100,4 @@ def _hand_on(directory: Path, form: str, output: Path | None) -> int:
     return DONE
 
 
-COMMAND = Command("write the report of a result directory again, or hand on a part of it", _add_arguments, _run)
+COMMAND = Command("write the report of a result directory again, or export a part of it", _add_arguments, _run)

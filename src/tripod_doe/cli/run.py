@@ -36,7 +36,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     add_execution(parser, "worker processes")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
     parser.add_argument(
-        "--scheduler-file", metavar="FILE", type=Path, help="file of that scheduler, in place of its address"
+        "--scheduler-file", metavar="FILE", type=Path, help="scheduler file of Dask, instead of the address"
     )
     parser.add_argument(
         "--wait",
@@ -45,15 +45,15 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         help="how long to wait for a scheduler: 30s, 2h (default 1min for a lost one)",
     )
     for name, what in (
-        ("--tls-ca-file", "certificate of the authority of a scheduler that talks TLS"),
-        ("--tls-cert", "certificate of this client of it"),
+        ("--tls-ca-file", "certificate of the authority that signed the scheduler's, for TLS"),
+        ("--tls-cert", "certificate of this client, for TLS"),
         ("--tls-key", "key of that certificate, unless it stands in the same file"),
     ):
         parser.add_argument(name, metavar="PEM", type=Path, help=what)
     add_take_over(parser)
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
     add_untrusted(parser)
-    parser.add_argument("--export", choices=("zarr",), help="write the cube in this form, too, as DIR/cube.zarr")
+    parser.add_argument("--export", choices=("zarr",), help="also write the cube in this format, as DIR/cube.zarr")
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -41,7 +41,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--read-token-file",
         metavar="FILE",
         type=Path,
-        help="file with a second token, whose holders read everything and change nothing; made if it is not there",
+        help="file with a second token for reading only; made if it is not there",
     )
     add_notify(parser)
 

@@ -38,7 +38,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--variable",
         metavar="NAME",
         action="append",
-        help="print this output alone, also one that is made on request only; may be repeated",
+        help="print only this output, which may be one that is computed only on request; may be repeated",
     )
     parser.add_argument("--view", metavar="FILE.html", type=Path, help="also write a page that moves the joint")
     add_against(parser, "with --view: ")
@@ -93,6 +93,8 @@ def _run(options: argparse.Namespace) -> int:
         print(f"simulating: {usual}", file=sys.stderr)
     chosen = _chosen(simulator, options.variable)
     point = _viewed(options, given) if options.view else simulate_point(options.scene, chosen, **given)
+    if point.outcome is Outcome.FINISHED and (lacking := [name for name in chosen if name not in point.outputs]):
+        print(f"No value of {', '.join(lacking)}: this model does not compute it.", file=sys.stderr)
     point = point.only(chosen) if chosen else point.usual()
     print(json.dumps(point.record(chosen), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED

@@ -44,7 +44,7 @@ def add_against(parser: Parser, needs: str = "") -> None:
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help=f"{needs}show beside it the same joint with another value, as torque_n_m=-50; may be repeated",
+        help=f"{needs}also show the same joint with another value, for instance torque_n_m=-50; may be repeated",
     )
 
 

@@ -104,6 +104,10 @@ class JointSimulator(Simulator):
         given = [name for name in NUMERICS if is_set(base.get(name))]
         if given and (is_set(base.get("accuracy")) or "accuracy" in factors):
             warnings.append(f"accuracy has no effect where {given[0]} is given")
+        usual = [name for name, output in JOINT_OUTPUTS.items() if not output.on_request]  # kept without [keep]
+        lacking = [name for name in keep if name in JOINT_OUTPUTS and not any(name in m.outputs for m in in_play)]
+        if lacking and not set(usual) <= set(keep):
+            warnings.append(f"{', '.join(lacking)}: not computed by {' or '.join(model.name for model in in_play)}")
         # vibration depends on parameters that do not affect a balance's thrust
         decides = frozenset(JOINT_PARAMETERS) - MODELS["rollers"].ignores
         tests_all, tests_some = vibration_tests(keep)

@@ -64,7 +64,7 @@ class Output:
     @property
     def unit_text(self) -> str:
         """The unit for people: empty without one."""
-        return "" if self.unit == "1" else self.unit
+        return {"1": "", "degree": "deg"}.get(self.unit, self.unit)
 
     @property
     def dims(self) -> tuple[str, ...]:

@@ -105,7 +105,7 @@ class Parameter:
     @property
     def unit_text(self) -> str:
         """The unit for people: empty where there is none."""
-        return "" if self.unit == "1" else self.unit
+        return {"1": "", "degree": "deg"}.get(self.unit, self.unit)
 
     def column(self, values: Sequence[Value]) -> NDArray[Any]:
         """Values of several points as an array, shape (point,).

@@ -7,6 +7,7 @@ labels, as in ``thrust_amplitude[3]`` and ``thrust[90:180]``, and reduced by max
 import ast
 import math
 import operator
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -47,6 +48,7 @@ FUNCTIONS = frozenset(_ONE | _SEVERAL | _REDUCE)
 _LONGEST = 4_000  # characters of a condition: the time to parse one may grow faster than its length
 _WHOLE = 2**53  # from here on not every whole number is one of float64
 _DEEPEST = 100  # operators within each other
+_ASSIGNMENT = re.compile(r"(?<![=<>!])=(?!=)")
 _SHOWN = 80  # characters of a condition that a message repeats
 _ALLOWED = (
     "names, numbers, 'text', + - * / **, < <= > >= == !=, and or not, abs min max mean sum sqrt log10, and labels in "
@@ -121,7 +123,8 @@ class Expression:
             self._tree = ast.parse(text, mode="eval").body
         except (SyntaxError, ValueError) as error:
             at = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
-            raise InputError(f"{self.text!r}: not an expression ({getattr(error, 'msg', error)}{at})") from error
+            why = f"{getattr(error, 'msg', error)}{at}" + "; write == to compare" * bool(_ASSIGNMENT.search(text))
+            raise InputError(f"{self.text!r}: not an expression ({why})") from error
         except (RecursionError, MemoryError) as error:
             raise InputError(self._too_deep) from error
         self._check(self._tree, names, 1)

@@ -572,7 +572,7 @@ def test_one_point_must_be_chosen(four_points):
     assert float(point["joint_angle_deg"]) == 10
     for select, message in [
         ([], r"leaves 4 points.*select='joint_angle_deg=5\|10' select='needle_count=27\|40'"),
-        (["joint_angle_deg=7", "needle_count=27"], r"no point has this joint_angle_deg: 5\|10; nearest=True"),
+        (["joint_angle_deg=7", "needle_count=27"], r"has joint_angle_deg=7: joint_angle_deg is 5\|10; nearest=True"),
         (["joint_angle_deg=5", "needle_count=40"], "its outcome is jammed"),
         (["joint_angle=5"], "did you mean 'joint_angle_deg'"),
     ]:

@@ -67,7 +67,7 @@ def test_a_selection_that_contradicts_the_record_counts_and_is_stated(rig, capsy
     there = td.simulate(model="equilibrium", joint_angle_deg=12, torque_n_m=50)
     found, remarks = compared_everywhere(rig, ["joint_angle_deg=12"], capsys)
     assert found == pytest.approx(float(there["thrust_amplitude"].sel(order=3)))
-    assert "The record says joint angle 8 deg, where 12 deg is asked for" in remarks
+    assert "The record states joint angle 8 deg, while 12 deg is selected" in remarks
 
 
 def test_a_decimal_comma_in_a_selection_is_named_before_the_torque(rig, capsys):

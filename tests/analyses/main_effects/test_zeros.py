@@ -95,7 +95,7 @@ def test_of_a_sampled_factor_a_class_is_the_smallest_not_its_mean(known):
     )
     (told,) = [sentence for sentence in find(cube) if sentence.startswith("Over torque")]
     if known:
-        assert "increases on both sides of zero: " in told
+        assert "rises on both sides of zero: " in told
         assert re.search(r" N at -\d", told)
         assert "smallest" not in told
     else:

@@ -507,7 +507,7 @@ def unpack(packed):
 def test_the_list_tells_the_extremes_of_the_chosen_order_and_leads_to_them(served, page, coast):
     page.goto(served.home)
     row = page.locator(f"#run-{coast}")
-    page.get_by_label("Least and largest of order").select_option("6")
+    page.get_by_label("Minimum and maximum of order").select_option("6")
     row.locator(".extremes [title*='order 6'] a").nth(1).wait_for()
     asked = served.ask("GET", f"/api/v1/runs/{coast}/query?variable=thrust_amplitude&select=order=6")
     largest = max(cell["thrust_amplitude"] or 0 for cell in asked)

@@ -57,8 +57,9 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
         return _over_speed(chosen.squeeze([dim for dim in design if dim != _SPEED])).assign_attrs(cube.attrs)
     if counts:
         none = [dim for dim, count in counts.items() if count == 0]
+        asked = ", ".join(text for text in select if text.partition("=")[0] in none[:1])
         text = (
-            f"no point has this {none[0]}: {_levels(cube[none[0]])}; {option('nearest', True)} takes the nearest value"
+            f"no point has {asked}: {none[0]} is {_levels(cube[none[0]])}; {option('nearest', True)} takes the nearest"
             if none
             else "choose one point: " + " ".join(option("select", f"{dim}={_levels(chosen[dim])}") for dim in counts)
         )

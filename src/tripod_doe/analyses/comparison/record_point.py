@@ -77,12 +77,12 @@ def overruled(row: RecordRow, measurement: Measurement, select: Sequence[str]) -
     """What a record states of its operating point where the table or the selection says otherwise, as a sentence."""
     asked, stated = {**_selected(select), **row.values}, {**measurement.operating, **_own_speed(measurement)}
     parts = [
-        f"{_in_words(name, stated[name])}, where {with_unit(level(value), unit_text(JOINT_PARAMETERS[name].unit))} is "
-        "asked for"
+        f"{_in_words(name, stated[name])}, while {with_unit(level(value), unit_text(JOINT_PARAMETERS[name].unit))} is "
+        "selected"
         for name, value in asked.items()
         if name in stated and isinstance(value, int | float) and differ(value, stated[name])
     ]
-    return f"The record says {listed(parts)}: what is asked for counts." if parts else ""
+    return f"The record states {listed(parts)}: the selection is used." if parts else ""
 
 
 def _own_speed(measurement: Measurement) -> dict[str, float]:

@@ -159,7 +159,8 @@ class EffectWording:
         if not isinstance(value, int | float):
             return "none" if value == "nan" else str(value)  # a column with open fields
         digits = min(digits_apart(float(effect.level.min()), float(effect.level.max())), _MOST_DIGITS)
-        text = number(value, digits) if effect.ground is Ground.REGRESSION else level(value)
+        nothing = abs(value) < 10.0**-digits * float(np.abs(effect.level).max())  # the end of a class beside zero
+        text = number(0.0 if nothing else value, digits) if effect.ground is Ground.REGRESSION else level(value)
         return with_unit(text, factor_unit(self.cube, effect.factor))
 
     def where(self, effect: FactorEffect) -> str:
@@ -207,8 +208,10 @@ class EffectWording:
         if straight < _STRAIGHT or levels.size < 3:
             ends = self._at_levels(effect, (0, -1))
             return f"{self.start} {verb} with {self._signed(effect)}, from {ends[0]} to {ends[1]}{self.where(effect)}"
-        # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
-        step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
+        # "per 1" or "per mm" is far outside the range of a friction or a clearance: say it per 0.01, for instance.
+        width = float(np.ptp(levels))
+        step = 1.0 if own and width >= 1 else 10.0 ** math.floor(math.log10(width))
+        one = own if own and step == 1 else with_unit(number(step), own)
         written = number if effect.ground is Ground.REGRESSION else level
         over = text_range(written(float(levels[0])), written(float(levels[-1])), own) + self.where(effect)
         near_zero = abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max())
@@ -219,9 +222,9 @@ class EffectWording:
         fit = "R2 of these means" if effect.ground is Ground.REGRESSION else "R2"
         fit += f" > {_EXACT}" if exact else f" = {math.floor(r2 * 1e4) / 1e4:.4f}"
         if proportional:
-            per = f"{self.value(through * step)} per {own or number(step)}"
+            per = f"{self.value(through * step)} per {one}"
             return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
-        per = f"{self.value(abs(slope) * step)} per {own or number(step)}"
+        per = f"{self.value(abs(slope) * step)} per {one}"
         return f"{self.start} {verb} with {self._signed(effect)} by {per} ({over}; straight line with {fit})"
 
     def _optimum(self, effect: FactorEffect) -> str:
@@ -234,7 +237,7 @@ class EffectWording:
                 return self._from_zero(effect, ~np.isin(levels, inside))
             if not classes and _about_zero(levels, inside):
                 return self._from_zero(effect, np.ones(levels.size, bool))
-        best, verb = ("largest", "decreases") if effect.shape is Shape.PEAK else ("smallest", "increases")
+        best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "rises")
         spots = list(dict.fromkeys(self.at(effect, end.item()) for end in edges))
         own = factor_unit(self.cube, effect.factor)
         spot = text_range(spots[0].removesuffix(f" {own}"), spots[-1].removesuffix(f" {own}"), own)
@@ -261,7 +264,7 @@ class EffectWording:
         """
         levels, curve = effect.level.astype(float)[aside], effect.mean[aside]
         label = factor_label(self.cube, effect.factor)
-        head = f"Over {label}, {self.name} increases on both sides of zero"
+        head = f"Over {label}, {self.name} rises on both sides of zero"
         if mirror_level(levels, curve, effect.error) is not None:
             ends = [
                 f"{self.value(float(curve[[at, -1 - at]].mean()))} at {level(levels[at].item())} and "

@@ -108,7 +108,7 @@ class RunChange(_Form):
     """What people write about a run; what is left out stays."""
 
     name: str | None = Field(None, description="name to show; customer/joint-7 lies in the folder customer")
-    owner: str | None = Field(None, description="who answers for it")
+    owner: str | None = Field(None, description="person responsible for it")
     tags: list[str] | None = Field(None, description="all its tags")
     note: str | None = Field(None, description="note in Markdown")
 

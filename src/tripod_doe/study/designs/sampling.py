@@ -40,7 +40,7 @@ def salib_problem(tables: Mapping[str, FactorTable]) -> dict[str, Any]:
 def samples_of(table: DesignTable) -> int:
     """Number of samples of a design; InputError if it is missing."""
     if table.samples is None:
-        raise InputError(f"a {table.kind} design needs samples")
+        raise InputError(f"a {table.kind} design needs samples, for instance samples = 256")
     return table.samples
 
 
