@@ -106,7 +106,7 @@ def solve(
     judged = robust and rows.records >= _FEWEST
     loss = float(chi2.ppf(_HUBER, per_record)) if judged else np.inf
     problem = Problem(layout, misfit, predict, loss)
-    tell("a first look at the whole range")
+    tell("initial scan of the whole range")
     places = first_places(layout, seed)
     answers = predict(places[:, layout.owner])
     failed = int((~np.isfinite(answers).all(axis=1)).sum())

@@ -214,7 +214,7 @@ class RigFit:
         turning, error = self._fit(points, tell)
         if not self.skews_may_stay:
             return turning, error
-        tell("skews that stay")
+        tell("needles that keep their skew")
         staying = self.with_initial_skews(points)
         look = first_look(
             turning,

@@ -141,7 +141,7 @@ def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
         return [f"The joint at the start of the search has no {name}: {solved.start.reasons[0]}."]
     values = solved.front.judged.objectives[:, at]
     best = float(values[np.argmin(values * problem.signs[at])])
-    keeps = "" if solved.start.feasible[0] else f", which violates limits ({solved.start.reasons[0]})"
+    keeps = "" if solved.start.feasible[0] else f", where limits are violated ({solved.start.reasons[0]})"
     if solved.start.feasible[0] and best == start:
         return [f"No candidate is better in {name} than the start, with {aim_text(problem, at, start)}."]
     change = ""
