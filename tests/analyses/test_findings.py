@@ -155,16 +155,8 @@ z = {{ values = [0, {bend}] }}
 @pytest.mark.parametrize(
     ("values", "bend", "told"),
     [
-        (
-            [-6, -2, 2, 6],
-            1e-6,
-            "Over x, y rises on both sides of zero, symmetrically: 2 at -2 and 2, 6 at -6 and 6, ",
-        ),
-        (
-            [-900, 700, 2200],
-            1,
-            "Over x, y rises on both sides of zero: 855 at -900, and 735 at 700 to 2310 at 2200, ",
-        ),
+        ([-6, -2, 2, 6], 1e-6, "Over x, y rises on both sides of zero, symmetrically: 2 at -2 and 2, 6 at -6 and 6, "),
+        ([-900, 700, 2200], 1, "Over x, y rises on both sides of zero: 855 at -900, and 735 at 700 to 2310 at 2200, "),
         ([-9, 0, 4], 1, "Over x, y is smallest, 0, at 0 and rises on both sides: 8.55 at -9, 4.2 at 4, "),
     ],
 )
