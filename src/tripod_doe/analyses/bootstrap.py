@@ -11,6 +11,10 @@ from tripod_doe.study.memory import refuse_too_much_memory
 _DRAWN = 100_000  # blocks of every resample that are drawn together
 
 
+FEWEST_DECIDING = 10
+"""Blocks that make up a variance, for an interval by resampling: of fewer, those of 95 % held in 2 to 94 %."""
+
+
 def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     """How often each block is drawn, over their number, shape (resample, block); SALib's draws with this seed.
 
@@ -27,6 +31,16 @@ def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
             row += np.bincount(column, minlength=count)
     weights /= count
     return weights
+
+
+def deciding(squares: FloatArray) -> FloatArray:
+    """How many blocks make up a sum of squares: as many equal ones would scatter as much; NaN of nothing.
+
+    Args:
+        squares: Shape (block, ...).
+    """
+    with np.errstate(invalid="ignore"):
+        return np.asarray(squares.sum(axis=0) ** 2 / (squares**2).sum(axis=0))
 
 
 def random_halves(count: int, resamples: int, seed: int) -> Iterator[IntArray]:

@@ -32,8 +32,8 @@ def quantiles(values: list[FloatArray], probabilities: list[float], normal: floa
     wanted = np.asarray(probabilities)[:, None]
     above, below = chance + normal * error >= wanted, chance - normal * error <= wanted
     low = np.where(above[:, 0], np.nan, at[above.argmax(axis=1)])
-    last = at.size - 1 - below[:, ::-1].argmax(axis=1)
-    high = np.where(below[:, -1], np.nan, at[last])
+    first = at.size - below[:, ::-1].argmax(axis=1)  # the first of all higher places that are surely above
+    high = np.where(below[:, -1], np.nan, at[np.minimum(first, at.size - 1)])
     rising = np.sort(np.clip(chance, 0, 1))  # rearranged: differences of estimates need not be monotonic
     middle = np.interp(probabilities, *_strictly(rising, at))
     return np.stack([np.fmin(np.fmax(middle, low), high), low, high])

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.sensitivity.sentences import sobol_sentence
+from tripod_doe.analyses.sensitivity.sentences import sobol_sentence, without_intervals
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs, quantile_text
 from tripod_doe.page_parts.words import listed
@@ -21,6 +21,8 @@ def find_in_multifidelity(result: xr.Dataset, name: str) -> list[str]:
     truth = str(result.attrs["truth"])
     for part in multifidelity_parts(result):
         sentences.append(f"{_distribution(part, truth)} (analysis {name}).")
+        if np.isnan(part.answers["mean_conf"]):
+            sentences.append(without_intervals(part.what))
         sentences += _gain(part, truth)
         if "ST" in part.answers:
             sentences.append(f"{sobol_sentence(part)}.")

@@ -134,8 +134,8 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
         for (row, column), value, error in zip(pairs, data["S2"], data["S2_conf"], strict=True):
             ground, ink = (_SEEN, INK) if abs(value) > error else (_UNSEEN, MUTED)
             axes.fill_between([column - 0.5, column + 0.5], row - 0.5, row + 0.5, fc=ground, ec="white")
-            half = f"\n±{error:.2f}" if np.isfinite(error) else ""
-            text = f"{value:.2f}{half}".replace("-0.00", "0.00").replace("-", "\N{MINUS SIGN}")
+            beside = f"\n±{error:.2f}" if np.isfinite(error) else ""
+            text = f"{value:.2f}{beside}".replace("-0.00", "0.00").replace("-", "\N{MINUS SIGN}")
             axes.text(column, row, text, ha="center", va="center", fontsize=6.5, color=ink)
         axes.set_xlim(-0.5, side - 0.5)
         axes.set_ylim(side + 0.5, 0.5)

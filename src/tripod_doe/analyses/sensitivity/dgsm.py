@@ -16,6 +16,8 @@ from tripod_doe.analyses.settings import Precision, SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import IntArray
 
+_STILL = 1e-9  # of the steepest slope, up to which there is none
+
 
 class DgsmSettings(SensitivitySettings):
     """[analysis.NAME] of kind dgsm."""
@@ -30,17 +32,19 @@ def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: Se
     weights = np.concatenate([np.full((1, sample.blocks), 1 / sample.blocks), weights])
     base = values[:, 0] - values[:, 0].mean(axis=0)
     variance = weights @ base**2 - (weights @ base) ** 2
-    squares = []
+    squares, flat = [], np.zeros(components.size, bool)
     for at in range(len(sample.tables)):
         change = shorter_way(values[:, 1 + at] - values[:, 0], table.wraps)
         slope = change / (unit[:, 1 + at, at] - unit[:, 0, at])[:, None]
         squares.append(weights @ slope**2)
+        still = np.abs(slope) <= _STILL * np.abs(slope).max(axis=0)
+        flat |= (still.mean(axis=0) > 0.5) & ~still.all(axis=0)  # but for few blocks: they met a jump
     squared = np.stack(squares)  # (factor, resample, component)
     with np.errstate(invalid="ignore", divide="ignore"):
         measure = squared / (np.pi**2 * np.where(variance > 0, variance, np.nan))
     half = half_width(np.moveaxis(measure[:, 1:], 1, 0), settings.confidence)
     # all bounds together are at least one (Poincare's inequality), unless the output jumps between the steps
-    seen = np.where((measure[:, 0] + half).sum(axis=0) >= 1, 1.0, np.nan)
+    seen = np.where(((measure[:, 0] + half).sum(axis=0) >= 1) & ~flat, 1.0, np.nan)
     return {
         "vi": squared[:, 0],
         "vi_conf": half_width(np.moveaxis(squared[:, 1:], 1, 0), settings.confidence),
@@ -70,7 +74,7 @@ def derivative_measures(cube: xr.Dataset, settings: DgsmSettings | None = None) 
 
     Returns:
         vi, vi_conf, dgsm, dgsm_conf (factor, and the dimensions of the output); see `method.apply`. dgsm is NaN where
-        an output jumps, since the derivatives explain less than its variance.
+        an output jumps: its derivatives explain less than its variance, or vanish but for a few blocks.
 
     Raises:
         InputError: If the cube is of another design, or too few complete blocks are left.

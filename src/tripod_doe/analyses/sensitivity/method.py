@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.bootstrap import FEWEST_DECIDING, deciding
 from tripod_doe.analyses.output_table import (
     OutputTable,
     answered_in_parts,
@@ -37,7 +38,6 @@ DEPENDENT = (
 
 _FRACTIONS = (8, 4, 2)  # parts of the points over which the convergence is looked at
 _FEWEST = 16  # blocks of the smallest part
-_FEWEST_DECIDING = 10  # blocks that make up a variance, for an interval: of fewer, those of 95 % held in 2 to 94 %
 _RESOLUTION = ("constant", "not_resolved", "resolved", "below_numerical_error")  # from -1
 
 
@@ -125,7 +125,7 @@ def _estimate(method: Method, sample: Sample, table: OutputTable, settings: Sens
     answers: Answers = {}
     for components in table.chunks():
         own = method.estimate(sample, table, components, settings)
-        few = _deciding_blocks(sample, table, components) < _FEWEST_DECIDING if method.resampled else False
+        few = _deciding_blocks(sample, table, components) < FEWEST_DECIDING if method.resampled else False
         for key, answer in own.items():
             answer = np.where(few, np.nan, answer) if key.endswith("_conf") else answer
             blank = answers.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
@@ -139,11 +139,10 @@ def _estimate(method: Method, sample: Sample, table: OutputTable, settings: Sens
 
 
 def _deciding_blocks(sample: Sample, table: OutputTable, components: IntArray) -> FloatArray:
-    """How many blocks make up the variance: as many equal ones would scatter as much, shape (component,)."""
+    """How many blocks make up the variance, half of all at most, shape (component,)."""
     parts = table.parts(components)
     squares = ((parts - parts.mean(axis=1, keepdims=True)) ** 2).sum(axis=0)
-    squares = squares.reshape(sample.blocks, sample.block, -1).mean(axis=1)
-    return np.asarray(squares.sum(axis=0) ** 2 / (squares**2).sum(axis=0))
+    return np.minimum(deciding(squares.reshape(sample.blocks, sample.block, -1).mean(axis=1)), sample.blocks / 2)
 
 
 def _resolution(method: Method, answers: Answers, table: OutputTable, size: FloatArray | None) -> FloatArray:

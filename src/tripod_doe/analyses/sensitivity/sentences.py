@@ -31,9 +31,7 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
     parts = sensitivity_parts(result)
     if kind == "dgsm" and (jumps := _without_bound(result)):
         which = "an output, which jumps" if jumps == 1 else f"{jumps} outputs or parts of them, which jump"
-        sentences.append(
-            f"No bounds are stated for {which}: small steps show less than the variance (analysis {name})."
-        )
+        sentences.append(f"No bounds are stated for {which}: small steps do not show the variance (analysis {name}).")
     elif RANKED[kind] in result and not parts:
         sentences.append(f"The main outputs are the same at all points: no factor has an index (analysis {name}).")
     for part in parts:
@@ -145,14 +143,19 @@ def _without_interval(part: OutputPart, kind: str, result: xr.Dataset) -> list[s
     names = [spoken(str(factor)) for factor in answers["factor"].values[missing]]
     if not names:
         return []
-    blocks = int(result.attrs["groups_used"])
     if kind != "morris":
-        return [f"No intervals are known for {part.what}: a few of the {blocks:,} samples make up its variance."]
+        return [without_intervals(part.what)]
+    blocks = int(result.attrs["groups_used"])
     each = "the effect" if len(names) == 1 else "the effects"
     return [
         f"No interval is known for {each} of {listed(names)} on {part.what}: "
         f"{'it is' if len(names) == 1 else 'each is'} the same in all or nearly all of the {blocks:,} trajectories."
     ]
+
+
+def without_intervals(what: str) -> str:
+    """Why an output has no intervals."""
+    return f"No intervals are known for {what}: a few of the samples make up its variance."
 
 
 def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:

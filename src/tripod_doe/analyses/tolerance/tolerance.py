@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field
 
-from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width
+from tripod_doe.analyses.bootstrap import FEWEST_DECIDING, bootstrap_weights, deciding, half_width
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import (
     OutputTable,
@@ -111,15 +111,15 @@ def _gains(
     draws = np.concatenate([np.full((1, len(values)), 1 / len(values)), draws])
     centred = values - values.mean(axis=0)
     whole = np.sqrt(np.maximum(draws @ centred**2 - (draws @ centred) ** 2, 0))
+    few = deciding(centred**2) < FEWEST_DECIDING
     gain, gain_conf = [], []
     for own in weights:
         drawn = draws * own
         drawn = drawn / drawn.sum(axis=1, keepdims=True)
         halved = np.sqrt(np.maximum(drawn @ centred**2 - (drawn @ centred) ** 2, 0))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            part = 1 - halved / whole
+        part = 1 - halved / np.where(whole > 0, whole, np.nan)
         gain.append(part[0])
-        gain_conf.append(half_width(part[1:], settings.confidence))
+        gain_conf.append(np.where(few, np.nan, half_width(part[1:], settings.confidence)))
     low, chance, high = weighted_chances(weights, points).interval(settings.confidence).ends()
     halved = {"exceedance_if_halved_low": low, "exceedance_if_halved": chance, "exceedance_if_halved_high": high}
     return {"gain_of_halving": np.stack(gain), "gain_of_halving_conf": np.stack(gain_conf)} | {
