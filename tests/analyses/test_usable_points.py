@@ -111,3 +111,17 @@ def test_an_answer_for_the_rest_says_for_which_range_it_holds(tmp_path, kind):
     assert 0.75 < threshold < 0.82
     assert f"{result.attrs['points_outside']:,} points that have an answer outside" in first
     assert any(f"{lost:,} points" in sentence for sentence in others)
+
+
+def test_joints_that_no_balance_looks_at_count_as_calm_in_a_tolerance(tmp_path):
+    """Regression: they were "missing", so the chance of a vibration was that of the others."""
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\n[factors]\njoint_angle_deg = {low = 8, high = 14}\n[design]\nkind = "latin-hypercube"\n'
+        'samples = 20\n[keep]\noutputs = ["thrust_amplitude", "vibrates"]\n'
+        '[analysis.tolerance]\noutputs = ["vibrates"]\nlimits = {vibrates = 0.5}\n'
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    looked = td.open_cube(tmp_path / "out")["vibrates"].notnull()
+    assert 0 < int(looked.sum()) < 20
+    with td.open_cube(tmp_path / "out" / "analysis" / "tolerance.nc") as found:
+        assert (found.attrs["points_used"], found.attrs["points_dropped"]) == (20, 0)

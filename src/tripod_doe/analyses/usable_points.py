@@ -15,6 +15,7 @@ from tripod_doe.analyses.failing_region.failing_region import FailingRegion, fai
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
+from tripod_doe.joint.outputs import VIBRATES
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import EXCLUDED
 from tripod_doe.study.cube.slab_reading import all_finite
@@ -160,6 +161,14 @@ def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]
         if given.any():  # an output that no point gives takes nothing away from the others
             usable = usable & given
     return usable
+
+
+def calm_where_not_looked(cube: xr.Dataset) -> xr.Dataset:
+    """A cube whose joints count as calm where a balance did not look, as no recorded joint of their kind vibrates."""
+    if VIBRATES not in cube:
+        return cube
+    finished = cube["outcome"] == Outcome.FINISHED
+    return cube.assign({VIBRATES: cube[VIBRATES].fillna(0).where(finished).assign_attrs(cube[VIBRATES].attrs)})
 
 
 def without_sparse(cube: xr.Dataset, names: Sequence[str]) -> tuple[list[str], str]:

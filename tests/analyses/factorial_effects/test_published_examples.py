@@ -213,3 +213,19 @@ def test_an_effect_is_the_mean_over_three_words_and_rounding_is_none(tmp_path):
     assert effect["s=z"] == pytest.approx(3)
     assert effect["a:s=x"] == pytest.approx(1.5)
     assert result["p_value"].to_series()[["a", "b"]].tolist() == [1, 1]
+
+
+def test_the_mean_of_a_phase_is_a_phase():
+    """Regression: it was relative to a circular mean that stood nowhere."""
+    text = '[study]\nname = "t"\n[factors]\njoint_angle_deg = {low = 4, high = 8}\n[design]\nkind = "full-factorial"\n'
+    cube = xr.Dataset(
+        {
+            "p": ("point", [170.0, -170.0], {"units": "degree", "wraps_at": "+-180 degree"}),
+            "outcome": ("point", np.full(2, Outcome.FINISHED, np.int8)),
+        },
+        {"joint_angle_deg": ("point", [4.0, 8.0])},
+        {"study": text},
+    )
+    result = factorial_effects(cube)
+    assert abs(result["mean"].item()) == pytest.approx(180)
+    assert result["effect"].item() == pytest.approx(20)

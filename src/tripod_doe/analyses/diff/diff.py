@@ -29,7 +29,8 @@ from tripod_doe.study.result_directory.open_cube import opened_cube
 _FULL_TURN = 360.0
 _AMPLITUDE = "thrust_amplitude"
 _ROUNDING = 1e-12  # part of the largest magnitude of a variable up to which its values count as equal
-_NO_PHASE = 1e-3  # part of the largest amplitude of a point below which a phase is chance
+NO_PHASE = 1e-3
+"""Part of the largest amplitude of a point below which a phase is chance, and is not compared."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def _by_point(cube: xr.Dataset, name: str, rows: IntArray) -> tuple[FloatArray, 
     amplitude = name.replace("_phase_deg", "_amplitude")
     if amplitude != name and amplitude in cube and cube[amplitude].dims == cube[name].dims:
         sizes, _ = _by_point(cube, amplitude, rows)
-        flat = np.where(sizes > _NO_PHASE * np.nanmax(sizes, axis=1, keepdims=True, initial=0.0), flat, np.nan)
+        flat = np.where(sizes > NO_PHASE * np.nanmax(sizes, axis=1, keepdims=True, initial=0.0), flat, np.nan)
     labels = [cube[dim].values.tolist() if dim in cube.coords else list(range(cube.sizes[dim])) for dim in others]
     places = np.ndindex(*(len(own) for own in labels))
     return flat, [{dim: labels[k][i] for k, (dim, i) in enumerate(zip(others, place, strict=True))} for place in places]

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tripod_doe.analyses.diff.definitions import KeyDifference
-from tripod_doe.analyses.diff.diff import Diff, EqualVariable, ResultDifference
+from tripod_doe.analyses.diff.diff import NO_PHASE, Diff, EqualVariable, ResultDifference
 from tripod_doe.errors import printable
 from tripod_doe.page_parts.words import unit_text
 from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, plain_json, with_unit
@@ -53,7 +53,7 @@ def _points_lines(found: Diff) -> list[str]:
         lines.append("no result has a number on both sides")
     lines += _first(
         (
-            f"  {_named(one.variable, one.part)}: a number on one side alone at {count_of(one.points, 'point')}"
+            f"  {_named(one.variable, one.part)}: {_one_sided(one.variable)} at {count_of(one.points, 'point')}"
             for one in found.one_sided
         ),
         len(found.one_sided),
@@ -61,6 +61,12 @@ def _points_lines(found: Diff) -> list[str]:
     if found.others:
         lines.append(f"not compared: {', '.join(found.others)} (--variable NAME)")
     return lines
+
+
+def _one_sided(variable: str) -> str:
+    if not variable.endswith("_phase_deg"):
+        return "a number on one side alone"
+    return f"a phase of an amplitude above {100 * NO_PHASE:g} % of the largest at its point, on one side alone,"
 
 
 def _first(lines: Iterator[str], count: int) -> Iterator[str]:

@@ -316,6 +316,7 @@ def _of_output(terms: Terms, table: OutputTable, confidence: float, sampled: boo
         for key, answer in _fit(terms, table.values[:, components], confidence, sampled).items():
             blank = answers.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
             blank[..., components] = np.where(varies[components], answer, np.nan)
+    answers["mean"] = table.placed(answers["mean"])
     return xr.Dataset(
         {key: table.labelled(answer, ("term",) if answer.ndim == 2 else ()) for key, answer in answers.items()}
     )
