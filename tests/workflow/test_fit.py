@@ -217,9 +217,9 @@ def test_records_beyond_the_range_of_the_model_are_counted(fitted):
 
 
 def test_one_page_of_a_fit_is_refused(fitted, capsys):
-    """Regression: it was an internal error; there is a page of its points."""
+    """Regression: it was an internal error."""
     assert main(["report", str(fitted[0]), "--format", "html"]) == 2
-    assert str(fitted[0] / "steps" / "points") in capsys.readouterr().err
+    assert f"its studies are folders of {fitted[0] / 'steps'}" in capsys.readouterr().err
 
 
 def test_formulas_are_refused_by_a_fit(fitted, tmp_path, capsys):
