@@ -219,7 +219,7 @@ def test_a_third_factor_of_few_levels_has_a_map_each_and_own_results_stand_besid
     assert [chart.caption.rpartition(", ")[2] for chart in maps] == ["speed 100 rpm.", "speed 200 rpm."]
     values = cube["thrust_amplitude"].sel(order=3, speed_rpm=200).transpose("torque_n_m", "joint_angle_deg").values
     assert (data_of(maps[1]).set_index("torque_n_m").to_numpy() == values).all()
-    assert residual.response.label == "energy residual"
+    assert residual.response.label == "energy_residual"
 
 
 def crowded(name: str, count: int) -> Chart:

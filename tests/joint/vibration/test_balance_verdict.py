@@ -93,7 +93,7 @@ def test_a_joint_is_looked_at_where_those_on_record_do_not_say_that_it_is_calm()
     assert errors.limit[0] == by_record.limit[0]
     assert errors.limit[1] < 0.05 < by_record.limit[1]  # without the vibrations of others
     assert np.isnan(errors.limit[2])
-    assert "without the vibration" in errors.unknown[2]
+    assert "leaves the vibration out" in errors.unknown[2]
     assert outside_by_share(by_record) == [False, True, True]
     assert outside_by_share(errors) == [False, False, False]  # the verdict is the reason
 

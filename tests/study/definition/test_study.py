@@ -32,7 +32,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[base]\ntorque_nm = 5", "did you mean 'torque_n_m'"),
         (HEAD + '[base]\ntorque_n_m = "much"', "torque_n_m = 'much': expected a number"),
         (HEAD + "[base]\ntorque_n_m = nan", "must be finite"),
-        (HEAD + "[base]\njoint_angle_deg = 60", r"must be >= 0 and <= 40 degree"),
+        (HEAD + "[base]\njoint_angle_deg = 60", r"must be >= 0 and <= 40 deg"),
         (HEAD + "[base]\nneedle_count = 27.5", "whole number"),
         (HEAD + "[base]\ngroove_sliding = 2", "0 or 1"),
         (

@@ -103,7 +103,7 @@ def test_check_names_a_damaged_file_and_the_next_run_mends_it(folder, capsys, fi
     out = folder / "out"
     before = td.open_cube(out)
     assert main(["check", str(out)]) == 0
-    assert capsys.readouterr().out.count("whole") == 7
+    assert capsys.readouterr().out.count("intact") == 7
     path = out / file
     flip(path, 8 * path.read_bytes().index(b"outputs" if file == "journal.sqlite" else b"units"))
     assert main(["check", str(out), "--format", "json"]) == 3
@@ -365,5 +365,5 @@ def test_deep_folders_are_checked_as_far_as_the_system_reaches(tmp_path, capsys,
     assert main(["check", str(tmp_path)]) == (3 if is_long else 0)
     said = capsys.readouterr().out
     assert ("cannot be read: File name too long" in said) == is_long
-    assert f"whole    {tmp_path}/z.toml" in said
+    assert f"intact   {tmp_path}/z.toml" in said
     subprocess.run(["rm", "-r", str(tmp_path / name)], check=True)  # which Python cannot
