@@ -31,3 +31,24 @@ def test_twice_the_torque_stiffness_and_mass_leaves_angles_and_ratios(model, apa
     skew = "needle_skew_summary_deg"
     if skew in one:
         assert two[skew].values == pytest.approx(one[skew].values, abs=10 * apart, nan_ok=True)
+
+
+LENGTHS = {
+    "pitch_radius_mm": 21.0, "roller_radius_mm": 16.0, "roller_width_mm": 11.0, "needle_diameter_mm": 2.0,
+    "needle_length_mm": 10.0, "needle_pitch_diameter_mm": 17.28, "bearing_radial_clearance_mm": 0.015,
+    "needle_axial_clearance_mm": 0.2, "shaft_length_mm": 350.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "apart"), [("equilibrium", 1e-9), ("kinetostatic", 1e-9)])
+def test_a_joint_of_another_size_has_forces_by_its_square(model, apart):
+    """Exact: with all lengths and times multiplied by L, velocities and stresses stay, and forces go with L squared."""
+    size = 1.37
+    one = td.simulate(model=model, **JOINT, **LENGTHS)
+    scaled = JOINT | {name: size * value for name, value in LENGTHS.items()}
+    for name, power in (("torque_n_m", 3), ("speed_rpm", -1), ("shaft_mass_kg", 3), ("output_inertia_kg_m2", 5)):
+        scaled[name] = JOINT[name] * size**power
+    other, amplitude = td.simulate(model=model, **scaled), one["thrust_amplitude"].values
+    assert other["thrust_amplitude"].values == pytest.approx(
+        size**2 * amplitude, rel=apart, abs=apart * amplitude.max()
+    )
