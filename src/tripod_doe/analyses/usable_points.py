@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.failing_region.failing_region import FailingRegion, failing_region
+from tripod_doe.analyses.output_table import chosen_outputs
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
@@ -171,28 +172,35 @@ def calm_where_not_looked(cube: xr.Dataset) -> xr.Dataset:
     return cube.assign({VIBRATES: cube[VIBRATES].fillna(0).where(finished).assign_attrs(cube[VIBRATES].attrs)})
 
 
-def without_sparse(cube: xr.Dataset, names: Sequence[str]) -> tuple[list[str], str]:
-    """Outputs without those of one number a point that some of the finished points lack.
+def whole_outputs(cube: xr.Dataset, asked: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """The requested outputs, else all results but those of one number a point that some of the finished points lack.
 
     A model may give an output at some points only, as kinetostatic does `vibrates`: the others are not lost for the
     rest of the outputs.
 
     Returns:
-        The outputs, all of them if none of the others is whole; and a line ``NAME: reason`` for each that is left out.
+        The outputs, all of them if none of the others is whole; and the attribute ``left_out`` of the result, a line
+        ``NAME: reason`` for each that is left out.
+
+    Raises:
+        InputError: See `chosen_outputs`.
     """
+    names = chosen_outputs(cube, asked)
+    if asked:
+        return names, {}
     finished = cube["outcome"].values == Outcome.FINISHED
     lacking = {
         name: int(np.isnan(cube[name].values[finished]).sum()) for name in names if cube[name].dims == ("point",)
     }
     count = int(finished.sum())
     sparse = [name for name, lost in lacking.items() if 0 < lost < count]
-    if all(lacking.get(name, 0) for name in names):  # none is whole
-        return list(names), ""
+    if not sparse or all(lacking.get(name, 0) for name in names):  # none is whole
+        return names, {}
     lines = [
         f"{name}: {lacking[name]:,} of {count:,} points do not have it; name it alone to analyse the rest"
         for name in sparse
     ]
-    return [name for name in names if name not in sparse], "\n".join(lines)
+    return [name for name in names if name not in sparse], {"left_out": "\n".join(lines)}
 
 
 def refuse_holes(settings: PointSettings, region: FailingRegion | None, left: int, asked: int, block: int) -> None:

@@ -22,7 +22,6 @@ from tripod_doe.analyses.main_effects.repeated_sample import numbered, varied_to
 from tripod_doe.analyses.output_table import (
     OutputTable,
     answered_in_parts,
-    chosen_outputs,
     is_course,
     meaning_of,
     output_attributes,
@@ -30,7 +29,7 @@ from tripod_doe.analyses.output_table import (
     stacked,
 )
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.usable_points import Sample, read_sample, without_sparse
+from tripod_doe.analyses.usable_points import Sample, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.definition.study_tables import FactorTable
@@ -130,7 +129,7 @@ def _separable_terms(candidates: list[tuple[str, FloatArray, float]], count: int
 
 
 def _with_repeats(terms: Terms, columns: Mapping[str, NDArray[np.generic]]) -> Terms:
-    """The terms with the settings that points of a list repeat: their scatter is not that of independent points.
+    """The terms with the settings that points of a list repeat: the points scatter less than independent ones.
 
     Settings of single factors, and of factors that vary together, as in the rows of a table.
     """
@@ -155,7 +154,7 @@ def _setting_deviations(weights: FloatArray, q: FloatArray, rest: FloatArray, at
         at: See `Terms.repeats`.
 
     Returns:
-        ndarray, shape (term, component); number of settings less that of the columns between them.
+        ndarray, shape (term, component); number of settings less the number of columns between them.
     """
     from scipy.sparse import csr_array  # imported where it is used: every study would wait for it
 
@@ -258,9 +257,9 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     """Effects of factors, interactions and squares with intervals, and the analysis of variance.
 
     Intervals and probabilities are those of Student's t with the scatter that the terms leave: of a deterministic model
-    that is its lack of fit, for a random sample as it is near each point where that is more, and where points of a list
-    repeat settings of some factors that between settings where it is more. A design without spare points takes Lenth's
-    pseudo standard error. Of a factor without low and high these are the ends of its points.
+    that is its lack of fit, and for a random sample the local one where it is larger. Where points of a list repeat
+    settings of some factors, the scatter between settings counts where it is larger. A design without spare points
+    takes Lenth's pseudo standard error. Of a factor without low and high these are the ends of its points.
 
     Returns:
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
@@ -273,9 +272,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     """
     settings = settings or EffectsSettings()
     cube = flat_points(cube)
-    names, left_out = chosen_outputs(cube, settings.outputs), ""
-    if not settings.outputs:
-        names, left_out = without_sparse(cube, names)
+    names, left_out = whole_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     sampled = sample.design.kind in _SAMPLED
     if sample.design.kind in _LISTED:  # a point that is listed twice is one: its outputs are the same
@@ -304,7 +301,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
         degrees_of_freedom=sample.rows.size - len(terms.names) - 1,
         confidence_level=settings.confidence,
         **sample.attributes,
-        **({"left_out": left_out} if left_out else {}),
+        **left_out,
     )
 
 

@@ -13,16 +13,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.bootstrap import FEWEST_DECIDING, deciding
-from tripod_doe.analyses.output_table import (
-    OutputTable,
-    answered_in_parts,
-    chosen_outputs,
-    output_attributes,
-    side_by_side,
-    stacked,
-)
+from tripod_doe.analyses.output_table import OutputTable, answered_in_parts, output_attributes, side_by_side, stacked
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.usable_points import Sample, read_sample, without_sparse
+from tripod_doe.analyses.usable_points import Sample, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import cf_flags
@@ -75,9 +68,7 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
         InputError: If the cube is of another design, or too few complete blocks are left.
     """
     cube = flat_points(cube)
-    names, left_out = chosen_outputs(cube, settings.outputs), ""
-    if not settings.outputs:
-        names, left_out = without_sparse(cube, names)
+    names, left_out = whole_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and not sample.independent:
         raise InputError(DEPENDENT)
@@ -86,7 +77,7 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     joint = side_by_side(cube, names)
     names = joint + [name for name in names if name not in joint]
     result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)
-    outputs = output_attributes(cube, names) | ({"left_out": left_out} if left_out else {})
+    outputs = output_attributes(cube, names) | left_out
     return _described(result, method, sample, outputs, settings)
 
 

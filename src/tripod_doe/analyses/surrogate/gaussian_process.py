@@ -260,11 +260,11 @@ def _polynomials(
         rows = rows[scale[rows] >= LEAST_SCALE]
         ridge = RidgeCV(np.logspace(-8, 2, 11), alpha_per_target=True, fit_intercept=constant)
         levels = [np.unique(column).size for column in places[rows].T]  # x^3 is x at -1, 0 and 1
-        told = np.flatnonzero((exponents < levels).all(axis=1))[int(constant) :]
-        ridge.fit(terms[np.ix_(rows, told)], over[rows], sample_weight=scale[rows] ** 2)
+        separable = np.flatnonzero((exponents < levels).all(axis=1))[int(constant) :]
+        ridge.fit(terms[np.ix_(rows, separable)], over[rows], sample_weight=scale[rows] ** 2)
         slopes = np.zeros((values.shape[1], len(exponents)))
         slopes[:, 0] = ridge.intercept_  # 0 without a constant, whose place a term then has
-        slopes[:, told] = ridge.coef_
+        slopes[:, separable] = ridge.coef_
         return slopes
 
     errors = _errors(values, parts, lambda seen, out: scale[out, None] * (terms[out] @ fit(seen).T) * size)
