@@ -144,7 +144,7 @@ def damage(path: Path) -> str:
         header = stream.read(24)
     if header[:18] != _HEADER or not {*header[18:20]} <= {*_VERSIONS} or header[20:] != _FRACTIONS:
         return "its first bytes are not the header of a journal"
-    logged = {row.id for row in _blocks(logged_rows(path, PAGE_BYTES))}
+    logged = {row.id for row in _blocks(logged_rows(path))}
     try:
         with closing(connected(path, "ro")) as connection:
             return (
@@ -226,8 +226,8 @@ def rescue(path: Path, reason: str) -> str:
     Raises:
         CubeError: If nothing of it can be read.
     """
-    whole = {row.id: row.kernels for row in _blocks(stored_rows(path, PAGE_BYTES))}
-    notes = {note.key: note.value for note in _notes(stored_rows(path, PAGE_BYTES))}
+    whole = {row.id: row.kernels for row in _blocks(stored_rows(path))}
+    notes = {note.key: note.value for note in _notes(stored_rows(path))}
     for key in (SHOWN, REPAIRS):
         if _reason(partial(counted, key, notes.get(key))):
             del notes[key]
@@ -240,7 +240,7 @@ def rescue(path: Path, reason: str) -> str:
     notes[REPAIRS] = str(int(notes.get(REPAIRS, 0)) + 1)
     kept = _free_name(path)
     os.link(path, kept)
-    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(whole)), notes, number_in(path))
+    write_journal(path, _renumbered(_blocks(stored_rows(path)), sorted(whole)), notes, number_in(path))
     return (
         f"{path}: the journal is damaged ({reason}): {count_of(len(whole), 'block')} can be read, "
         f"{f'at least {newest - len(whole):,} cannot' if newest > len(whole) else 'others may be lost'}; "

@@ -236,7 +236,7 @@ class Journal:
     def _storing(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError) as error:
             raise StorageError(
                 f"{self.path}: cannot write ({error}); finished points are kept: free space, then run again"
             ) from error

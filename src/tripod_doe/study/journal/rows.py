@@ -155,6 +155,12 @@ NOTE_COLUMNS = tuple(NoteRow.__dataclass_fields__)
 """Names of the columns of a note."""
 
 
+def make_tables(connection: sqlite3.Connection) -> None:
+    """Make the tables of a journal in a new file."""
+    connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
+    connection.executescript(SCHEMA)
+
+
 def insert_block(connection: sqlite3.Connection, row: BlockRow) -> None:
     """Add a block; the statement is a transaction of its own unless one was begun."""
     places = ", ".join("?" * len(BLOCK_COLUMNS))
@@ -183,10 +189,9 @@ def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, st
         fresh.unlink(missing_ok=True)
         try:
             with closing(sqlite3.connect(fresh, isolation_level=None)) as connection:
-                connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
                 connection.execute("PRAGMA journal_mode = OFF")  # nothing else sees this file before it is whole
                 connection.execute("PRAGMA synchronous = OFF")
-                connection.executescript(SCHEMA)
+                make_tables(connection)
                 connection.execute(f"PRAGMA user_version = {number or 1 + secrets.randbelow(MOST_RESULTS)}")
                 connection.execute("BEGIN")
                 for row in blocks:

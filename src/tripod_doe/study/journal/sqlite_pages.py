@@ -1,140 +1,93 @@
-"""Rows in the pages of an SQLite file and of its log, read without SQLite.
+"""Rows of a damaged journal and of its log: SQLite reads each page that holds rows as a table of its own.
 
-Why not row by row with SQLite: one damaged bit in the root page of a table would cost all rows, a file that was cut
-cannot be opened, and SQLite ignores the log behind a damaged part. The format is fixed
-(https://www.sqlite.org/fileformat2.html); only leaf pages of tables and their overflow pages are needed, and checksums
-decide whether a row is intact.
+Why not the tables as they are: one damaged bit in the root page of a table would cost all rows, a file that was cut
+cannot be opened, and SQLite ignores the log behind a damaged part. Checksums decide whether a row is intact.
 """
 
-import mmap
-import struct
+import shutil
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-_LEAF = 0x0D  # kind of a page that holds rows of a table
+from tripod_doe.study.journal.rows import PAGE_BYTES, make_tables
+
+_LEAF = 0x0D  # kind of a page that holds rows of a table (https://www.sqlite.org/fileformat2.html)
+_PAGES_AT = 28  # place of the number of pages in the header
 _LOG_HEADER, _FRAME_HEADER = 32, 24
-_INTEGER_BYTES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}  # by the serial type of a value
-_REAL, _ZERO, _ONE, _TEXTS = 7, 8, 9, 12  # other serial types
-_MOST_COLUMNS = 32
-
-Row = tuple[Any, ...]
-Page = memoryview
 
 
-def stored_rows(path: Path, page_bytes: int) -> Iterator[Row]:
+def stored_rows(path: Path) -> Iterator[tuple[Any, ...]]:
     """Read all rows that can be read, each with its number first; newer ones after older ones, and some twice.
 
     Args:
-        path: The file; its log is that with ``-wal`` at the end of its name.
+        path: The file, beside which it is copied; its log is that with ``-wal`` at the end of its name.
     """
-    pages, log = _pages(path, 0, 0, page_bytes), _log(path, page_bytes)
-    yield from _rows([*pages[1:], *(page for _, page in log)], dict(enumerate(pages, 1)) | dict(log))
+    with TemporaryDirectory(prefix=".rescue-", dir=path.parent) as folder:
+        yield from _rows(path, Path(folder) / "pages", log_only=False)
 
 
-def logged_rows(path: Path, page_bytes: int) -> Iterator[Row]:
+def logged_rows(path: Path) -> Iterator[tuple[Any, ...]]:
     """Read the rows among them that stand in the log."""
-    if log := _log(path, page_bytes):
-        pages = _pages(path, 0, 0, page_bytes)
-        yield from _rows([page for _, page in log], dict(enumerate(pages, 1)) | dict(log))
+    if _frames(path):
+        with TemporaryDirectory(prefix="tripod-doe-") as folder:
+            yield from _rows(path, Path(folder) / "pages", log_only=True)
 
 
-def _pages(path: Path, start: int, before: int, page_bytes: int) -> list[Page]:
-    """Pages of a file from a position, each with the bytes before it; the last one may be incomplete."""
-    if not path.exists() or path.stat().st_size <= start:
-        return []
-    with path.open("rb") as stream:
-        content = memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
-    stride = before + page_bytes
-    pages = [content[at : at + stride] for at in range(start, len(content), stride)]
-    return [*pages[:-1], memoryview(bytes(pages[-1]).ljust(stride, b"\0"))]
+def _rows(path: Path, copy: Path, log_only: bool) -> Iterator[tuple[Any, ...]]:
+    with closing(sqlite3.connect(copy, isolation_level=None)) as connection:
+        make_tables(connection)
+    leaves = _copy_pages(path, copy, log_only)
+    with closing(sqlite3.connect(copy, isolation_level=None)) as connection:
+        connection.execute("PRAGMA journal_mode = OFF")
+        connection.execute("PRAGMA synchronous = OFF")
+        for leaf in leaves:
+            connection.execute("PRAGMA writable_schema = ON")
+            connection.execute("UPDATE sqlite_schema SET rootpage = ? WHERE type = 'table'", (leaf,))
+            connection.execute("PRAGMA writable_schema = RESET")  # which reads the schema again
+            for table in ("block", "note"):
+                for way in ("ASC", "DESC"):  # a damaged row ends the reading
+                    with suppress(sqlite3.Error, OverflowError):
+                        yield from connection.execute(f"SELECT * FROM {table} ORDER BY id {way}")
 
 
-def _log(path: Path, page_bytes: int) -> list[tuple[int, Page]]:
-    """Numbers and contents of the pages in the log, in the order in which they were written.
+def _copy_pages(path: Path, copy: Path, log_only: bool) -> list[int]:
+    """Put the pages of a file and its log behind the first page of new tables; gives the numbers of those with rows.
 
-    Remains of an earlier log behind them are harmless: overflow pages never change, and rows are never deleted.
+    Pages with rows of the log come at the end, since remains of an earlier log may follow newer ones; others that rows
+    need never change.
     """
-    frames = _pages(path.with_name(f"{path.name}-wal"), _LOG_HEADER, _FRAME_HEADER, page_bytes)
+    first, frames = copy.read_bytes()[:PAGE_BYTES], _frames(path)
+    if not log_only:
+        shutil.copyfile(path, copy)
+    count = -(-path.stat().st_size // PAGE_BYTES) + len(frames)
+    with copy.open("r+b") as stream:
+
+        def is_leaf(number: int) -> bool:
+            stream.seek((number - 1) * PAGE_BYTES)
+            return stream.read(1) == bytes([_LEAF])
+
+        stream.write(first)
+        leaves = [] if log_only else [number for number in range(2, count + 1) if is_leaf(number)]
+        for number, page in frames:
+            if page[0] == _LEAF:
+                count += 1
+                leaves.append(number := count)
+            elif not 1 < number <= count or is_leaf(number):
+                continue
+            stream.seek((number - 1) * PAGE_BYTES)
+            stream.write(page)
+        stream.truncate(count * PAGE_BYTES)
+        stream.seek(_PAGES_AT)
+        stream.write(count.to_bytes(4, "big"))
+    return leaves
+
+
+def _frames(path: Path) -> list[tuple[int, bytes]]:
+    """Numbers and contents of the pages in the log of a file, in the order in which they were written."""
+    log = path.with_name(f"{path.name}-wal")
+    content, stride = log.read_bytes()[_LOG_HEADER:] if log.exists() else b"", _FRAME_HEADER + PAGE_BYTES
+    frames = [content[at : at + stride].ljust(stride, b"\0") for at in range(0, len(content), stride)]
     return [(int.from_bytes(frame[:4], "big"), frame[_FRAME_HEADER:]) for frame in frames]
-
-
-def _rows(leaves: list[Page], pages: dict[int, Page]) -> Iterator[Row]:
-    for leaf in leaves:
-        if leaf[0] == _LEAF:
-            count = min(int.from_bytes(leaf[3:5], "big"), len(leaf) // 4)
-            for start in struct.unpack_from(f">{count}H", leaf, 8):
-                try:
-                    yield _row(leaf, start, pages)
-                except (_NotARowError, IndexError, struct.error, UnicodeDecodeError):
-                    continue
-
-
-class _NotARowError(Exception):
-    """Raised for a damaged row."""
-
-
-def _row(leaf: Page, start: int, pages: dict[int, Page]) -> Row:
-    """The row that begins at a place of a page."""
-    size, start = _varint(leaf, start)
-    number, start = _varint(leaf, start)
-    content = _content(leaf, start, size, pages)
-    header, at = _varint(content, 0)
-    kinds: list[int] = []
-    while at < header and len(kinds) < _MOST_COLUMNS:
-        kind, at = _varint(content, at)
-        kinds.append(kind)
-    values: list[Any] = []
-    for kind in kinds:
-        value, at = _value(content, kind, at)
-        values.append(value)
-    return (number, *values[1:])  # the first column is the number, which is not stored twice
-
-
-def _content(leaf: Page, start: int, size: int, pages: dict[int, Page]) -> Page:
-    """All bytes of a row, of which a long one has most in a chain of other pages."""
-    most = len(leaf) - 35
-    if size <= most:
-        return leaf[start : start + size]
-    if size > len(pages) * len(leaf):
-        raise _NotARowError
-    least = (len(leaf) - 12) * 32 // 255 - 23
-    here = least + (size - least) % (len(leaf) - 4)
-    here = here if here <= most else least
-    parts, left, at = [leaf[start : start + here]], size - here, start + here
-    page = leaf
-    while left > 0:
-        page = pages.get(int.from_bytes(page[at : at + 4], "big"), _NO_PAGE)
-        if not page:
-            raise _NotARowError
-        parts.append(page[4 : 4 + left])
-        left, at = left - (len(page) - 4), 0
-    return memoryview(b"".join(parts))
-
-
-_NO_PAGE = memoryview(b"")
-
-
-def _value(content: Page, kind: int, at: int) -> tuple[Any, int]:
-    """A value by its serial type, and where the next one begins."""
-    if kind >= _TEXTS:
-        stop = at + (kind - _TEXTS) // 2
-        value = bytes(content[at:stop])
-        return (value.decode() if kind % 2 else value), stop
-    if kind == _REAL:
-        return struct.unpack_from(">d", content, at)[0], at + 8
-    if kind in (_ZERO, _ONE):
-        return kind - _ZERO, at
-    length = _INTEGER_BYTES.get(kind, 0)
-    return int.from_bytes(content[at : at + length], "big", signed=True) if length else None, at + length
-
-
-def _varint(content: Page, at: int) -> tuple[int, int]:
-    """An integer of one to nine bytes, and where the next value begins."""
-    number = 0
-    for count in range(8):
-        byte = content[at + count]
-        number = number << 7 | byte & 0x7F
-        if byte < 0x80:
-            return number, at + count + 1
-    return number << 8 | content[at + 8], at + 9
