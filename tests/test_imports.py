@@ -56,7 +56,7 @@ def cube(tmp_path_factory):
         ("run --help", set()),
         ("plan {study} --no-timing", {"numpy", "pydantic"}),
         ("simulate", {"numba", "numpy", "scipy"}),
-        ("query {cube} --variable y --where 'x > 1'", {"numpy", "netCDF4"}),
+        ("query {cube} --variable y --where 'x > 1'", {"dask", "numpy", "netCDF4", "pandas", "xarray"}),
     ],
 )
 def test_a_command_imports_only_what_it_needs(cube, command, needs):

@@ -12,7 +12,7 @@ from tripod_doe.study.cube.lazy_dataset import flat_points
 
 @pytest.fixture
 def grid(tmp_path):
-    """A cube of 3 x 4 x 2 cells in a file, of which at most five cells are read together."""
+    """A cube of 3 x 4 x 2 cells in a file."""
     random = np.random.default_rng(2)
     cells = ("x", "y", "kind")
     cube = xr.Dataset(
@@ -33,9 +33,8 @@ def grid(tmp_path):
     return tmp_path / "grid.nc"
 
 
-def test_the_cells_of_a_grid_are_points_in_their_order(grid, monkeypatch):
+def test_the_cells_of_a_grid_are_points_in_their_order(grid):
     """Exact: as xarray stacks them; whole, in parts, backwards and one by one."""
-    monkeypatch.setattr(module, "_SLAB_BYTES", 5 * 40)
     with xr.open_dataset(grid, cache=False) as cube:
         flat = flat_points(cube)
         stacked = cube.load().stack(point=cube["outcome"].dims).transpose("point", ...)

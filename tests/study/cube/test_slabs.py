@@ -6,25 +6,22 @@ import json
 import math
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 
 import netCDF4
 import numpy as np
-import pandas
 import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study.cube import netcdf, slab_file, writing
+from tripod_doe.study.cube import slab_file, writing
 from tripod_doe.study.cube.slab_file import _shrinks
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.query import arrays, query, selection
+from tripod_doe.study.query import arrays, query
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.result_directory import open_cube
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -164,83 +161,6 @@ def test_a_slab_that_cannot_be_written_ends_the_command_and_leaves_the_old_cube(
     assert not list(parts.glob("*.tmp*"))
 
 
-def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeypatch):
-    whole, parts = run_in_slabs(LIST, 2000)
-    expected = td.open_cube(whole)
-    monkeypatch.setattr(open_cube, "_READ_AT_ONCE", 0)
-    with open_cube.opened_cube(parts) as cube:
-        assert not cube["outcome_detail"].variable._in_memory
-        assert str(cube["outcome_detail"][7].values) == str(expected["outcome_detail"][7].values)
-        assert cube["kind"].isel(point=[3, 1, 4]).values.tolist() == expected["kind"][[3, 1, 4]].values.tolist()
-    with td.open_cube(parts, chunks={"point": 16}) as cube:
-        assert cube["outcome_detail"].chunks is not None
-        xr.testing.assert_equal(cube["outcome_detail"].compute(), expected["outcome_detail"])
-
-
-@pytest.mark.parametrize("read_whole", [1_000_000, 50])
-def test_points_are_found_by_their_numbers_which_need_not_be_read(run_in_slabs, monkeypatch, tmp_path, read_whole):
-    """Numbers count from 0 in a cube as it was written; in one of chosen or sorted points they are those stored."""
-    monkeypatch.setattr(netcdf, "_READ_WHOLE", read_whole)
-    monkeypatch.setattr(netcdf, "_STRETCH", 5)
-    _, parts = run_in_slabs(LIST, 2000)
-    with td.open_cube(parts, chunks="auto") as cube:
-        assert isinstance(cube.indexes["point"], pandas.RangeIndex)
-        assert cube["point"].dtype == np.int32
-        whole = cube.load()
-    with opened_arrays(parts) as stored:
-        np.testing.assert_equal(records(stored, "peak", ["point=17"])["peak"], whole["peak"].sel(point=[17]).values)
-    file = tmp_path / "part.nc"
-    for chosen in (np.arange(0, 60, 2), np.arange(60)[::-1], np.r_[1, 0, 2:60]):
-        part = whole[["peak", "outcome"]].isel(point=chosen)
-        part.to_netcdf(file)  # also regression: a file without costs beside it stayed open
-        with td.open_cube(file, chunks="auto") as cube:
-            assert cube["point"].values.tolist() == chosen.tolist()
-            np.testing.assert_equal(cube["peak"].sel(point=0).values, whole["peak"].sel(point=0).values)
-        with opened_arrays(file) as stored:
-            result = records(stored, "peak", ["point=0"])["peak"]
-            np.testing.assert_equal(result, whole["peak"].sel(point=[0]).values)
-
-
-def made_up_cube(file, count):
-    """A cube of many points that costs little disk: what is not written is fill value."""
-    with netCDF4.Dataset(file, "w") as made:
-        made.createDimension("point", count)
-        made.createDimension("order", 2)
-        point = made.createVariable("point", "i4", ("point",), chunksizes=(5000,))
-        point.setncatts(netcdf.POINT_ATTRIBUTES)
-        for start in np.linspace(0, count - 1000, 8).astype(int).tolist():
-            point[start : start + 1000] = np.arange(start, start + 1000)
-        made.createVariable("order", "i4", ("order",))[:] = [0, 1]
-        for name, dims in (("x", ("point",)), ("force", ("point", "order"))):
-            made.createVariable(name, "f8", dims, chunksizes=(5000, 2)[: len(dims)], fill_value=np.nan)
-        made["force"].coordinates = "x"
-        made["x"][[5, count - 1]] = 0.25, 0.75
-        made["force"][[5, count - 1]] = [[2, 3], [4, 5]]
-
-
-@pytest.mark.parametrize(
-    ("count", "select", "expected", "most"),
-    [
-        (100_000_000, ["point=5"], [2, 3], 8e6),
-        (100_000_000, ["point=5,99999999", "order=1"], [3, 5], 8e6),
-        (20_000_000, ["x=0.75"], [4, 5], 60e6),
-    ],
-)
-def test_points_of_a_large_cube_are_found_in_little_memory(tmp_path, monkeypatch, count, select, expected, most):
-    """Numbers of 1e8 points are 400 MB, a factor of 2e7 is 160 MB; peaks of what NumPy and Python allocate."""
-    monkeypatch.setattr(selection, "_STRETCH", 1_000_000)
-    made_up_cube(tmp_path / "cube.nc", count)
-    query.query(tmp_path / "cube.nc", "force", ["point=3"])  # imports are not counted
-    tracemalloc.start()
-    try:
-        with opened_arrays(tmp_path / "cube.nc") as cube:
-            assert records(cube, "force", select)["force"].tolist() == expected
-        assert query.query(tmp_path / "cube.nc", "force", select)["force"].values.ravel().tolist() == expected
-        assert tracemalloc.get_traced_memory()[1] < most
-    finally:
-        tracemalloc.stop()
-
-
 @pytest.mark.slow
 def test_a_cube_in_slabs_conforms_to_cf(run_in_slabs, tmp_path):
     """The checker's own verdict, CF 1.8."""
@@ -271,7 +191,6 @@ def test_a_question_is_answered_slab_by_slab(run_in_slabs, monkeypatch, asked):
     with opened_arrays(whole) as cube:
         expected = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
     monkeypatch.setattr(query, "_SLAB_CELLS", 10)
-    monkeypatch.setattr(selection, "_STRETCH", 4)
     monkeypatch.setattr(arrays, "_STRETCH", 2)
     with opened_arrays(parts) as cube:
         result = [records(cube, name, **asked) for name in ("course", "outcome_detail")]

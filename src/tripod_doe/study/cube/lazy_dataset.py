@@ -1,7 +1,7 @@
 """Cubes opened lazily: variables are read at each use, so that a cube may be larger than the memory.
 
-Texts of points are stored as numbers of rows in a table of all different texts, and looked up; the cells of a grid
-become a list of points on request.
+Texts of points are stored as numbers of rows in a table of all different texts, and looked up at once; the cells of a
+grid become a list of points on request.
 """
 
 import math
@@ -11,21 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas
 import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import BackendArray, NetCDF4DataStore
 from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
 from xarray.core import indexing
-from xarray.indexes import PandasIndex
 
 from tripod_doe.study.cube.file_checks import refuse_unfit, refuse_unusable
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, shared_file
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, reading, shared_file
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.memory import refuse_too_much_memory
 
-_SLAB_BYTES, _COPIES = 32_000_000, 2
+_COPIES = 2
 
 
 def read_dataset(path: Path) -> xr.Dataset:
@@ -53,26 +50,21 @@ class _Array(NetCDF4ArrayWrapper):
 class _Store(NetCDF4DataStore):
     """A netCDF file for xarray."""
 
+    in_chunks = True  # else texts stay objects: xarray would import Dask to find their lengths
+
     def open_store_variable(self, name: str, var: Any) -> xr.Variable:
         """A variable, which is read when it is used."""
         stored = super().open_store_variable(name, var)
         data = indexing.LazilyIndexedArray(_Array(name, self))  # type: ignore[no-untyped-call]
-        return xr.Variable(stored.dims, data, stored.attrs, stored.encoding)
+        encoding = {key: value for key, value in stored.encoding.items() if self.in_chunks or value is not str}
+        return xr.Variable(stored.dims, data, stored.attrs, encoding)
 
 
-def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
-    """A cube whose points can be selected by their numbers, without an array of them."""
-    stored = cube.variables["point"]
-    index = PandasIndex(pandas.RangeIndex(stored.size), "point", coord_dtype=stored.dtype)
-    return cube.assign_coords(xr.Coordinates(index.create_variables({"point": stored}), {"point": index}))
-
-
-def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
+def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
     """A netCDF file whose variables are read anew at each use; open until the dataset is closed.
 
     Args:
         chunks: As in `xarray.open_dataset`; None leaves Dask out.
-        by_number: Whether points of a list can be selected by their numbers.
 
     Raises:
         CubeError: If the file is missing, damaged or of another study than its directory.
@@ -82,32 +74,22 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         # not while values are read: Dask's threads, which take this lock, would wait for this thread
         with NETCDF_LOCK, warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
+            store = _Store(shared_file(path), mode="r", lock=NETCDF_LOCK)  # type: ignore[no-untyped-call]
+            store.in_chunks = chunks is not None
             stored = xr.open_dataset(
-                _Store(shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
-                decode_times=False,
-                chunks=chunks,
-                cache=False,
-                create_default_indexes=False,
+                store, decode_times=False, chunks=chunks, cache=False, create_default_indexes=False
             )
         refuse_unusable(path, stored)
         read = _with_texts(stored)
         for dim in stored.dims:
-            if dim not in stored.coords or (dim == "point" and not by_number):
-                continue
-            if dim == "point" and are_point_numbers(stored[dim].attrs, stored[dim].variable):
-                read = _with_point_numbers(read)
-            else:
+            if dim in stored.coords:
                 read = read.set_xindex(str(dim))
         read.set_close(stored.close)
         return read
 
 
 class _FlatCells(BackendArray):
-    """A variable over the cells of a grid, the cells along its first dimension in the order of the points.
-
-    Why not Dask's reshape: it reads all labels of a course for some of them (0.62 s in place of 0.11 s for 64 of 2,000
-    labels of 1 GB), and analyses read a long course in parts.
-    """
+    """A variable over the cells of a grid, the cells along its first dimension in the order of the points."""
 
     def __init__(self, variable: xr.Variable, depth: int) -> None:
         self._variable, self._grid = variable, variable.shape[:depth]
@@ -118,22 +100,13 @@ class _FlatCells(BackendArray):
 
     def _at(self, key: tuple[int | slice, ...]) -> NDArray[Any]:
         cells, *own = key
-        if not isinstance(cells, slice):
-            return np.asarray(self._variable[(*np.unravel_index(cells, self._grid), *own)].values)
-        start, stop, step = cells.indices(self.shape[0])
-        return self._stretch(start, stop, own)[::step]
-
-    def _stretch(self, start: int, stop: int, own: list[int | slice]) -> NDArray[Any]:
-        """Some consecutive cells."""
-        own_shape = np.broadcast_to(0, self.shape[1:])[tuple(own)].shape
-        lengths = box(self._grid, self.dtype.itemsize * math.prod(self.shape[1:]), _SLAB_BYTES)
-        parts = [np.empty((0, *own_shape), self.dtype)]
-        for slab in slabs(self._grid, lengths):
-            if slab.start < stop and start < slab.stop:
-                cells = np.asarray(self._variable[(*slab.place, *own)].values)
-                flat = cells.reshape(slab.count, *own_shape)
-                parts.append(flat[max(start - slab.start, 0) : stop - slab.start])
-        return np.concatenate(parts)
+        start, stop, step = cells.indices(self.shape[0]) if isinstance(cells, slice) else (cells, cells + 1, 1)
+        row, depth = math.prod(self._grid[1:]), len(self._grid)
+        first = start // row
+        values = np.asarray(self._variable[(slice(first, -(-stop // row)), *(depth - 1) * [slice(None)], *own)].values)
+        flat = values.reshape(math.prod(values.shape[:depth]), *values.shape[depth:])
+        chosen = flat[start - first * row : stop - first * row : step]
+        return chosen if isinstance(cells, slice) else chosen[0]
 
 
 def flat_points(cube: xr.Dataset) -> xr.Dataset:
@@ -159,32 +132,14 @@ def _flat(variable: xr.Variable, dims: tuple[Any, ...]) -> xr.Variable:
     return xr.Variable(("point", *variable.dims[len(dims) :]), cells, variable.attrs)
 
 
-class _Texts(BackendArray):
-    """Texts that are looked up when they are used, without Dask, whose default scheduler is the cluster of a run."""
-
-    def __init__(self, numbers: xr.Variable, table: NDArray[Any]) -> None:
-        self._numbers, self._table = numbers, table
-        self.shape, self.dtype = numbers.shape, np.dtype(object)
-
-    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._at)
-
-    def _at(self, key: tuple[Any, ...]) -> Any:
-        return self._table[self._numbers[key].values]
-
-
 def _with_texts(stored: xr.Dataset) -> xr.Dataset:
-    """A cube as it was stored, with texts in place of their numbers; they are read when they are used."""
+    """A cube as it was stored, with texts in place of their numbers."""
     numbers = {name: variable for name, variable in stored.variables.items() if TEXT_TABLE in variable.attrs}
     tables = {name: str(variable.attrs[TEXT_TABLE]) for name, variable in numbers.items()}
     texts = {}
     for name, variable in numbers.items():
         table = stored.variables[tables[name]].values.astype(object)
         attrs = {key: value for key, value in variable.attrs.items() if key != TEXT_TABLE}
-        if variable.chunks:
-            data = variable.data.map_blocks(table.__getitem__, dtype=object)
-        else:
-            data = indexing.LazilyIndexedArray(_Texts(variable, table))
-        texts[name] = xr.Variable(variable.dims, data, attrs)
+        texts[name] = xr.Variable(variable.dims, table[variable.values], attrs)
     coordinates = {name: variable for name, variable in texts.items() if name in stored.coords}
     return stored.assign(texts).drop_vars(set(tables.values())).set_coords(list(coordinates))

@@ -6,7 +6,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -33,9 +33,6 @@ POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "
 
 TEXT_TABLE = "text_table"
 """Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
-
-_READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
-"""Points up to which all numbers are compared; else the length of a stretch, and the number of stretches."""
 
 CHUNK_BYTES = 2_000_000
 """Bytes of a chunk of a variable."""
@@ -235,16 +232,3 @@ def remedy(path: Path) -> str:
     if (path.parent / "journal.sqlite").exists():
         return f"{rerun}: it is made again from the journal, and no point is computed"
     return "make it again, or copy it again from where it was made"
-
-
-def are_point_numbers(attributes: Mapping[str, Any], stored: Any) -> bool:
-    """Whether a stored coordinate counts the points of a cube from 0; of many points, only stretches are compared.
-
-    This holds for a cube as written, not for selected or sorted points.
-    """
-    if attributes.get("long_name") != POINT_ATTRIBUTES["long_name"]:
-        return False
-    (size,) = stored.shape
-    length = size if size <= _READ_WHOLE else _STRETCH
-    starts = np.unique(np.linspace(0, size - length, _STRETCHES).astype(int)).tolist()
-    return all(np.array_equal(stored[at : at + length], np.arange(at, at + length)) for at in starts)

@@ -1,35 +1,25 @@
-"""A cube as plain arrays with named dimensions: enough for a query, and read without importing xarray and pandas.
-
-Why not `Dataset.sel` and `DataFrame.to_csv`: a query of 256 points costs 0.2 to 0.3 CPU-s in place of 1.1 to 1.3, of
-which the import of xarray takes 0.7.
-"""
+"""A cube as plain arrays with named dimensions, each read when its values are first asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import CubeError
-from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
-from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, dataset_of, reading
-from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, stored_or_so_far
-
-if TYPE_CHECKING:
-    import netCDF4
-    import xarray as xr
+from tripod_doe.study.cube.file_checks import analysis_files
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 _STRETCH = 1 << 14  # positions that are read together if requested positions are far apart
 _NONE = np.zeros(0, np.int64)
-_READ = ("flag_values", "flag_meanings", "long_name")  # attributes with the meaning of values
 
 
 @dataclass(frozen=True)
@@ -40,7 +30,6 @@ class Variable:
     read: Callable[[tuple[slice, ...]], NDArray[Any]]  # gives its values in a box of cells, of one axis per dimension
     # meanings of its values if it is a flag, by value; empty for numbers and texts
     words: Mapping[int, str] = field(default_factory=dict)
-    is_counted: bool = False  # whether its values are the positions along its dimension: numbers of points
 
     @cached_property
     def values(self) -> NDArray[Any]:
@@ -92,17 +81,16 @@ class CubeArrays:
 def cube_arrays(cube: xr.Dataset) -> CubeArrays:
     """The arrays of an open cube."""
 
-    def variable(name: str, array: xr.DataArray) -> Variable:
+    def variable(array: xr.DataArray) -> Variable:
         def read(place: tuple[slice, ...]) -> NDArray[Any]:
             return np.asarray(array.variable[place].values)
 
-        is_counted = _is_counted(name, array.dims, array.attrs, array.variable)
-        return Variable(tuple(map(str, array.dims)), read, _words(array.attrs), is_counted)
+        return Variable(tuple(map(str, array.dims)), read, _words(array.attrs))
 
     return CubeArrays(
         {str(dim): int(size) for dim, size in cube.sizes.items()},
-        {str(name): variable(str(name), array) for name, array in cube.coords.items()},
-        {str(name): variable(str(name), array) for name, array in cube.data_vars.items()},
+        {str(name): variable(array) for name, array in cube.coords.items()},
+        {str(name): variable(array) for name, array in cube.data_vars.items()},
         _notes(cube.attrs),
         _left_out(cube.attrs),
     )
@@ -115,41 +103,8 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     Raises:
         CubeError: If there is no cube, or it is damaged.
     """
-    with ExitStack() as opened:
-
-        def so_far() -> CubeArrays:
-            return cube_arrays(opened.enter_context(cube_so_far(Path(path))))
-
-        yield stored_or_so_far(Path(path), lambda: _stored_arrays(Path(path), opened), so_far)
-
-
-def _stored_arrays(path: Path, opened: ExitStack) -> CubeArrays:
-    """The variables of stored files, which are open until the stack is closed."""
-    sizes: dict[str, int] = {}
-    coordinates: dict[str, Variable] = {}
-    variables: dict[str, Variable] = {}
-    notes: tuple[str, ...] = ()
-    left_out: dict[str, str] = {}
-    with NETCDF_LOCK:
-        for file in cube_files(path):
-            refuse_unfit(file)
-            with reading(file):
-                stored = dataset_of(file)
-                opened.callback(_close, stored)
-                labels = _coordinate_names(stored)
-                _add_sizes(sizes, {name: dimension.size for name, dimension in stored.dimensions.items()})
-                tables = {_text_table(array) for array in stored.variables.values()}
-                for name in [name for name in stored.variables if name not in tables]:
-                    group = coordinates if name in labels else variables
-                    group[name] = _stored_variable(stored, name, file)
-                notes = notes or _notes(stored.__dict__)
-                left_out |= _left_out(stored.__dict__)
-    return CubeArrays(sizes, coordinates, variables, notes, left_out)
-
-
-def _close(stored: netCDF4.Dataset) -> None:
-    with NETCDF_LOCK:
-        stored.close()
+    with opened_cube(path) as cube:
+        yield cube_arrays(cube)
 
 
 def analyses_with(directory: Path, variable: str) -> list[Path]:
@@ -162,13 +117,6 @@ def analyses_with(directory: Path, variable: str) -> list[Path]:
     return files
 
 
-def _add_sizes(sizes: dict[str, int], own: Mapping[str, int]) -> None:
-    """Add the lengths of dimensions of a further file."""
-    for name, size in own.items():
-        if sizes.setdefault(name, size) != size:
-            raise ValueError(f"{name} has {size} labels, and {sizes[name]} in the cube")
-
-
 def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(str(attributes.get("model_notes", "")).splitlines())
 
@@ -177,44 +125,6 @@ def _left_out(attributes: Mapping[str, Any]) -> dict[str, str]:
     """The attribute left_out: a line ``NAME: reason`` for each missing variable."""
     lines = [line.partition(": ") for line in str(attributes.get("left_out", "")).splitlines()]
     return {name: reason for name, _, reason in lines}
-
-
-def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:
-    """Names of the coordinates by the CF conventions: variables of dimensions, and names that an attribute lists."""
-    listing: list[Any] = [stored, *stored.variables.values()]
-    named = " ".join(str(owner.getncattr("coordinates")) for owner in listing if "coordinates" in owner.ncattrs())
-    return {*stored.dimensions, *named.split()}
-
-
-def _text_table(array: netCDF4.Variable[Any]) -> str:
-    """Name of the table of texts to which the values of a variable refer; empty where they refer to none."""
-    return str(array.getncattr(TEXT_TABLE)) if TEXT_TABLE in array.ncattrs() else ""
-
-
-def _stored_variable(stored: netCDF4.Dataset, name: str, file: Path) -> Variable:
-    array = stored.variables[name]
-    table = _text_table(array)
-
-    def read(place: tuple[slice, ...]) -> NDArray[Any]:
-        with NETCDF_LOCK, reading(file):
-            array.set_auto_mask(False)  # what is missing in a cube is NaN, or a flag of its own
-            values = np.asarray(array[place or ...])
-            if table:
-                return np.asarray(stored.variables[table][...].astype(object)[values])
-            is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # as xarray: netCDF has none
-        return values.astype(bool) if is_switch else values
-
-    def numbers(place: tuple[slice, ...]) -> NDArray[Any]:
-        return np.arange(*place[0].indices(array.shape[0]), dtype=array.dtype)
-
-    attributes = {name: array.getncattr(name) for name in array.ncattrs() if name in _READ}
-    if _is_counted(name, array.dimensions, attributes, array):
-        return Variable(("point",), numbers, is_counted=True)
-    return Variable(tuple(array.dimensions), read, _words(attributes))
-
-
-def _is_counted(name: str, dims: tuple[Any, ...], attributes: Mapping[Any, Any], stored: Any) -> bool:
-    return name == "point" and dims == ("point",) and are_point_numbers(attributes, stored)
 
 
 def _words(attributes: Mapping[str, Any]) -> dict[int, str]:

@@ -121,7 +121,7 @@ def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | 
         if taken(labels, None, count, selection, False).size == 0:
             ordered = bool(selection.values) and labels.at({dim: np.arange(min(count, 1))}).dtype.kind in "fiu"
             remedy = "; --nearest takes the closest" if ordered else ""
-            return f"{selection.name} {labels_text(labels, count)}{remedy}"
+            return f"{selection.name} {labels_text(labels)}{remedy}"
     return "no cell meets all conditions"
 
 
@@ -209,7 +209,7 @@ class _Choice:
         if unknown := [dim for dim in meets.dims if dim not in self.target.dims]:
             raise InputError(
                 f"{expression.text!r}: its values differ along {unknown[0]}, which {self.variable} does not have: "
-                f"take one, as NAME[{labels_text(self._labels(unknown[0]), self.cube.sizes[unknown[0]])}], or the max, "
+                f"take one, as NAME[{labels_text(self._labels(unknown[0]))}], or the max, "
                 "min, mean or sum of all"
             )
         data = meets.data
@@ -284,7 +284,7 @@ def _choose(
             raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
         rows[dim] = taken(labels, rows.get(dim), cube.sizes[dim], selection, nearest)
-        refuse_unmatched(labels, cube.sizes[dim], selection, nearest)
+        refuse_unmatched(labels, selection, nearest)
     return _Choice(cube, variable, shown, coordinates, rows)
 
 

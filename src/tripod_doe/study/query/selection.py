@@ -1,9 +1,8 @@
 """Selections of labels of a coordinate, and the positions of these labels."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from tripod_doe.study.query.arrays import Variable
 from tripod_doe.typed_numbers import number_or_text, readings, typed_number
 
 _MATCH = 1e-9
-_STRETCH = 4_000_000  # labels that are compared together
 _LISTED = 8  # labels that are listed one by one
 
 Chosen = float | str | slice | Sequence[float | str]
@@ -97,22 +95,21 @@ def _value(given: Any) -> float | str:
 
 
 def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:
-    """Positions of the labels that meet a selection; of many labels only a stretch is in memory.
+    """Positions of the labels that meet a selection.
 
     Args:
         left: Positions to search; None for all.
         selection: The selection.
     """
-    if left is None and labels.is_counted:
-        left = _positions_near(selection, count)
-    stretches = partial(_stretches, labels, left, count)
+    own = np.arange(count) if left is None else left
+    values = labels.values[own]
     if nearest:
-        nearest_ones = tuple(_nearest(wanted, stretches()) for wanted in selection.values)
+        nearest_ones = tuple(_nearest(wanted, values) for wanted in selection.values)
         selection = replace(selection, values=selection.values + nearest_ones)
-    return np.concatenate([own[_matching(values, selection)] for own, values in stretches()])
+    return own[_matching(values, selection)]
 
 
-def refuse_unmatched(labels: Variable, count: int, selection: Selection, nearest: bool) -> None:
+def refuse_unmatched(labels: Variable, selection: Selection, nearest: bool) -> None:
     """Refuse a list with a value that no label has; a single value and a range may meet none.
 
     Raises:
@@ -121,53 +118,28 @@ def refuse_unmatched(labels: Variable, count: int, selection: Selection, nearest
     if len(selection.values) < 2:
         return
     missing = dict(zip(selection.texts, selection.values, strict=True))
-    for _, values in _stretches(labels, _positions_near(selection, count) if labels.is_counted else None, count):
-        if values.dtype.kind in "fiub":
-            known = np.unique(values)
-            met = {text for text in missing if nearest or _matching(known, Selection("", (missing[text],))).any()}
-        else:
-            texts = set(values.astype(str).tolist())
-            met = {text for text in missing if text in texts or selection.written in texts}
-        missing = {text: value for text, value in missing.items() if text not in met}
+    known = np.unique(labels.values)
+    if known.dtype.kind in "fiub":
+        met = {text for text in missing if nearest or _matching(known, Selection("", (missing[text],))).any()}
+    else:
+        texts = set(known.astype(str).tolist())
+        met = {text for text in missing if text in texts or selection.written in texts}
+    missing = {text: value for text, value in missing.items() if text not in met}
     if missing:
         meant = " or ".join(f"{value:.12g}" for value in readings(selection.written))
         raise InputError(
             f"{option('select', selection.name)}: no label is {' or '.join([*missing][:_LISTED])}; {selection.name} "
-            f"{labels_text(labels, count)}" + f"; write {meant} with a decimal point, and no comma" * bool(meant)
+            f"{labels_text(labels)}" + f"; write {meant} with a decimal point, and no comma" * bool(meant)
         )
 
 
-def _positions_near(selection: Selection, count: int) -> IntArray:
-    """Positions near the numbers that a selection names: where labels are positions, no others can meet it."""
-    wanted = [value for value in selection.values if not isinstance(value, str)]
-    ends = zip(wanted, wanted, strict=True) if selection.values else [(selection.low, selection.high)]
-    near = [np.zeros(0, np.int64)]
-    for low, high in ends:
-        first, last = low - _MATCH * abs(low) - 1, high + _MATCH * abs(high) + 1
-        near.append(np.arange(int(max(0, min(count - 1, first))), int(min(count, max(1, last + 1)))))
-    return np.unique(np.concatenate(near))
-
-
-def _stretches(labels: Variable, left: IntArray | None, count: int) -> Iterator[tuple[IntArray, NDArray[Any]]]:
-    """Positions with their labels, one stretch after the other; at least one, maybe empty."""
-    size = count if left is None else left.size
-    for start in range(0, max(size, 1), _STRETCH):
-        stop = min(start + _STRETCH, size)
-        own = np.arange(start, stop) if left is None else left[start:stop]
-        yield own, labels.values if own.size == count else labels.at({labels.dims[0]: own})
-
-
-def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[Any]]]) -> float | str:
+def _nearest(wanted: float | str, values: NDArray[Any]) -> float | str:
     """The first label nearest to a number; a text is returned unchanged."""
-    best, least = wanted, math.inf
-    for _, values in stretches:
-        if isinstance(wanted, str) or values.dtype.kind not in "fiub":
-            return wanted
-        distances = np.abs(values.astype(float) - wanted)
-        if np.fmin.reduce(distances, initial=math.inf) < least:
-            least = float(np.nanmin(distances))
-            best = float(values[np.flatnonzero(distances == least)[0]])
-    return best
+    if isinstance(wanted, str) or values.dtype.kind not in "fiub" or not math.isfinite(wanted):
+        return wanted
+    if not np.isfinite(values).any():
+        return wanted
+    return float(values[np.nanargmin(np.abs(values.astype(float) - wanted))])
 
 
 def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
@@ -204,10 +176,8 @@ def _refuse_impossible(selection: Selection) -> None:
         )
 
 
-def labels_text(labels: Variable, count: int) -> str:
-    """The labels in words: few one by one, numbers by their ends, more than a stretch by their number."""
-    if count > _STRETCH:
-        return f"has {count:,} values"
+def labels_text(labels: Variable) -> str:
+    """The labels in words: few one by one, numbers by their ends."""
     known = np.unique(labels.values)
     texts = [level(float(value)) if known.dtype.kind in "fiu" else str(value) for value in known[:_LISTED].tolist()]
     if 1 < known.size <= _LISTED:

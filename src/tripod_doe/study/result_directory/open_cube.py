@@ -77,12 +77,11 @@ def opened_cube(path: str | Path) -> xr.Dataset:
     """
 
     def stored() -> xr.Dataset:
-        cube = _lazily(Path(path), by_number=False)
+        cube = _lazily(Path(path))
         if cube.nbytes > _READ_AT_ONCE:
             return cube
         with cube:
-            cube.load()
-            return cube.set_xindex("point") if "point" in cube.dims and "point" in cube.coords else cube
+            return cube.load()
 
     return stored_or_so_far(Path(path), stored, lambda: cube_so_far(Path(path)))
 
@@ -119,11 +118,11 @@ def stored_or_so_far(path: Path, stored: Callable[[], _Results], so_far: Callabl
     return read()
 
 
-def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
+def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
     from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 
     with ExitStack() as opened:
-        files = (opened.enter_context(lazy_dataset(file, chunks, by_number)) for file in cube_files(path))
+        files = (opened.enter_context(lazy_dataset(file, chunks)) for file in cube_files(path))
         cube = _joined(*files).assign()  # another object than the first file, which it closes
         cube.set_close(opened.pop_all().close)
     return cube
@@ -249,7 +248,7 @@ def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
     with ExitStack() as opened:
         folder = Path(opened.enter_context(TemporaryDirectory(prefix="tripod-doe-")))
         _write(asked, results, folder)
-        cube = opened.enter_context(_lazily(folder, by_number=False)).assign()
+        cube = opened.enter_context(_lazily(folder)).assign()
         cube.set_close(opened.pop_all().close)
     return cube
 
