@@ -19,8 +19,7 @@ from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.charts.chart import INK, VARIABLES
 from tripod_doe.page_parts.words import spoken
 from tripod_doe.reports.study_report import make_page, write_report
-from tripod_doe.reports.workflow_chart import StepView
-from tripod_doe.reports.workflow_report import chain_page
+from tripod_doe.reports.workflow_report import StepView, chain_page
 from tripod_doe.study.cube.netcdf import write_dataset
 
 STYLE = (Path(__file__).parents[2] / "src" / "tripod_doe" / "page_parts" / "page.css").read_text()

@@ -10,7 +10,6 @@ from markupsafe import Markup
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.markdown import markdown
 from tripod_doe.page_parts.sentence_help import reading_of, readings
-from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import number, size
 
 _TO_READING = re.compile(r'<a class="why" href="#reading-([\w-]+)"')
@@ -30,7 +29,6 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=compiled_templates(),
     )
     environment.globals["reading_of"] = reading_of
     environment.filters |= {

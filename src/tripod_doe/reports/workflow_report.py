@@ -20,10 +20,31 @@ from tripod_doe.names import path_within
 from tripod_doe.page_parts.answer import answer_first, beyond, picture_first
 from tripod_doe.page_parts.charts.chart import WIDE, Chart
 from tripod_doe.page_parts.templates import render
+from tripod_doe.quantities import duration
 from tripod_doe.regular_files import read_regular
-from tripod_doe.reports.workflow_chart import StepView, chain_chart, step_time
 
 _THIRD = 300.0  # points; a wider figure is not readable in a third of the page
+
+
+@dataclass(frozen=True)
+class StepView:
+    """A step as the table of a page shows it."""
+
+    # name, kind: its name, and its kind of step
+    name: str
+    kind: str
+    inputs: tuple[str, ...]  # names of the steps that it needs
+    # ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs a failed step) or ``not
+    # selected``
+    state: str
+    seconds: float | None = None  # wall time in s of the run that finished it; None if it did not finish
+    detail: str = ""  # reason of a failure, or the kind of its result
+    link: str = ""  # its report or files, relative to the page; empty if there are none
+
+    @property
+    def time(self) -> str:
+        """Its wall time as text with its unit, empty if it has none."""
+        return "" if self.seconds is None else duration(self.seconds)
 
 
 @dataclass(frozen=True)
@@ -157,8 +178,7 @@ def _page(
     parts: list[PagePart],
     picture: Chart | StoredChart | None,
     *,
-    chain: Chart | None = None,
-    rows: Sequence[tuple[StepView, str]] = (),
+    steps: Sequence[StepView] = (),
     text: str = "",
 ) -> str:
     """Fill the template; analyses come before studies, and sentences of a notice after the first one are folded."""
@@ -190,8 +210,7 @@ def _page(
         parts=shown,
         sentences=sentences,
         picture=picture,
-        chain=chain,
-        rows=rows,
+        steps=steps,
         text=text,
     )
 
@@ -231,7 +250,7 @@ def chain_page(
     answers: Mapping[str, xr.Dataset] | None = None,
     figures: Mapping[str, str] | None = None,
 ) -> str:
-    """The page of a workflow: its answers, a diagram, and one row per step with its state, time and link.
+    """The page of a workflow: its answers, and one row per step with its state, time and link.
 
     Args:
         notice: Notice at the top, for instance that this was a quick run.
@@ -240,7 +259,5 @@ def chain_page(
     """
     links = {step.name: step.link for step in steps}
     parts = [_part(name, data, figures or {}, links[name]) for name, data in (answers or {}).items()]
-    chain = chain_chart(steps)
-    rows = [(step, step_time(step)) for step in steps]
-    picture = _claims_first(answers or {}, [chain])
-    return _page(title, question, "Workflow", notice, parts, picture, chain=chain, rows=rows, text=text)
+    picture = _claims_first(answers or {}, [])
+    return _page(title, question, "Workflow", notice, parts, picture, steps=steps, text=text)

@@ -25,8 +25,7 @@ from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
 from tripod_doe.quantities import duration
 from tripod_doe.regular_files import STUDY_BYTES, read_regular
-from tripod_doe.reports.workflow_chart import StepView
-from tripod_doe.reports.workflow_report import chain_page, step_page, write_charts
+from tripod_doe.reports.workflow_report import StepView, chain_page, step_page, write_charts
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder

@@ -50,9 +50,6 @@ VARIABLES = {
     "#e58a5c": "cell-wrong",
     "#cfd4da": "cell-refused",
     "#e3e6ea": "cell-empty",
-    "#e6edf5": "state-reused",
-    "#f6c9bd": "state-failed",
-    "#fff4e0": "state-blocked",
 }
 """Colours of the charts as variables of the page's style sheet, which has a light and a dark value for each."""
 

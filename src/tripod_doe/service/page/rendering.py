@@ -11,7 +11,6 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from tripod_doe.page_parts.markdown import markdown
-from tripod_doe.page_parts.template_cache import compiled_templates
 from tripod_doe.quantities import duration, in_words, level, number, size
 from tripod_doe.service.page.asset_files import stamp
 from tripod_doe.service.runs.run_table import Run
@@ -49,7 +48,6 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=compiled_templates(),
     )
     words = {
         "duration": duration,
