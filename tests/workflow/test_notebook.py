@@ -1,4 +1,4 @@
-"""A run in a notebook: progress that lives, and a summary that is safe to show."""
+"""A run in a notebook: progress, and a summary that is safe to show."""
 
 from __future__ import annotations
 
@@ -17,25 +17,13 @@ STUDY = {
 }
 
 
-@pytest.fixture
-def cell(monkeypatch):
-    """What a cell of a notebook shows, by stand-ins for IPython's three names."""
-    shown = []
-    outside, display = ModuleType("IPython"), ModuleType("IPython.display")
-    outside.get_ipython = lambda: SimpleNamespace(kernel=object())
-    display.HTML = lambda text: text
-    display.display = lambda text, display_id: shown.append(text) or SimpleNamespace(update=shown.append)
-    monkeypatch.setitem(sys.modules, "IPython", outside)
-    monkeypatch.setitem(sys.modules, "IPython.display", display)
-    return shown
-
-
 @pytest.mark.usefixtures("pages_not_made")
-def test_a_notebook_shows_the_progress_and_the_summary(cell, tmp_path, capsys):
+def test_a_notebook_shows_the_progress_and_the_summary(monkeypatch, tmp_path, capsys):
+    outside = ModuleType("IPython")  # a stand-in
+    outside.get_ipython = lambda: SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", outside)
     summary = td.run(STUDY, tmp_path / "angles", workers=0)
-    assert cell[0].startswith('<progress value="0" max="4"')
-    assert cell[-1].startswith('<progress value="4" max="4"')
-    assert capsys.readouterr().err == ""
+    assert "4/4" in capsys.readouterr().err
     page = summary._repr_html_()
     assert "4 points computed, 0 reused" in page
     assert "<strong>jammed: 2 points</strong>" in page

@@ -12,7 +12,6 @@ from tqdm import tqdm
 from tripod_doe.array_types import IntArray
 from tripod_doe.quantities import count_of, duration
 from tripod_doe.study.study_points import StudyPoints
-from tripod_doe.workflow.notebook import LiveProgress
 
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left
 _FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
@@ -21,10 +20,10 @@ _PRICED = 10_000  # points with a computed price; each stands for the points up 
 
 
 class Progress:
-    """Points that are done, printed on standard error, or shown in a notebook.
+    """Points that are done, printed on standard error.
 
-    On a terminal a bar is drawn. A log gets a line after half a minute, and then whenever the time since the start has
-    doubled, at least every ten minutes: a run of a day takes some 150 lines.
+    On a terminal and in a notebook a bar is drawn. A log gets a line after half a minute, and then whenever the time
+    since the start has doubled, at least every ten minutes: a run of a day takes some 150 lines.
 
     Args:
         shown: Whether anything is printed at all.
@@ -33,11 +32,10 @@ class Progress:
 
     def __init__(self, total: int, shown: bool, work: Callable[[int], float] = float) -> None:
         self._total, self._done, self._at_first, self._work = total, 0, 0, work
-        self._live = LiveProgress.of_this_cell(total) if shown else None
-        shown = shown and self._live is None
-        self._bar = tqdm(
-            total=total, unit="point", disable=None if shown else True, file=sys.stderr, smoothing=0.05, bar_format=_BAR
-        )  # None: only on a terminal
+        ipython: Any = sys.modules.get("IPython")  # a notebook has imported it
+        is_notebook = ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+        disable = not shown or (False if is_notebook else None)  # None: only on a terminal
+        self._bar = tqdm(total=total, unit="point", disable=disable, file=sys.stderr, smoothing=0.05, bar_format=_BAR)
         self._logged = shown and bool(self._bar.disable)
         self._started = self._first = time.monotonic()
         self._next_line = _FIRST_LINE
@@ -58,8 +56,6 @@ class Progress:
         self._done += points
         self._bar.set_postfix_str(self._left(now).removeprefix(", "), refresh=False)
         self._bar.update(points)
-        if self._live:
-            self._live.show(self._done, self._left(now))
         passed = now - self._started
         if self._logged and passed >= self._next_line and self._done < self._total:
             share = f"{100 * self._done / self._total:.0f} %"
