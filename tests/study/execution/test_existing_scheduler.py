@@ -351,7 +351,7 @@ def test_credentials_that_cannot_be_meant_are_refused(case, tmp_path, given, mes
 def test_a_wrong_scheme_is_named_also_after_a_wait(credentials):
     """Regression: the message was that no scheduler had answered."""
     address, files = credentials
-    with pytest.raises(TripodDoeError, match=r"for 0.* what answers there talks TLS; .* begins with tls://"):
+    with pytest.raises(TripodDoeError, match=r"for 0.* answers there without TLS; .* begins with tls://"):
         ExistingScheduler(address.replace("tls:", "tcp:"), wait=0).connect_first()
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0") as cluster:
         plain = cluster.scheduler_address.replace("tcp:", "tls:")

@@ -24,9 +24,6 @@ USUAL_WAIT = 60.0
 """Seconds for which a study waits for a lost scheduler by default."""
 
 _TCP, _TLS = "tcp://", "tls://"
-_OF_TLS = {"TLSV13_ALERT_CERTIFICATE_REQUIRED", "SSLV3_ALERT_HANDSHAKE_FAILURE", "TLSV1_ALERT_PROTOCOL_VERSION"}
-"""Errors that a server with TLS gives a client whom it refuses."""
-
 _ATTEMPT = 5.0  # seconds for one
 _PAUSES = (0.5, 10.0)  # seconds between two attempts: the first, doubled up to the last
 
@@ -187,17 +184,6 @@ def _handshake(place: SplitResult, tls: ssl.SSLContext | None) -> None:
             tls.wrap_socket(plain).close()
 
 
-def _talks_tls(place: SplitResult) -> bool:
-    """Whether a server speaks TLS, whoever it is."""
-    anyone = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    anyone.check_hostname, anyone.verify_mode = False, ssl.CERT_NONE
-    try:
-        _handshake(place, anyone)
-    except (OSError, ValueError) as error:
-        return isinstance(error, ssl.SSLError) and error.reason in _OF_TLS
-    return True
-
-
 def _reason(error: Exception, address: str) -> str:
     """Why no connection was made, in words: of a failed handshake the scheme or the certificate at fault."""
     if isinstance(error, ssl.SSLCertVerificationError):
@@ -206,6 +192,4 @@ def _reason(error: Exception, address: str) -> str:
         return f"the TLS handshake failed ({error.reason}); without TLS its address begins with {_TCP}"
     if address.startswith(_TLS):
         return "no Dask scheduler answers there, or it refuses these credentials"
-    if _talks_tls(urlsplit(address)):
-        return f"what answers there talks TLS; the address of such a scheduler begins with {_TLS}"
-    return "no Dask scheduler answers there"
+    return f"no Dask scheduler answers there without TLS; the address of one with TLS begins with {_TLS}"
