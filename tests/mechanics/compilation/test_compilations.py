@@ -13,19 +13,14 @@ import sys
 import pytest
 
 from tripod_doe.joint.simulator import simulator
+from tripod_doe.mechanics.compilation.first_compilation import compilations
 
 COMPILE = """
 import json, sys
-from collections import Counter
-from numba.core import event
 from tripod_doe.joint.simulator import simulator
-seen = event.RecordingListener()
-with event.install_listener("numba:compile", seen):
-    simulator.compile(*sys.argv[1:])
-compiled = [each.data["dispatcher"] for _, each in seen.buffer if each.is_end]
-ours = [one for one in compiled if one.py_func.__module__.startswith("tripod_doe.")]
-apart = [one.py_func for one in ours if "forceinline" not in one.targetoptions]
-print(json.dumps(Counter(f"{one.__module__}.{one.__name__}" for one in apart)))
+from tripod_doe.mechanics.compilation.first_compilation import compilations
+simulator.compile(*sys.argv[1:3])
+print(json.dumps(compilations(sys.argv[3])))
 """
 """Compiles what a model needs, and answers how often each kernel was compiled."""
 
@@ -59,7 +54,7 @@ METHODS = {model: next(iter(simulator.methods({"model": model}))) for model in K
 
 def from_an_empty_cache(model, kernels, folder):
     """Count in a process that compiles everything anew."""
-    words = [sys.executable, "-c", COMPILE, model, METHODS[model]]
+    words = [sys.executable, "-c", COMPILE, model, METHODS[model], kernels]
     done = subprocess.run(
         words, env=os.environ | {"NUMBA_CACHE_DIR": str(folder)}, capture_output=True, text=True, check=True
     )
@@ -72,9 +67,16 @@ def from_an_empty_cache(model, kernels, folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("model", KERNELS)
 def test_every_kernel_compiles_once(model, tmp_path):
-    """Exact. Formulas that are inlined compile once for each kind of argument, and are not counted."""
+    """Exact, by what the compile cache of this version noted when it was filled.
+
+    That costs no second compilation. Where part of the kernels was in the cache before, they compile here once more.
+    Formulas that are inlined compile once for each kind of argument, and are not counted.
+    """
     kernels, kernel = KERNELS[model]
-    counts = from_an_empty_cache(model, kernels, tmp_path)
+    simulator.compile(model, METHODS[model])
+    counts = compilations(kernels)
+    if kernel not in counts:
+        counts = from_an_empty_cache(model, kernels, tmp_path)
     assert kernel in counts
     assert counts.keys().isdisjoint(PARTS)
     assert {name: count for name, count in counts.items() if count > TIMES.get(name, 1)} == {}

@@ -1,24 +1,26 @@
 """The first compilation of kernels in a version: announced on the terminal, and done by one process at a time.
 
 With numba alone, every worker of a study would compile the same kernels for half a minute, unannounced, and count this
-as the cost of its first point. A file in the kernel cache records that kernels are compiled. If it is missing, a
-process takes a lock, compiles and writes the file; others wait for the lock and load the machine code. The system
-releases the lock of a process that ends in any way.
+as the cost of its first point. A file in the kernel cache records that kernels are compiled, with the number of
+compilations of each. If it is missing, a process takes a lock, compiles and writes the file; others wait for the lock
+and load the machine code. The system releases the lock of a process that ends in any way.
 """
 
 from __future__ import annotations
 
 import fcntl
 import gc
+import json
 import multiprocessing
 import os
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import StorageError
@@ -52,11 +54,35 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
             return
         _say(f"compiling kernels of {kernels}, once per version: at most about {seconds:.0f} s on an idle machine")
         started = time.perf_counter()
-        with _no_collections():
+        with _counted(note), _no_collections():
             yield
-        with suppress(StorageError):
-            replace_text(note, "")
         _say(f"compiled in {time.perf_counter() - started:.0f} s")
+
+
+def compilations(kernels: str) -> dict[str, int]:
+    """Count the compilations of each kernel, except inlined and previously cached ones.
+
+    More than one means that arguments differ in type.
+
+    Raises:
+        FileNotFoundError: If these kernels have not been compiled.
+    """
+    counts: dict[str, int] = json.loads(_note(kernels).read_text())
+    return counts
+
+
+@contextmanager
+def _counted(note: Path) -> Iterator[None]:
+    """Count the compilations of a block by kernel, and note them at its end."""
+    from numba.core import event  # only processes that compile import it
+
+    compiled = event.RecordingListener()
+    with event.install_listener("numba:compile", compiled):
+        yield
+    ended = (each.data["dispatcher"] for _, each in compiled.buffer if each.is_end)
+    names = (f"{one.py_func.__module__}.{one.py_func.__name__}" for one in ended if _is_kernel(one))
+    with suppress(StorageError):
+        replace_text(note, json.dumps(Counter(names), indent=1))
 
 
 @contextmanager
@@ -71,8 +97,14 @@ def _no_collections() -> Iterator[None]:
             gc.enable()
 
 
+def _is_kernel(compiled: Any) -> bool:
+    """Whether it belongs to this package and is not inlined."""
+    ours = compiled.py_func.__module__.startswith("tripod_doe.")
+    return ours and "forceinline" not in compiled.targetoptions
+
+
 def _note(kernels: str) -> Path:
-    return cache_root() / f"kernels-{source_hashes().kernels}" / f"{kernels.replace(' ', '-')}.compiled"
+    return cache_root() / f"kernels-{source_hashes().kernels}" / f"{kernels.replace(' ', '-')}.json"
 
 
 @contextmanager
