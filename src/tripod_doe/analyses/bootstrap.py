@@ -79,11 +79,16 @@ def studentised_half_width(values: FloatArray, weights: FloatArray, confidence: 
         off = np.abs(drawn[:, 0])
         known = scatter > max(1e-6 * spread[at], nothing[at])
         ratios[:, at] = np.where(known, off / np.where(known, scatter, 1), np.where(off > nothing[at], np.inf, 0))
-    few = float(stdtrit(len(values) - 1, 0.5 + confidence / 2)) / NormalDist().inv_cdf(0.5 + confidence / 2)
+    few = float(stdtrit(len(values) - 1, 0.5 + confidence / 2)) / normal_factor(confidence)
     half = few * np.quantile(ratios, confidence, axis=0, method="higher") * spread
     return np.where((spread > nothing) & np.isfinite(half), half, np.nan)
 
 
 def half_width(estimates: FloatArray, confidence: float) -> FloatArray:
     """Half width of an interval from estimates of resamples along the first axis."""
-    return NormalDist().inv_cdf(0.5 + confidence / 2) * np.asarray(estimates).std(axis=0, ddof=1)
+    return normal_factor(confidence) * np.asarray(estimates).std(axis=0, ddof=1)
+
+
+def normal_factor(confidence: float) -> float:
+    """Half width of an interval over the standard error, of a normal distribution."""
+    return NormalDist().inv_cdf(0.5 + confidence / 2)

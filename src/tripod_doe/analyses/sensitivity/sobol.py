@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width
+from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width, normal_factor
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
@@ -40,6 +40,10 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
     first = np.stack([mean(b * (each - a)) for each in ab]) / variance
     total = np.stack([mean(0.5 * (a - each) ** 2) for each in ab]) / variance
     answers = _with_intervals({"S1": first, "ST": total}, settings.confidence)
+    # a product that is large in a few blocks may be in none of these: it scatters as if its factors were independent
+    squares = [((each - a) ** 2).sum(axis=0).mean(axis=0) * (b**2).sum(axis=0).mean(axis=0) for each in ab]
+    least = normal_factor(settings.confidence) * np.sqrt(np.stack(squares) / count) / variance[0]
+    answers["S1_conf"] = np.maximum(answers["S1_conf"], least)
     answers["size"] = (
         np.sqrt(np.maximum(total[:, 0] * variance[0], 0))
         if not table.wraps
