@@ -351,10 +351,6 @@ def test_what_is_stated_is_true(kind):
     assert np.average([each for each, _ in found.values()], weights=[count for _, count in found.values()]) >= 0.9
 
 
-KNOWN = {("two/uniform/two", "S1", "rare", "b"), ("words/five/uniform", "S1", "rare", "b")}
-"""Too narrow, and not mended yet: first-order indices at 32 blocks of a response to a corner hold in 67 and 76 %."""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", CHECKS)
 def test_each_statement_is_true_as_often_as_it_says(kind):
@@ -364,7 +360,7 @@ def test_each_statement_is_true_as_often_as_it_says(kind):
     """
     found = shares(kind, seeds=60, lost=0.0)
     wrong = {key: share for key, (share, count) in found.items() if count >= 45 and share < 0.8}
-    assert not wrong.keys() - KNOWN
+    assert not wrong
     assert np.average([each for each, _ in found.values()], weights=[count for _, count in found.values()]) >= 0.95
 
 

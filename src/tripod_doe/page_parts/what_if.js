@@ -75,6 +75,13 @@
     gaps.sort(function (a, b) { return a[0] - b[0] || a[1] - b[1]; });
     return gaps.slice(0, count).map(function (pair) { return pair[1]; });
   }
+  // Whether a place is farther from the mean of the computed points than each of them.
+  function beyond(reach, place) {
+    var middle = doubles(reach.middle), inverse = doubles(reach.inverse), gap = place.map(function (x, i) { return x - middle[i]; });
+    return gap.reduce(function (sum, x, i) {
+      return gap.reduce(function (part, y, j) { return part + x * y * inverse[i * gap.length + j]; }, sum);
+    }, 0) > reach.limit;
+  }
   function rms(values, rows) {
     return Math.sqrt(rows.reduce(function (sum, n) { return sum + values[n] * values[n]; }, 0) / rows.length);
   }
@@ -109,9 +116,9 @@
     }
     function state(values) {
       var place = encode(given, values), found = predict(place, wave ? every : parts), scale = envelope(given, place);
-      var near = nearest(places, place, given.neighbours);
-      return { place: place, components: found, near: near, scale: scale, quantities: given.quantities.map(function (each) {
-        return { value: amount(each, found), half: each.factor * rms(each.errors, near) * (each.vanishes ? scale : 1) };
+      var near = nearest(places, place, given.neighbours), outside = beyond(given.reach, place);
+      return { place: place, components: found, near: near, scale: scale, outside: outside, quantities: given.quantities.map(function (each) {
+        return { value: amount(each, found), half: each.vanishes && scale === 0 ? 0 : outside ? NaN : each.factor * rms(each.errors, near) * (each.vanishes ? scale : 1) };
       }) };
     }
     // Part of the variance by the scatter of each factor about these values, to first order.
@@ -166,7 +173,7 @@
         shapes.forEach(function (shape, a) {
           var predicted = force(shape, now.components, 0), known = force(shape, wave.values, first * count);
           var square = now.near.reduce(function (sum, n) { return sum + Math.pow(force(shape, wave.errors, n * count), 2); }, 0);
-          var half = given.wave.factor * Math.sqrt(square / now.near.length) * (given.vanishes[0] ? now.scale : 1), place = x(a).toFixed(1) + ",";
+          var half = now.outside ? 0 : given.wave.factor * Math.sqrt(square / now.near.length) * (given.vanishes[0] ? now.scale : 1), place = x(a).toFixed(1) + ",";
           middle.push(place + y(predicted).toFixed(1));
           computed.push(place + y(known).toFixed(1));
           upper.push(place + y(predicted + half).toFixed(1));
@@ -191,12 +198,12 @@
     function height(each, value) { return 184 * Math.max(-1, Math.min(value / (1.1 * each.largest), 1)); }
     function drawBars(now) {
       given.quantities.forEach(function (each, at) {
-        var found = now.quantities[at], top = 204 - height(each, Math.abs(found.value));
+        var found = now.quantities[at], half = found.half || 0, top = 204 - height(each, Math.abs(found.value));
         drawn[at].bar.setAttribute("y", top);
         drawn[at].bar.setAttribute("height", Math.max(204 - top, 0.5));
-        drawn[at].band.setAttribute("y", 204 - height(each, Math.abs(found.value) + found.half));
-        drawn[at].band.setAttribute("height", Math.max(2 * height(each, found.half), 1));
-        drawn[at].number.setAttribute("y", Math.max(204 - height(each, Math.abs(found.value) + found.half) - 5, 12));
+        drawn[at].band.setAttribute("y", 204 - height(each, Math.abs(found.value) + half));
+        drawn[at].band.setAttribute("height", Math.max(2 * height(each, half), 1));
+        drawn[at].number.setAttribute("y", Math.max(204 - height(each, Math.abs(found.value) + half) - 5, 12));
         drawn[at].number.textContent = text(found.value);
       });
     }
@@ -211,7 +218,7 @@
     function tables(now) {
       fill("table.answers tbody", given.quantities.map(function (each, at) {
         var found = now.quantities[at];
-        return [each.label, text(found.value, 4) + " ± " + text(found.half, 2), each.unit];
+        return [each.label, text(found.value, 4) + (isNaN(found.half) ? " (outside of the points)" : " ± " + text(found.half, 2)), each.unit];
       }));
       var squares = contributions(values);
       var sums = given.quantities.map(function (_, at) {

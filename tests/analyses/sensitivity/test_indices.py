@@ -62,7 +62,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 
 def test_all_outputs_at_once_are_those_of_salib_one_by_one():
     """Exact to rounding: indices and, where SALib's draws can be repeated, intervals."""
-    cube = cube_of('kind = "saltelli"\nsamples = 64\nseed = 1', two)
+    cube = cube_of('kind = "saltelli"\nsamples = 256\nseed = 1', two)
     ours = sobol_indices(cube, SensitivitySettings(seed=4))
     for k in range(2):
         theirs = sobol.analyze(PROBLEM, cube["y"].values[:, k], seed=5)

@@ -25,7 +25,7 @@ def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
     quantity = page.quantities[position]
     numeric = [name for name, factor in page.surrogate.factors.items() if "words" not in factor]
     courses = {name: page.along(name) for name in numeric}
-    spans = sorted(numeric, key=lambda name: -float(np.ptp(courses[name][1][:, position])))[:_SHOWN]
+    spans = sorted(numeric, key=lambda name: -float(np.nanmax(courses[name][1][:, position]) - np.nanmin(courses[name][1][:, position])))[:_SHOWN]
     rows = []
     half = page.at(**page.start)[position][1]
     with drawing(5.0, 3.2) as (figure, axes):
@@ -34,7 +34,7 @@ def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
             place, levels = 100 * (values - values[0]) / (np.ptp(values) or 1), page.surrogate.factors[name]["levels"]
             style = {"marker": "o", "ls": ""} if levels else {"ls": LINES[rank]}  # nothing is known between them
             axes.plot(place, course, color=COLOURS[rank], label=spoken(name), **style)
-            rows += [(name, value, answer) for value, answer in zip(values, course, strict=True)]
+            rows += [(name, value, answer) for value, answer in zip(values, course, strict=True) if np.isfinite(answer)]
         axes.axhspan(*(page.at(**page.start)[position][0] + half * np.array([-1, 1])), color="#cfdeee", lw=0)
         axes.set_xlabel("factor, from the least (0) to the largest (100 %) of the points")
         axes.set_ylabel(f"{quantity.label}{f' ({quantity.unit})' if quantity.unit else ''}")

@@ -6,6 +6,7 @@ and phase are not. The errors at unseen points go with it, so that a page can dr
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -29,7 +30,7 @@ _SHOWN_POINTS = 2000  # computed points that a page can show and take bands from
 _MOST_COMPONENTS = 26  # besides the waves of the orders
 _MOST_CHARACTERS = 1_000_000  # of the texts that are read
 _LEARNED = ("exponents", "coefficients", "centres", "weights", "lengths", "errors")
-_ROUNDING = 1e-12  # of a number that is scaled to its range and back
+_ROUNDING = 1e-9  # of a number that is scaled to its range and back
 _AMPLITUDE, _PHASE = "thrust_amplitude", "thrust_phase_deg"
 _FIRST = (3, 2)  # orders that everybody asks for
 
@@ -87,6 +88,21 @@ class WhatIf:
         at, each = next((at, each) for at, each in enumerate(self.inputs) if each.factor == factor and not each.sign)
         return np.asarray((each.low + each.high) / 2 + self.places[:, at] * (each.high - each.low) / 2, float)
 
+    @cached_property
+    def reach(self) -> tuple[FloatArray, FloatArray, float]:
+        """Mean of the computed points, inverse of their covariance, and the largest square of a distance to it.
+
+        By Mahalanobis' distance, of n points a further one of their kind lies beyond all of them once in n + 1 times.
+        """
+        middle = self.places.mean(axis=0)
+        inverse = np.linalg.pinv(np.atleast_2d(np.cov(self.places.T)))
+        return middle, inverse, float(_squares(self.places - middle, inverse).max()) * (1 + _ROUNDING)
+
+    def outside(self, places: FloatArray) -> NDArray[np.bool_]:
+        """Places beyond all computed points, as corners of correlated factors are, where no errors are known."""
+        middle, inverse, limit = self.reach
+        return _squares(places - middle, inverse) > limit
+
     @property
     def waves(self) -> list[int]:
         """The orders whose waves are predicted; empty if there are none."""
@@ -115,6 +131,10 @@ class WhatIf:
     def encoded(self, **values: float | str) -> FloatArray:
         """One point as inputs, shape (1, input)."""
         return encoded({name: np.array([value]) for name, value in values.items()}, self.inputs)
+
+
+def _squares(gaps: FloatArray, inverse: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("pi,ij,pj->p", gaps, inverse, gaps))
 
 
 _Number = Annotated[float, Field(ge=-1e100, le=1e100)]

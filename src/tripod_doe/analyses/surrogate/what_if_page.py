@@ -113,29 +113,38 @@ class WhatIfPage:
         """What is known between the levels of factors, in words."""
         said, factors = [], self.surrogate.factors.items()
         if left_out := [spoken(name) for name, each in factors if each.get("left_out")]:
-            said = [f"Each error is the largest without the point and without inner levels of {listed(left_out)}"]
+            said = [
+                f"Each error is the largest without the point and without inner levels of {listed(left_out)}: an upper "
+                "estimate for smooth outputs; a course that turns twice between two levels is not seen"
+            ]
         if few := [spoken(name) for name, each in factors if len(each.get("levels", ())) > 1]:
             said += [f"Of {listed(few)} only levels are shown: they are too few to know errors between them"]
         return said
 
     def at(self, **values: float | str) -> list[tuple[float, float]]:
-        """Each quantity with half its band, for some values of the factors."""
+        """Each quantity with half its band, NaN outside of the computed points, for some values of the factors."""
         place = self.surrogate.encoded(**values)
         components = self.surrogate.predict(place)
         near, envelope = _nearest(self.surrogate.places, place)[0], float(self.surrogate.envelope(place)[0])
         halves = [each.factor * float(np.sqrt((each.errors[near] ** 2).mean())) for each in self.quantities]
+        if self.surrogate.outside(place)[0]:
+            halves = [0.0 if each.vanishes and envelope == 0 else math.nan for each in self.quantities]
         return [
             (float(each.of(components)[0]), half * envelope if each.vanishes else half)
             for each, half in zip(self.quantities, halves, strict=True)
         ]
 
     def along(self, factor: str) -> tuple[FloatArray, FloatArray]:
-        """Values of a numeric factor, and each quantity over them with the others at the start, (value, quantity)."""
+        """Values of a numeric factor, and each quantity over them with the others at the start, (value, quantity).
+
+        NaN outside of the computed points.
+        """
         values_of = self.surrogate.factors[factor]
         values = np.array(values_of["levels"] or np.linspace(values_of["low"], values_of["high"], _STEPS))
         places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
         components = self.surrogate.predict(places)
-        return values, np.stack([each.of(components) for each in self.quantities], axis=1)
+        course = np.stack([each.of(components) for each in self.quantities], axis=1)
+        return values, np.where(self.surrogate.outside(places)[:, None], np.nan, course)
 
     def drawn(self) -> list[FloatArray]:
         """Each quantity at places drawn from the computed points, factor by factor, with errors drawn beside them."""
@@ -203,6 +212,12 @@ class WhatIfPage:
         for name in ("coefficients", "centres", "weights", "lengths"):
             content[name] = _bytes(getattr(surrogate.surrogates, name), np.float64)
         content["places"] = _bytes(surrogate.places, np.float64)
+        middle, inverse, limit = surrogate.reach
+        content["reach"] = {
+            "middle": _bytes(middle, np.float64),
+            "inverse": _bytes(inverse, np.float64),
+            "limit": limit,
+        }
         if waves:
             factor, largest = _wave_band(surrogate, waves)
             content["wave"] = {
