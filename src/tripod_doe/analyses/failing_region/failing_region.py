@@ -8,9 +8,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import is_numeric
+from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import asked, finished, point_columns, varies, waiting
 from tripod_doe.quantities import number
 
+_DIGITS, _EVERY_DIGIT = 4, 15  # of a threshold, where four tell the points on both sides apart, and at most
 _DEPTH = 2  # conditions of a region: more are hard to picture
 _FEWEST = 5  # failed points that can show a region
 _MOST_FAIL = 0.5  # share of the points of a region that fail
@@ -29,7 +31,7 @@ class Condition:
     @property
     def text(self) -> str:
         """As a sentence has it: ``torque_n_m > 80``."""
-        return f"{self.factor} {'>' if self.above else '<'} {number(self.threshold, 4)}"
+        return f"{self.factor} {'>' if self.above else '<'} {number(self.threshold, _EVERY_DIGIT)}"
 
     def holds(self, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.bool_]:
         """Where it holds, shape (point,)."""
@@ -73,10 +75,10 @@ def _in_words(conditions: tuple[Condition, ...]) -> str:
     texts: dict[str, str] = {}
     for factor in dict.fromkeys(condition.factor for condition in conditions):
         own = [condition for condition in conditions if condition.factor == factor]
-        below = [number(condition.threshold, 4) for condition in own if condition.above]
+        below = [number(condition.threshold, _EVERY_DIGIT) for condition in own if condition.above]
         texts[factor] = own[0].text
         if len(own) == 2 and len(below) == 1:
-            above = next(number(condition.threshold, 4) for condition in own if not condition.above)
+            above = next(number(condition.threshold, _EVERY_DIGIT) for condition in own if not condition.above)
             texts[factor] = f"{below[0]} < {factor} < {above}"
         elif len(own) == 2:  # two on one side: the narrower one
             texts[factor] = (max if own[0].above else min)(own, key=lambda condition: condition.threshold).text
@@ -96,7 +98,8 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
     from scipy.stats import hypergeom  # slow to import, and most studies have no failures
     from sklearn.tree import DecisionTreeClassifier
 
-    matrix = np.stack(list(numeric.values()), axis=1)
+    levels = {name: np.unique(column, return_inverse=True) for name, column in numeric.items()}
+    matrix = np.stack([code for _, code in levels.values()], axis=1)  # a tree compares in single precision
     tree = DecisionTreeClassifier(max_depth=_DEPTH, class_weight="balanced", min_samples_leaf=_FEWEST, random_state=0)
     leaves = tree.fit(matrix, failed).apply(matrix)
     counts = {int(leaf): int(failed[leaves == leaf].sum()) for leaf in np.unique(leaves)}
@@ -106,7 +109,7 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
         return None
     if hypergeom.sf(counts[leaf] - 1, failed.size, total, points) > _CHANCE:
         return None
-    conditions = _conditions(tree.tree_, leaf, list(numeric))
+    conditions = _conditions(tree.tree_, leaf, {name: values for name, (values, _) in levels.items()})
     kept = max(conditions, key=lambda each: int((~each.holds(columns)).sum()))
     return FailingRegion(conditions, counts[leaf], points, total, kept)
 
@@ -118,8 +121,16 @@ def failing_region_of(cube: xr.Dataset) -> FailingRegion | None:
     return failing_region(columns, ~finished(cube).values[rows])
 
 
-def _conditions(tree: object, leaf: int, names: list[str]) -> tuple[Condition, ...]:
-    """The conditions on the way from the root of a tree to one of its leaves."""
+def _between(low: float, high: float) -> float:
+    """A number with few digits from one value to the next one, not that one itself."""
+    middle = (low + high) / 2
+    rounded = (float(f"{middle:.{digits}g}") for digits in range(_DIGITS, _EVERY_DIGIT))
+    return next((each for each in rounded if low < each < high), low)
+
+
+def _conditions(tree: object, leaf: int, levels: Mapping[str, FloatArray]) -> tuple[Condition, ...]:
+    """The conditions on the way from the root of a tree over numbers of levels to one of its leaves."""
+    names = list(levels)
     left, right = getattr(tree, "children_left"), getattr(tree, "children_right")  # noqa: B009
     feature, threshold = getattr(tree, "feature"), getattr(tree, "threshold")  # noqa: B009
     conditions: list[Condition] = []
@@ -127,5 +138,6 @@ def _conditions(tree: object, leaf: int, names: list[str]) -> tuple[Condition, .
     while node != 0:
         above = node in right
         node = int(np.flatnonzero((right if above else left) == node)[0])
-        conditions.append(Condition(names[feature[node]], bool(above), float(threshold[node])))
+        name, at = names[feature[node]], int(threshold[node])
+        conditions.append(Condition(name, bool(above), _between(*levels[name][at : at + 2].tolist())))
     return tuple(reversed(conditions))
