@@ -173,8 +173,9 @@ def of_derivatives(seed: int) -> Hits:
     for name in (each for each in FUNCTIONS if each not in _WITH_STEPS):
         found, large = _derivatives(name, 24 + seed), _derivatives(name, 4096)
         for key in ("vi", "dgsm"):
-            hits = np.abs(found[key] - large[key]) <= found[f"{key}_conf"]
-            yield from ((f"dgsm {key}, {name}", bool(hit)) for hit in hits.values[large[key].values > 1e-9])
+            half = found[f"{key}_conf"]
+            hits = (np.abs(found[key] - large[key]) <= half).where(half.notnull())
+            yield from ((f"dgsm {key}, {name}", float(hit)) for hit in hits.values[large[key].values > 1e-9])
 
 
 @lru_cache
@@ -281,7 +282,8 @@ def of_surrogates(seed: int) -> Hits:
         for place in np.random.default_rng(seed).random((10, width)):
             values = dict(zip(_NAMES[:width], 0.01 + 0.09 * place, strict=True))
             ((value, half),) = page.at(**values)
-            yield f"what-if band, {name}", abs(value - function(place[None])[0]) <= half
+            held = float(abs(value - function(place[None])[0]) <= half)
+            yield f"what-if band, {name}", held if np.isfinite(half) else np.nan
 
 
 def of_models(seed: int) -> Hits:

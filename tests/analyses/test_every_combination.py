@@ -325,9 +325,9 @@ CHECKS = {
 """For each analysis what it states, and kinds of factors that its design takes."""
 
 ELSEWHERE = {
-    "multifidelity": "multifidelity/test_multifidelity.py",
-    "surrogate": "surrogate",
-    "contribution": "contribution",
+    "multifidelity": "test_known_truths.py",
+    "surrogate": "test_known_truths.py",
+    "contribution": "test_known_truths.py",
     "stability": "stability",
 }
 """Where analyses are checked that state nothing of a sample, or whose samples are no design of three factors."""

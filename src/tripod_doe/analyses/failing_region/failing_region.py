@@ -12,7 +12,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import asked, finished, point_columns, varies, waiting
 from tripod_doe.quantities import number
 
-_DIGITS, _EVERY_DIGIT = 4, 15  # of a threshold, where four tell the points on both sides apart, and at most
+_DIGITS = range(4, 18)  # of a threshold: as few as tell the points on both sides apart
 _DEPTH = 2  # conditions of a region: more are hard to picture
 _FEWEST = 5  # failed points that can show a region
 _MOST_FAIL = 0.5  # share of the points of a region that fail
@@ -31,7 +31,7 @@ class Condition:
     @property
     def text(self) -> str:
         """As a sentence has it: ``torque_n_m > 80``."""
-        return f"{self.factor} {'>' if self.above else '<'} {number(self.threshold, _EVERY_DIGIT)}"
+        return f"{self.factor} {'>' if self.above else '<'} {_written(self.threshold)}"
 
     def holds(self, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.bool_]:
         """Where it holds, shape (point,)."""
@@ -70,15 +70,19 @@ class FailingRegion:
         return ~self.kept.holds(columns)
 
 
+def _written(threshold: float) -> str:
+    return number(threshold, next(digits for digits in _DIGITS if float(f"{threshold:.{digits}g}") == threshold))
+
+
 def _in_words(conditions: tuple[Condition, ...]) -> str:
     """Conditions as a sentence has them; both sides of one factor as ``0.15 < joint_angle_deg < 2.65``."""
     texts: dict[str, str] = {}
     for factor in dict.fromkeys(condition.factor for condition in conditions):
         own = [condition for condition in conditions if condition.factor == factor]
-        below = [number(condition.threshold, _EVERY_DIGIT) for condition in own if condition.above]
+        below = [_written(condition.threshold) for condition in own if condition.above]
         texts[factor] = own[0].text
         if len(own) == 2 and len(below) == 1:
-            above = next(number(condition.threshold, _EVERY_DIGIT) for condition in own if not condition.above)
+            above = next(_written(condition.threshold) for condition in own if not condition.above)
             texts[factor] = f"{below[0]} < {factor} < {above}"
         elif len(own) == 2:  # two on one side: the narrower one
             texts[factor] = (max if own[0].above else min)(own, key=lambda condition: condition.threshold).text
@@ -124,7 +128,7 @@ def failing_region_of(cube: xr.Dataset) -> FailingRegion | None:
 def _between(low: float, high: float) -> float:
     """A number with few digits from one value to the next one, not that one itself."""
     middle = (low + high) / 2
-    rounded = (float(f"{middle:.{digits}g}") for digits in range(_DIGITS, _EVERY_DIGIT))
+    rounded = (float(f"{middle:.{digits}g}") for digits in _DIGITS)
     return next((each for each in rounded if low < each < high), low)
 
 

@@ -3,7 +3,8 @@
 Numerical error is the difference of a run to the reference of its own scene and model, model error that to the
 reference of the finest model. Of the finest finished runs of all methods, the two that agree best in all quantities
 together are selected. The more expensive one is the reference, and their difference is its own error, since the two
-methods share no discretisation. Errors below it are known only to be below it.
+methods share no discretisation; but not less than the better of the two converges to by itself, since of many methods
+two agree by chance. Errors below it are known only to be below it.
 """
 
 import itertools
@@ -21,6 +22,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.speed_accuracy.timed_runs import BY_ACCURACY, QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
+from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Flag, Outcome
 from tripod_doe.study.definition.study_tables import Table
 
@@ -119,14 +121,34 @@ def _reference(case: Case) -> _Reference | None:
     methods = [method for method in case.methods if method != BY_ACCURACY]
     finest = [done[-1] for method in methods if (done := [run for run in case.of(method) if run.finished])]
     best: _Reference | None = None
+    own = {id(run): _own_convergence([each for each in case.of(run.method) if each.finished]) for run in finest}
     for one, other in itertools.combinations(sorted(finest, key=lambda run: run.price), 2):
         apart = {
-            name: _distance(one.answers[name], answer) for name, answer in other.answers.items() if name in one.answers
+            name: np.fmax(
+                _distance(one.answers[name], answer),
+                np.fmin(own[id(one)].get(name, np.nan), own[id(other)].get(name, np.nan)),
+            )
+            for name, answer in other.answers.items()
+            if name in one.answers
         }
-        errors = {name: error for name, error in apart.items() if math.isfinite(error)}
+        errors = {name: float(error) for name, error in apart.items() if math.isfinite(error)}
         if errors and (best is None or _mean(errors.values()) < _mean(best.errors.values())):
             best = _Reference(other, one.method, errors)
     return best
+
+
+def _own_convergence(done: Sequence[TimedRun]) -> dict[str, float]:
+    """Error of the finest run of a method by its change from the next one, by quantity; empty of a single run.
+
+    By the method's order (Richardson), or in proportion to the tolerance.
+    """
+    if len(done) < 2:
+        return {}
+    coarse, fine = done[-2:]
+    order = METHODS[fine.method].order if fine.kind == "step_s" and fine.method in METHODS else 1
+    further = (coarse.setting / fine.setting) ** order - 1
+    names = [name for name in fine.answers if name in coarse.answers] if further > 0 else []
+    return {name: _distance(coarse.answers[name], fine.answers[name]) / further for name in names}
 
 
 def _mean(errors: Iterable[float]) -> float:

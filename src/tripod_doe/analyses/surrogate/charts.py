@@ -25,7 +25,10 @@ def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
     quantity = page.quantities[position]
     numeric = [name for name, factor in page.surrogate.factors.items() if "words" not in factor]
     courses = {name: page.along(name) for name in numeric}
-    spans = sorted(numeric, key=lambda name: -float(np.nanmax(courses[name][1][:, position]) - np.nanmin(courses[name][1][:, position])))[:_SHOWN]
+    spans = sorted(
+        numeric,
+        key=lambda name: -float(np.nanmax(courses[name][1][:, position]) - np.nanmin(courses[name][1][:, position])),
+    )[:_SHOWN]
     rows = []
     half = page.at(**page.start)[position][1]
     with drawing(5.0, 3.2) as (figure, axes):
