@@ -8,6 +8,7 @@ import random
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -134,3 +135,42 @@ def test_a_step_whose_record_is_damaged_runs_again(bench, tmp_path, record, caps
         stored.write_text(record)
     assert main(words) == 0
     assert json.loads(stored.read_text())["hash"] != 1
+
+
+COMMAND = str(Path(sys.executable).with_name("tripod-doe"))
+
+
+def test_settings_of_libraries_in_the_current_folder_are_ignored(tmp_path):
+    """Regression: numba overwrote any file that the folder of a stranger named; a pipe was waited for without end."""
+    precious = tmp_path / "precious"
+    precious.write_text("precious")
+    folder = tmp_path / "strangers"
+    folder.mkdir()
+    (folder / ".numba_config.yaml").write_text(f"chrome_trace: {precious}\ndisable_jit: 1\n")
+    for name in ("matplotlibrc", ".ncrc", ".daprc", ".dodsrc"):
+        os.mkfifo(folder / name)
+    (folder / "study.toml").write_text(
+        '[study]\nname = "x"\n[base]\nmodel = "equilibrium"\n[factors.torque_n_m]\nvalues = [20, 40, 60]\n'
+    )
+    done = subprocess.run(
+        [COMMAND, "run", "study.toml", "--untrusted", "--out", "out"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.returncode == 0, done.stderr
+    assert precious.read_text() == "precious"
+
+
+def test_the_folder_of_temporary_files_of_others_is_not_used_by_workers(bench, tmp_path):
+    """Regression: Dask's scheduler emptied the file that a link in /tmp/dask-scratch-space led to, and imported there."""
+    shared, precious = tmp_path / "shared", tmp_path / "precious"
+    (shared / "dask-scratch-space").mkdir(parents=True)
+    precious.write_text("precious")
+    for name in ("global.lock", "purge.lock"):
+        (shared / "dask-scratch-space" / name).symlink_to(precious)
+    words = ["run", "study.toml", "--workers", "1", "--out", str(tmp_path / "out")]
+    assert called(words, bench, {"TMPDIR": str(shared)}).returncode == 0
+    assert precious.read_text() == "precious"
+    assert sorted(path.name for path in (shared / "dask-scratch-space").iterdir()) == ["global.lock", "purge.lock"]

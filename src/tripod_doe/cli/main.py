@@ -82,9 +82,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with speaking_of_options():
         if arguments is not None:
             return _run_command([_dashes(word) for word in arguments])
-        # Before numpy is loaded: our problems of linear algebra are small, and the threads of a second core would only
-        # wait for it, beside workers at full load. Workers have one thread too, so a point gives the same anywhere.
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        import tripod_doe.own_process  # noqa: F401
+
         take_interrupts()
         code = _run_command([_dashes(word) for word in sys.argv[1:]])
     leave_interrupted()

@@ -247,10 +247,30 @@ def test_workers_end_with_the_process_that_started_them(tmp_path):
     until_gone(int(done.stdout))
 
 
+def test_what_is_forked_imports_nothing_from_the_current_folder(tmp_path):
+    """Regression: `tripod-doe serve` in a folder of others, as /tmp, ran their multiprocessing.py."""
+    theirs, script = tmp_path / "theirs", tmp_path / "script.py"
+    theirs.mkdir()
+    for name in ("multiprocessing", "socket", "struct"):
+        (theirs / f"{name}.py").write_text("open('was_here', 'w')\nraise ImportError\n")
+    script.write_text(
+        "if __name__ == '__main__':\n    import os, time\n"
+        "    from tripod_doe.service.workers.forking import start_process\n"
+        "    process = start_process(time.sleep, 0)\n    process.join(60)\n"
+        "    print(process.exitcode, os.environ.get('PYTHONSAFEPATH'))\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    done = subprocess.run(
+        [sys.executable, script], cwd=theirs, env=environment, capture_output=True, text=True, timeout=100
+    )
+    assert not (theirs / "was_here").exists()
+    assert done.stdout == "0 None\n", done.stderr
+
+
 def test_what_is_forked_has_one_thread_and_knows_nothing_of_the_web():
     """A process with threads must not fork."""
     script = (
-        "import os, sys; import tripod_doe.service.workers.preload; "
+        "import os, sys; import tripod_doe.own_process, tripod_doe.service.workers.preload; "
         "print(len(os.listdir('/proc/self/task')), sys.modules.keys() & {'fastapi', 'starlette', 'uvicorn'})"
     )
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}

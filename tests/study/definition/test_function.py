@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 
 import numpy as np
@@ -176,3 +177,61 @@ def test_no_dataset_is_made_of_a_dict(tmp_path, monkeypatch):
     result = answer(tmp_path, "growing", "[factors]\nx = {values = [2]}\n")
     assert result.outputs["a"].dims == ("a_0",)
     assert result.outputs["a"].data.tolist() == [[0, 1]]
+
+
+HELPER = "from helper_of_both import factor\ndef f(x):\n    return {'y': factor() * x}\n"
+FACTORS = "\n[factors.x]\nvalues = [1, 2]\n"
+
+
+def test_a_helper_is_that_of_the_folder_of_the_study(tmp_path):
+    """Regression: a helper that a study in another folder had imported, or its old text, was used in silence."""
+    for folder, name, factor in (("one", "first_user", 1), ("two", "second_user", 100), ("two", "third_user", 100)):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / f"{name}.py").write_text(HELPER)
+        (tmp_path / folder / "helper_of_both.py").write_text(f"def factor():\n    return {factor}\n")
+        (tmp_path / folder / f"{name}.toml").write_text(f'[study]\nname = "f"\nfunction = "{name}:f"{FACTORS}')
+
+    def computed(place):
+        td.run(tmp_path / f"{place}.toml", out=tmp_path / "out" / f"{place}{len(outs)}", workers=0, progress=False)
+        outs.append(place)
+        return td.open_cube(tmp_path / "out" / f"{place}{len(outs) - 1}")["y"].values.tolist()
+
+    outs = []
+    for place, factor in (("one/first_user", 1), ("two/second_user", 100), ("one/first_user", 1)):
+        assert computed(place) == [factor, 2 * factor]
+    assert computed("two/second_user") == [100, 200]
+    (tmp_path / "two" / "helper_of_both.py").write_text("def factor():\n    return 5.0\n")
+    assert computed("two/third_user") == computed("two/second_user") == [5, 10]
+
+
+NOTEBOOK = """
+import functools
+a, b, c = 1, 2, 1
+class Spring:
+    rate = 3
+    def force(self, x):
+        return self.rate * x
+spring, table = Spring(), [1, {"two": np.arange(5000)}]
+@functools.lru_cache
+def helper(x):
+    return x + b
+def f(x, p=2.0):
+    return {"y": a * x + c * helper(x) + spring.force(x) + table[1]["two"].sum() + (lambda t: t + p)(x) + pi}
+"""
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["c = 1, 2, 1|c = 1, 2, 2", "b, c = 1, 2|b, c = 1, 5", "rate = 3|rate = 4", "rate * x|rate + x", "x + b|x - b",
+     "5000|5001", "p=2.0|p=3.0", "t + p|t - p", "import functools|import functools\nfrom math import e as pi"],
+)  # fmt: skip
+def test_what_a_function_of_a_notebook_uses_counts(change):
+    """Regression: of a changed constant or helper in a notebook, the old points were shown."""
+    first, second = change.split("|")
+
+    def hashed(text):
+        script = f"import numpy as np\nfrom math import pi\n{text}\nfrom tripod_doe.study.definition import function_sources as s"
+        script += "\nprint(s.source_hash(f, s.sources_of('__main__')))"
+        return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+
+    assert hashed(NOTEBOOK) == hashed(f"# moved\n{NOTEBOOK}") != hashed(NOTEBOOK.replace(first, second))

@@ -18,18 +18,38 @@ from typing import Any
 from tripod_doe.regular_files import open_locked
 from tripod_doe.study.execution.child_process import shorten_temporary_folder
 
+_SAFE, _STARTING = "PYTHONSAFEPATH", threading.Lock()
 _MOST_FILES = 4096  # file descriptors that a run closes
 
 shorten_temporary_folder()
 context = multiprocessing.get_context("forkserver")
-context.set_forkserver_preload(["tripod_doe.cli.main", "tripod_doe.service.workers.preload"])
+context.set_forkserver_preload(
+    [f"tripod_doe.{name}" for name in ("own_process", "cli.main", "service.workers.preload")]
+)
 
 
 def start_process(target: Callable[..., None], *arguments: Any) -> BaseProcess:
     """Call a function in a new process, which ends with this one."""
     process = context.Process(target=target, args=arguments, daemon=True)
-    process.start()
+    _start_forked(process)
     return process
+
+
+def _start_forked(process: BaseProcess) -> None:
+    """Start a process, and the fork server if there is none, which imports nothing from the current folder.
+
+    Python is told so by its environment alone: multiprocessing gives it no flag that this process has not.
+    """
+    with _STARTING:
+        before = os.environ.get(_SAFE)
+        os.environ[_SAFE] = "1"
+        try:
+            process.start()
+        finally:
+            if before is None:
+                del os.environ[_SAFE]  # not for commands of the user
+            else:
+                os.environ[_SAFE] = before
 
 
 def end_fork_server() -> None:
@@ -68,7 +88,7 @@ def _start(module: str, words: list[str], log: Path, lock: int, niceness: int, m
     try:
         arguments = module, words, str(log), reduction.DupFd(lock), niceness, memory_bytes
         process = context.Process(target=_detach, args=arguments)
-        process.start()
+        _start_forked(process)
         process.join()
         reason = f"exit code {process.exitcode}" if process.exitcode else ""
     except (OSError, EOFError) as error:

@@ -4,9 +4,6 @@ It must not start a thread: a process with threads must not fork.
 """
 
 import gc
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is loaded; see `cli.main`
 
 import dask.array  # noqa: F401 - which xarray imports with the first cube
 import netCDF4  # noqa: F401

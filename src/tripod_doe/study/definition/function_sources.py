@@ -6,15 +6,21 @@ process has imported so far. Installed packages that it imports, and files that 
 
 import ast
 import hashlib
-import marshal
+import inspect
+import pickle
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 _INSTALLED = {"site-packages", "dist-packages"}
+_PLAIN = (int, float, complex, str, bytes, type(None))
+_NAMED = (ModuleType, type, FunctionType, BuiltinFunctionType)
+_OF_CLASSES = ("__dict__", "__weakref__", "__module__", "__doc__", "__firstlineno__")
 
 
 def sources_of(module: str) -> dict[str, bytes]:
@@ -23,11 +29,10 @@ def sources_of(module: str) -> dict[str, bytes]:
     Of an installed package the module alone; nothing of a module without a file, as those of a notebook.
     """
     file = getattr(sys.modules[module], "__file__", None)
-    if not file:
+    if not file or not Path(file).is_file():
         return {}
-    own, place = Path(file), module.replace(".", "/")
-    root = own.parents[module.count(".") + (own.name == "__init__.py")]
-    if place == "__main__" or _INSTALLED & set(root.parts) or root.is_relative_to(sysconfig.get_path("stdlib")):
+    own, place, root = Path(file), module.replace(".", "/"), import_root(module, file)
+    if place == "__main__" or _is_installed(root):
         return {place: own.read_bytes()}
     found: dict[str, bytes] = {}
     waiting = [module]
@@ -41,6 +46,15 @@ def sources_of(module: str) -> dict[str, bytes]:
     return found or {place: own.read_bytes()}
 
 
+def _is_installed(root: Path) -> bool:
+    return bool(_INSTALLED & set(root.parts)) or root.is_relative_to(sysconfig.get_path("stdlib"))
+
+
+def import_root(module: str, file: str) -> Path:
+    """The folder from which a module is imported, whose file is known."""
+    return Path(file).parents[module.count(".") + (Path(file).name == "__init__.py")]
+
+
 def module_names(paths: Iterable[str]) -> set[str]:
     """The names under which modules are imported, from their paths."""
     return {path.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for path in paths}
@@ -50,14 +64,68 @@ def source_hash(function: Callable[..., Any], sources: Mapping[str, bytes]) -> s
     """A hash of 16 hex digits over the code of a function; comments and layout do not count.
 
     Args:
-        sources: As `sources_of` gives them; where there are none, the function's own instructions count.
+        sources: As `sources_of` gives them; where there are none, as in a notebook, the instructions of the function
+            count, and the values, functions and files that it uses.
     """
     digest = hashlib.blake2b(digest_size=8)
     for path in sorted(sources):
         digest.update(path.encode() + b"\0" + _code(sources[path]))
-    if not sources and (own := getattr(function, "__code__", None)):
-        digest.update(marshal.dumps(own))
+    for part in () if sources else _used(function, {}):
+        digest.update(part + b"\0")
     return digest.hexdigest()
+
+
+def _used(value: Any, seen: dict[int, int]) -> Iterator[bytes]:
+    """What a value contributes to the results of a function without a file: code, values, files; never line numbers.
+
+    Args:
+        seen: Numbers of the values so far, by their identity.
+    """
+    if isinstance(value, _PLAIN):
+        yield repr((type(value), value)).encode()
+        return
+    if id(value) in seen:
+        yield b"%d" % seen[id(value)]
+        return
+    seen[id(value)] = len(seen)
+    module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None) or ""
+    file = getattr(sys.modules.get(module), "__file__", None) or ""
+    function = inspect.unwrap(getattr(value, "py_func", value)) if callable(value) else value  # numba keeps it there
+    parts: Iterable[Any] = ()
+    if isinstance(value, _NAMED) and (module != "__main__" or Path(file).is_file()):
+        yield f"{module} {getattr(value, '__qualname__', '')}".encode()
+        if Path(file).is_file() and not _is_installed(import_root(module, file)):
+            yield from (part for path, text in sorted(sources_of(module).items()) for part in (path.encode(), text))
+    elif isinstance(function, FunctionType):
+        yield from _used_in(function.__code__, function.__globals__, seen)
+        cells = (cell.cell_contents for cell in function.__closure__ or ())
+        parts = chain(function.__defaults__ or (), *(function.__kwdefaults__ or {}).items(), cells)
+    elif isinstance(value, list | tuple | set | frozenset):
+        yield type(value).__name__.encode()
+        parts = sorted(value, key=repr) if isinstance(value, set | frozenset) else value
+    elif isinstance(value, dict | type):
+        own = vars(value) if isinstance(value, type) else value
+        parts = chain(*(each for each in own.items() if isinstance(value, dict) or each[0] not in _OF_CLASSES))
+    else:
+        parts = [type(value)]
+        try:
+            yield pickle.dumps(value)
+        except Exception as error:  # whatever an object of the user raises
+            yield type(error).__name__.encode()
+    for part in parts:
+        yield from _used(part, seen)
+
+
+def _used_in(code: CodeType, known: Mapping[str, Any], seen: dict[int, int]) -> Iterator[bytes]:
+    """Instructions, and what they use of the names of their module."""
+    yield code.co_code
+    yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_flags)).encode()
+    for each in code.co_consts:
+        yield from _used_in(each, known, seen) if isinstance(each, CodeType) else (repr(each).encode(),)
+    for name in code.co_names:
+        if name in known:
+            yield name.encode()
+            yield from _used(known[name], seen)
 
 
 @lru_cache(maxsize=1000)

@@ -2,14 +2,14 @@
 
 import importlib
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.model_interface import Simulator
 from tripod_doe.study.definition.function import FunctionSimulator
-from tripod_doe.study.definition.function_sources import module_names, source_hash, sources_of
+from tripod_doe.study.definition.function_sources import import_root, module_names, source_hash, sources_of
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 SCENES = {
@@ -26,6 +26,8 @@ _loaded_for: dict[str, list[str]] = {}
 """Folders of the studies for which a module was loaded, the latest last, by the module's name."""
 _sources: dict[str, dict[str, bytes]] = {}
 """Files of the latest import for a study, by the module's name."""
+_loaded: dict[str, tuple[str, bytes]] = {}
+"""File and text of all modules that were loaded for functions, by their names."""
 
 
 def load_simulator(scene: str = "joint", function: str | None = None, folder: StudyFolder | None = None) -> Simulator:
@@ -99,17 +101,31 @@ def modules_of_scenes() -> list[str]:
 
 
 def _import_function(reference: str) -> tuple[Callable[..., Any], dict[str, bytes]]:
-    """A function, and the files of its code; imported again if they have changed since this process imported it."""
+    """A function, and the files of its code; imported again if this process has imported others by their names."""
     module = reference.partition(":")[0]
     called = _import_object(reference)
     sources = sources_of(module)
-    if (before := _sources.get(module, sources)) != sources:
+    before, wanted = _sources.get(module, sources), _files(module, sources)
+    if before != sources or any(_is_another(name, own) for name, own in wanted.items()):
         _unload(module_names({*before, *sources}))
         called = _import_object(reference)
     if not callable(called):
         raise InputError(f"function = {reference!r}: this is not a function")
     _sources[module] = sources
+    _loaded.update({name: own for name, own in wanted.items() if name in sys.modules})
     return called, sources
+
+
+def _files(module: str, sources: Mapping[str, bytes]) -> dict[str, tuple[str, bytes]]:
+    """File and text of each module among some sources, by its name."""
+    root = import_root(module, sys.modules[module].__file__ or "") if sources else Path()
+    return {name: (str(root / path), sources[path]) for path in sources for name in module_names([path])}
+
+
+def _is_another(name: str, own: tuple[str, bytes]) -> bool:
+    """Whether a module that was loaded for a function has another file or text, as a helper in another folder has."""
+    known = _loaded.get(name, own)
+    return known != own and getattr(sys.modules.get(name), "__file__", None) == known[0]
 
 
 def _import_object(reference: str) -> Any:

@@ -8,12 +8,13 @@ line closes the workers in order; the end of the input ends them at once, as the
 
 A process that reaches a scheduler, a nanny or a worker of Dask can run code as their owner, and every user of this
 machine reaches its ports. So all of them talk TLS and ask for a certificate, made anew for each cluster and kept in
-memory; their HTTP servers, which Dask always starts, have no pages; and workers, which import from their working
+memory; their HTTP servers, which Dask always starts, have no pages; and all of them, which import from their working
 folder, have it in one that only the owner can open.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 import multiprocessing
 import os
@@ -33,6 +34,7 @@ if TYPE_CHECKING:  # this program starts its own children before it imports Dask
     from distributed import Client
 
 _CREDENTIALS = ("tls_ca_file", "tls_client_cert", "tls_client_key")
+_OWN = "tripod_doe.own_process"
 _END = 5.0  # seconds for a program that has closed its output to end
 
 QUIET = {
@@ -97,9 +99,10 @@ def _ending(program: subprocess.Popen[str]) -> str:
 def _serve(count: int, modules: list[str]) -> None:
     """Start workers with these modules imported, print their address, and keep them until the parent closes them."""
     stream = answers()
+    importlib.import_module(_OWN)
     shorten_temporary_folder()
     multiprocessing.set_forkserver_preload(
-        ["distributed.nanny", "distributed.worker", f"{__package__}.dask_task", *modules]
+        [_OWN, "distributed.nanny", "distributed.worker", f"{__package__}.dask_task", *modules]
     )
     forkserver.ensure_running()  # it imports them beside the imports here: on two cores that halves the start
 
@@ -110,7 +113,7 @@ def _serve(count: int, modules: list[str]) -> None:
     security = Security.temporary()
     with (
         tempfile.TemporaryDirectory(prefix="tripod-doe-") as folder,
-        dask.config.set(QUIET),
+        dask.config.set(QUIET | {"temporary-directory": folder}),  # of the scheduler; workers have `local_directory`
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
