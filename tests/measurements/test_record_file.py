@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tripod_doe.errors import InputError, speaking_of_options
-from tripod_doe.measurements.headings import parse_column
+from tripod_doe.measurements.headings import parse_column, unit_factor
 from tripod_doe.measurements.record_file import read_record
 
 
@@ -226,6 +226,13 @@ def test_a_table_of_very_many_columns_is_refused_before_it_is_taken_apart(read):
         ("Thrust [mN]", 1e-3),
         ("Thrust (kips)", 4448.2216152605),
         ("Thrust kips", 4448.2216152605),
+        ("Axial force [kN] filtered", 1e3),
+        ("Axial force [daN] (raw)", 10),
+        ("Axial force kN (CH3)", 1e3),
+        ("Axial force (kN) CH3", 1e3),
+        ("axial_force_kN_filt", 1e3),
+        ("Thrust-kN", 1e3),
+        ("Thrust {lbf}", 4.4482216152605),
         ("Axial force (left)", 1),
         ("Axial force (Kanal 3)", 1),
         ("Axialkraft (Kraftmessdose 2)", 1),
@@ -239,6 +246,23 @@ def test_units_of_the_force(read, heading, factor):
 
 
 @pytest.mark.parametrize(
+    ("heading", "role", "factor"),
+    [
+        ("Time [ms] rel", "time_s", 1e-3),
+        ("Time minutes", "time_s", 60),
+        ("Angle rad (CH1)", "rotation_deg", 57.29577951308232),
+        ("Speed [rad/s] mean", "speed_rpm", 9.549296585513721),
+        ("Torque [lbf ft] mean", "torque_n_m", 1.3558179483314),
+        ("Torque min (CH1)", "torque_n_m", 1),
+        ("Joint angle rad, set", "joint_angle_deg", 57.29577951308232),
+    ],
+)
+def test_a_unit_within_a_heading_counts(heading, role, factor):
+    """Regression: values in another unit were read as ours in silence."""
+    assert unit_factor(role, heading) == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(
     "heading",
     [
         "Thrust (oz)",
@@ -249,6 +273,8 @@ def test_units_of_the_force(read, heading, factor):
         "Thrust V",
         "Thrust_mV",
         "Thrust (N/10)",
+        "Thrust [V] raw",
+        "Thrust [%] (CH2)",
         "Thrust lb",
     ],
 )

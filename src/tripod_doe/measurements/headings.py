@@ -30,10 +30,12 @@ _FORCE = {
 }  # fmt: skip
 _ANGLE = {
     "deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "grad": 1.0, "rad": _TURN, "mrad": _TURN / 1e3,
-    "rev": 360.0, "revs": 360.0, "turns": 360.0, "umdr": 360.0,
+    "radian": _TURN, "radians": _TURN, "rev": 360.0, "revs": 360.0, "turns": 360.0, "umdr": 360.0,
 }  # fmt: skip
 _TIME = {"s": 1.0, "sec": 1.0, "sek": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
-         "min": 60.0, "h": 3600.0, "hh:mm:ss": 1.0, "hh:mm": 1.0, "h:m:s": 1.0}  # fmt: skip
+         "msec": 1e-3, "milliseconds": 1e-3, "usec": 1e-6, "microseconds": 1e-6,
+         "min": 60.0, "minutes": 60.0, "h": 3600.0, "hours": 3600.0,
+         "hh:mm:ss": 1.0, "hh:mm": 1.0, "h:m:s": 1.0}  # fmt: skip
 _MOMENT = {
     "nm": 1.0, "n-m": 1.0, "knm": 1e3, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2,
     **dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf", "lbf-ft", "lb-ft", "ft-lb", "ft-lbf"), _LBF_FT),
@@ -99,7 +101,7 @@ _LEVELS = {"v", "mv", "ttl"}
 _OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
 _COMPOUND = 7  # least letters of a name recognised within a longer word, as in Antriebsdrehmoment
 _OPENING = {"]": "[", ">": "<", ")": "("}
-_APART = re.compile(r"\s+in\s+|[\s/,;:_]+")
+_APART = re.compile(r"\s+in\s+|[\s/,;:_\[\](){}<>|=-]+")
 
 
 def plain_words(text: str) -> str:
@@ -118,7 +120,7 @@ KNOWN_UNITS = {unit for role in ROLES.values() for unit in role.units}
 _OTHER_UNITS = set(
     "v mv a ma - -- % 1 k °c degc °f bar mbar kpa mpa pa g m/s m/s2 mm µm um m w kw # count".split()  # noqa: SIM905
 )
-_NOT_CONVERTED = set("mn mv v lb lbs oz ozf tf gf kg psi ticks tick counts krad gon arcmin arcsec 1/h".split())  # noqa: SIM905
+_NOT_CONVERTED = set("mn mv v lb lbs oz ozf tf gf kg psi ticks tick counts bits lsb krad gon arcmin arcsec 1/h".split())  # noqa: SIM905
 """Units that a heading without brackets may end in, and that are refused; no word of a name is among them."""
 _NO_UNIT = re.compile(
     r"(?:(?:ch|chan|nr|no|[^\W\d_]{5,}) ?)?\d+|[xyz]|left|right|links|rechts|front|rear|vorn|hinten|"
@@ -149,16 +151,24 @@ def name_and_unit(role: str, heading: str) -> tuple[str, str]:
     """Name and unit of a heading for a role; no unit if the heading has none.
 
     Text in brackets is a unit, unless round ones hold the number of a channel or a side. Text at the end is a unit if
-    the role knows it, or if it can be nothing else.
+    the role knows it, or if it can be nothing else; else text before it, as in ``Force [kN] filtered``.
     """
     name, opening, text = in_brackets(heading)
     if opening == "(" and is_no_unit(text):
-        return f"{name} {text}", ""
+        before, unit = name_and_unit(role, name)
+        return f"{before} {text}", unit
     if opening:
         return name, text
-    for apart in _APART.finditer(heading):
-        if apart.start() and unit_key(heading[apart.end() :]) in ROLES[role].units.keys() | _NOT_CONVERTED:
-            return heading[: apart.start()], heading[apart.end() :]
+    known = ROLES[role].units.keys() | _NOT_CONVERTED
+    places = [apart.span() for apart in _APART.finditer(heading) if apart.start()]
+    ends = [(len(heading), len(heading)), *reversed(places)]
+    for stop, after in ends:
+        for start, begin in places:
+            if begin < stop and unit_key(heading[begin:stop]) in known:
+                return f"{heading[:start]} {heading[after:]}".rstrip(), heading[begin:stop]
+    within = re.search(r"[\[({<]([^\[({<\])}>]*)[\])}>]", heading)
+    if within and is_unit(within[1]) and not is_no_unit(within[1]):
+        return f"{heading[: within.start()].rstrip()}{heading[within.end() :]}", within[1]
     return heading, ""
 
 

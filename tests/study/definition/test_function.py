@@ -235,3 +235,9 @@ def test_what_a_function_of_a_notebook_uses_counts(change):
         return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
 
     assert hashed(NOTEBOOK) == hashed(f"# moved\n{NOTEBOOK}") != hashed(NOTEBOOK.replace(first, second))
+
+
+def test_numbers_and_texts_of_one_argument_are_refused(tmp_path):
+    """Regression: all points were computed, and no cube could hold them."""
+    with pytest.raises(InputError, match="n: values are numbers and texts|values are numbers and texts; write all as"):
+        answer(tmp_path, "echo", '[factors.n]\nvalues = [1, 2.5, "3"]')

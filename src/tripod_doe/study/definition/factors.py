@@ -48,6 +48,8 @@ def refuse_unread(table: FactorTable) -> None:
 def _checked_values(parameter: Parameter, values: list[Scalar]) -> tuple[Value, ...]:
     if not values:
         raise InputError("values is empty; give at least one")
+    if parameter.kind == "argument" and len({isinstance(value, str) for value in values}) > 1:
+        raise InputError("values are numbers and texts; write all as numbers, or all as texts")
     return tuple(parameter.check(value) for value in values)
 
 

@@ -59,6 +59,8 @@ def _cell(parameter: Parameter, text: str) -> Value:
         raise InputError("this field is empty; a function needs a value for each argument")
     if not text and parameter.default is None:
         return None if parameter.kind == "choice" else math.nan
+    if not text:
+        raise InputError(f"this field is empty; its default would be {parameter.default}")
     if parameter.kind == "choice":
         return parameter.check(text)
     try:
