@@ -183,7 +183,7 @@ def test_an_empty_field_of_a_table_leaves_a_parameter_open(tmp_path):
     assert np.array_equal(points.columns["step_s"], [1e-5, np.nan], equal_nan=True)
     assert np.array_equal(points.columns["relative_tolerance"], [np.nan, 1e-3], equal_nan=True)
     (tmp_path / "runs.csv").write_text('torque_n_m\n50\n""\n')
-    with pytest.raises(InputError, match="line 3: torque_n_m: could not convert string to float"):
+    with pytest.raises(InputError, match="line 3: torque_n_m: this field is empty; its default would be 50"):
         points_of('[design]\nkind = "table"\ntable = "runs.csv"', tmp_path)
 
 
