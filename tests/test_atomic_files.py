@@ -51,6 +51,6 @@ def test_a_link_that_was_planted_where_a_file_is_written_is_not_followed(tmp_pat
 
 def test_a_device_or_pipe_is_not_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(td.StorageError, match="something else is there, and stays"):
+    with pytest.raises(td.StorageError, match="something other than a file has this name"):
         replace_text(tmp_path / "pipe", "text")
     assert (tmp_path / "pipe").is_fifo()

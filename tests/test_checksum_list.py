@@ -127,7 +127,7 @@ def test_a_page_without_a_checksum_is_refused_where_one_is_due(tmp_path):
     refuse_changed(path, unlisted=True)
     (tmp_path / f".{LIST}.next").unlink()
     refuse_changed(path)
-    with pytest.raises(CubeError, match="does not fit its checksum"):
+    with pytest.raises(CubeError, match="does not match its checksum"):
         refuse_changed(path, unlisted=True)
 
 

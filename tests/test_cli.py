@@ -336,7 +336,7 @@ def test_schema_holds_every_parameter(capsys):
         (["plan", "{bad}"], "did you mean 'torque_n_m'"),
         (["query", "{out}", "--variable", "y"], "there is no such file"),
         (["query", "{empty}", "--variable", "y"], "no cube.nc"),
-        (["query", "{truncated}", "--variable", "y"], "cut.nc: damaged: its content does not fit its checksum"),
+        (["query", "{truncated}", "--variable", "y"], "cut.nc: damaged: its content does not match its checksum"),
         (["query", "{results}", "--variable", "thrust_amplitud"], "did you mean 'thrust_amplitude'"),
         (
             ["query", "{results}", "--variable", "outcome", "--select", "joint_angle=5"],

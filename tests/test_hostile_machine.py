@@ -60,7 +60,7 @@ def test_a_device_is_not_replaced_by_a_file(bench, tmp_path):
     os.mkfifo(tmp_path / "pipe.nc")
     done = called(["query", "out", "--variable", "y", "--output", str(tmp_path / "pipe.nc")], bench)
     assert done.returncode == 1
-    assert "cannot write this file: something else is there, and stays" in done.stderr
+    assert "cannot write this file: something other than a file has this name" in done.stderr
     assert (tmp_path / "pipe.nc").is_fifo()
 
 

@@ -29,7 +29,9 @@ def replace_file(path: Path) -> Iterator[Path]:
     """
     fresh = path.with_name(f".{path.name}.new")
     if path.exists() and not path.is_file():
-        raise StorageError(f"{path}: cannot write this file: something else is there, and stays; choose another name")
+        raise StorageError(
+            f"{path}: cannot write this file: something other than a file has this name; choose another name"
+        )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         fresh.unlink(missing_ok=True)  # left by a kill, or a link to another file

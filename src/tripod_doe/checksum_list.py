@@ -264,7 +264,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def is_changed(path: Path, unlisted: bool = False) -> bool:
-    """Whether a file does not fit its checksum; a missing one is not changed.
+    """Whether a file does not match its checksum; a missing one is not changed.
 
     Args:
         unlisted: Whether a file without a checksum is changed.
@@ -300,7 +300,7 @@ def _version(path: Path) -> list[tuple[int, int]]:
 
 
 def refuse_changed(path: Path, unlisted: bool = False) -> None:
-    """Refuse a file that does not fit its checksum, or whose list is of another directory.
+    """Refuse a file that does not match its checksum, or whose list is of another directory.
 
     Args:
         unlisted: Whether to refuse a file without a checksum, too.
@@ -311,7 +311,8 @@ def refuse_changed(path: Path, unlisted: bool = False) -> None:
     refuse_other_results(path.parent)
     if is_changed(path, unlisted):
         raise CubeError(
-            f"{path}: damaged or edited: it does not fit its checksum in {LIST}; {_remedy(path)}; to use it as it is, "
+            f"{path}: damaged or edited: it does not match its checksum in {LIST}; {_remedy(path)}; to use it as "
+            "it is, "
             "move it to another folder"
         )
 

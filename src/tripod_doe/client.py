@@ -208,7 +208,7 @@ class Service:
     def _content(self, answer: BinaryIO, most: int) -> bytes:
         content = answer.read(most + 1)
         if len(content) > most:
-            raise TripodDoeError(f"{self.url}: an answer of more than {most:,} bytes, and no more are read")
+            raise TripodDoeError(f"{self.url}: an answer of more than {most:,} bytes, the limit for this file")
         return content
 
 

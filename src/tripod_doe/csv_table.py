@@ -19,7 +19,7 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         most: Rows that may be there; reading ends with the first one beyond. None without a limit.
 
     Raises:
-        InputError: If the file cannot be read, does not fit its checksum, names a column twice, has no rows, or a row
+        InputError: If the file cannot be read, does not match its checksum, names a column twice, has no rows, or a row
             of another length.
         TooLargeError: If it has more rows than allowed.
     """
@@ -39,7 +39,7 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
     header = rows.pop(next(iter(rows), 0), [])
     counts = Counter(header)
     if twice := [name for name, count in counts.items() if count > 1]:
-        raise InputError(f"{where}: column {twice[0]!r} stands there {counts[twice[0]]} times; keep one of them")
+        raise InputError(f"{where}: column {twice[0]!r} occurs {counts[twice[0]]} times; keep one of them")
     if not rows:
         raise InputError(f"{where}: no rows below the header")
     for line, row in rows.items():

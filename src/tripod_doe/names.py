@@ -29,7 +29,7 @@ def check_identifier(name: str, of: str) -> str:
             "in front"
         )
     if _DEVICES.fullmatch(name):
-        raise InputError(f"{_shown(name)}: not a name for {of}: Windows keeps it for a device")
+        raise InputError(f"{_shown(name)}: not a name for {of}: Windows reserves it for a device")
     return name
 
 
@@ -46,7 +46,7 @@ def path_within(folder: Path, *names: str) -> Path:
         if not name or name.startswith(".") or len(name) > _LONGEST_FILE or _NO_FILE.search(name):
             raise InputError(f"{_shown(name)}: not a name of a file")
         if _DEVICES.fullmatch(name):
-            raise InputError(f"{_shown(name)}: not a name of a file: Windows keeps it for a device")
+            raise InputError(f"{_shown(name)}: not a name of a file: Windows reserves it for a device")
     return folder.joinpath(*names)
 
 

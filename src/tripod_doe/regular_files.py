@@ -46,7 +46,7 @@ def refuse_irregular(path: Path, error: type[InputError] = InputError, links: bo
         return
     if not stat.S_ISREG(mode):
         kind = next((kind for kind, is_kind in _KINDS.items() if is_kind(mode)), "something else")
-        raise error(f"{path}: {kind} is in the place of this file, and is not read; delete it")
+        raise error(f"{path}: {kind} has the name of this file; delete it")
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def opened_regular(
     with open(descriptor, "rb") as stream:
         state = os.fstat(descriptor)
         if not shell and not stat.S_ISREG(state.st_mode):  # exchanged just now
-            raise error(f"{path}: no file, and is not read")
+            raise error(f"{path}: not a regular file")
         if state.st_size > most:
             raise error(f"{path}: {state.st_size:,} bytes, at most {most:,} are read: not a file of this kind")
         yield stream
@@ -85,7 +85,7 @@ def read_regular(
     with opened_regular(path, most, error, links) as stream:
         content = stream.read(most + 1)
     if len(content) > most:  # a file of the system, or one that grows
-        raise error(f"{path}: more than {most:,} bytes, and no more are read")
+        raise error(f"{path}: more than {most:,} bytes, the limit for this file")
     return content
 
 

@@ -115,7 +115,7 @@ def test_a_result_that_lacks_its_variables_is_said(kind, monkeypatch):
     if kind in INDICES:  # which state each factor, and here is none
         assert findings_of("a", empty) == []
         return
-    with pytest.raises(CubeError, match=f"not a whole result of an analysis of the kind '{kind}': "):
+    with pytest.raises(CubeError, match=f"not a complete result of an analysis of the kind '{kind}': "):
         findings_of("a", empty)
 
 

@@ -51,7 +51,7 @@ def test_a_column_with_open_fields_is_named(tmp_path):
         '[keep]\noutputs = ["thrust_amplitude"]\n'
     )
     td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
-    with pytest.raises(InputError, match="column 'groove_spin_friction' of the table has open fields"):
+    with pytest.raises(InputError, match="column 'groove_spin_friction' of the table has empty fields"):
         factorial_effects(td.open_cube(tmp_path / "out"))
 
 

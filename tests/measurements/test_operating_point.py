@@ -93,7 +93,7 @@ def test_long_notes_take_no_long_time(piece):
 def test_names_of_files():
     pattern = "rig_{joint_angle_deg}deg_{torque_nm}Nm*.csv"
     assert from_name("rig_8p5deg_-120Nm_run 3.csv", pattern) == {"joint_angle_deg": 8.5, "torque_n_m": -120}
-    with pytest.raises(InputError, match=r"rig_8deg\.csv is of another form"):
+    with pytest.raises(InputError, match=r"rig_8deg\.csv does not match this pattern"):
         from_name("rig_8deg.csv", pattern)
     with pytest.raises(InputError, match="'pressure' is no parameter"):
         from_name("a", "{pressure}")
@@ -108,7 +108,7 @@ def test_names_of_files():
 
 def test_a_pattern_takes_no_long_time():
     """Thirty stars over ninety digits took all the time that a plan may take."""
-    for stars, message in ((3, "is of another form"), (30, "30 times \\*; at most 3 are allowed")):
+    for stars, message in ((3, "does not match this pattern"), (30, "30 times \\*; at most 3 are allowed")):
         with pytest.raises(InputError, match=message):
             from_name("1" * 90 + ".csv", "*" * stars + "{joint_angle_deg}{torque_nm}{speed_rpm}Z.csv")
 

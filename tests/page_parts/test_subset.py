@@ -69,8 +69,8 @@ def test_a_grid_is_thinned_along_its_longest_dimensions_and_keeps_their_ends(few
     for dim in ("a", "b"):
         assert part[dim].values[[0, -1]].tolist() == grid[dim].values[[0, -1]].tolist()
     assert subset_sentences(part) == [
-        f"Sentences and figures on the points are made of {part['outcome'].size} of the 1,080 points (evenly spaced "
-        "levels); counts, costs and analyses, of all."
+        f"Sentences and figures on the points use {part['outcome'].size} of the 1,080 points (evenly spaced "
+        "levels); counts, costs and analyses use all."
     ]
 
 

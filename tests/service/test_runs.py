@@ -53,7 +53,7 @@ def test_what_a_route_does_not_read_is_refused(api):
     """Regression: {"days": 1} gave a link of 14 days, and a misspelt parameter the answer without it."""
     made = api.post("/runs/none/shares", {"days": 1})
     assert made.status_code == 422
-    assert made.json()["errors"][0]["message"] == "this address reads no body: leave it out; write days into the query"
+    assert made.json()["errors"][0]["message"] == "this address takes no body: leave it out; write days into the query"
     assert api.post("/runs/none/shares", {}).status_code == 404
     assert api.post("/runs/none/stop", {"force": True}).status_code == 422
     for path in (

@@ -62,7 +62,7 @@ def test_submits_in_flight_hear_that_the_server_ends(serve):
         thread.join(20)
     assert code == 0
     assert {status for status, _ in answers} <= {201, 503}
-    assert "the server is about to end" in str([told for status, told in answers if status == 503])
+    assert "the server is stopping" in str([told for status, told in answers if status == 503])
 
 
 @pytest.mark.slow

@@ -221,7 +221,7 @@ def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
     assert main(["plan", str(study), "--no-timing", "--out", str(wave.folder / "out")]) == 0
     before = capsys.readouterr().out
     assert "9 points on 2 candidates, CPU time about 9 s" in before
-    assert "price        follows from the choice" in before
+    assert "price        known after the choice" in before
     wave.run(STUDY)
     assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
     after = capsys.readouterr().out

@@ -133,9 +133,7 @@ def test_four_points_confirm_a_record_that_holds(recorded):
     assert (choice["accuracy_met"] == 1).all()
     calls = bench.calls()
     assert len(calls) == len(set(calls)) == 4 + 33
-    assert "which 4 pilot points confirm: together they let 94 % of the points" in describe_choice(
-        study, bench.folder / "out"
-    )
+    assert "confirmed by 4 pilot points: 94 % of the points" in describe_choice(study, bench.folder / "out")
     grown = bench.run(STUDY.replace("[0, 1, 2]", "[0, 1, 2, 3]"))
     assert grown.computed == 11
     assert (choice_of(bench)["model"] == 1).all()

@@ -619,7 +619,7 @@ order = 3
         ),
         (
             ('output = "thrust_amplitude"', 'output = "thrust_phase_deg"'),
-            r"thrust_phase_deg': a phase goes round at 180 deg",
+            r"thrust_phase_deg': a phase jumps from 180 to -180 deg",
         ),
         (("[objectives", f"[base]\njoint_angle_deg = 9\n{SCATTER}[objectives"), "also a base value, which it replaces"),
     ],

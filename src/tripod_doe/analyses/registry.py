@@ -278,7 +278,7 @@ def _of_result(place: str, result: xr.Dataset, *words: str) -> Any:
         if kind_of(result) in MADE:  # the error is our own
             raise
         lacks = str(error.args[0]).partition(". ")[0] if error.args else "a name is missing"
-        what = f"not a whole result of an analysis of the kind {kind_of(result)!r}"
+        what = f"not a complete result of an analysis of the kind {kind_of(result)!r}"
         raise CubeError(f"{what}: {lacks}; make it again") from error
 
 

@@ -140,7 +140,9 @@ def _other_columns(cube: xr.Dataset, known: Collection[str]) -> dict[str, Factor
     varied = [name for name, values in columns.items() if np.unique(values).size > 1]
     for name in varied:
         if columns[name].dtype.kind == "f" and np.isnan(columns[name]).any():
-            raise InputError(f"column {name!r} of the table has open fields: fill them, or analyse the others alone")
+            raise InputError(
+                f"column {name!r} of the table has empty fields: fill them, or analyse the other factors only"
+            )
     return {name: FactorTable() for name in varied}
 
 
@@ -211,9 +213,10 @@ def refuse_holes(settings: PointSettings, region: FailingRegion | None, left: in
         raise InputError(f"only {left} of {asked} {what} finished: nothing to analyse{where}")
     gone = asked - left
     if gone and settings.holes == "refuse":
-        raise InputError(f'{gone:,} of {asked:,} {what} are lost, and holes = "refuse"{where}')
+        raise InputError(f'{gone:,} of {asked:,} {what} are missing, and holes = "refuse"{where}')
     if gone > math.floor(settings.most_dropped * asked) and not (settings.holes == "rest" and region):
         remedy = '; set holes = "rest" for an answer outside of it' if region else ""
         raise InputError(
-            f"{gone:,} of {asked:,} {what} are lost, more than most_dropped = {settings.most_dropped:g}{where}{remedy}"
+            f"{gone:,} of {asked:,} {what} are missing, more than most_dropped = "
+            f"{settings.most_dropped:g}{where}{remedy}"
         )

@@ -33,7 +33,9 @@ def _run(options: argparse.Namespace) -> int:
         print(json.dumps(values))
         return DONE
     shown = {key: ", ".join(value) if key == "tags" else value for key, value in values.items()}
-    print("\n".join(f"{key}  {value}" for key, value in shown.items() if value) or "nothing is written about it")
+    print(
+        "\n".join(f"{key}  {value}" for key, value in shown.items() if value) or "it has no name, owner, tags or note"
+    )
     return DONE
 
 

@@ -44,7 +44,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         help="table of records: a column file, and one for each parameter that differs; points that the cube lacks are "
         "simulated",
     )
-    add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
+    add_selection(parser, "value of a factor, to select one point, or the points over speed_rpm")
     parser.add_argument(
         "--column",
         metavar="NAME=HEADING",

@@ -96,7 +96,7 @@ def add_untrusted(parser: Parser) -> None:
     parser.add_argument(
         "--untrusted",
         action="store_true",
-        help="for a file from a stranger: refuse functions, and files outside of its folder",
+        help="for a file that you do not trust: refuse functions, and files outside of its folder",
     )
 
 
@@ -148,6 +148,6 @@ def add_notify(parser: Parser) -> None:
     parser.add_argument(
         "--notify",
         metavar="COMMAND|URL|@FILE",
-        help="at the end of a run, start this command with the facts as JSON on its standard input, or send them to "
+        help="at the end of a run, start this command with a summary as JSON on its standard input, or send them to "
         "this address; @FILE reads command or address from a file, so that the list of processes does not show it",
     )

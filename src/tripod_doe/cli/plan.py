@@ -91,7 +91,7 @@ def _plan_fit(options: argparse.Namespace) -> int:
 
     for name, given in (("out", options.out), ("quick", options.quick)):
         if given:
-            raise InputError(f"{option(name)}: {options.file} is a fit, which takes no such flag here")
+            raise InputError(f"{option(name)}: {options.file} is a fit, for which plan does not have this flag")
     print(plan_fit(options.file, not options.no_timing, options.untrusted).describe(max(options.workers, 1)))
     return DONE
 

@@ -55,7 +55,7 @@ def _run(options: argparse.Namespace) -> int:
     with opened_arrays(options.cube) as cube:
         for name in options.variable:
             if name not in cube.variables and (files := analyses_with(options.cube, name)):
-                raise InputError(f"--variable {name}: this variable stands in {' and '.join(map(str, files))}")
+                raise InputError(f"--variable {name}: this variable is in {' and '.join(map(str, files))}")
         variable, *beside = options.variable
         columns = records(cube, variable, options.select, options.nearest, options.where, beside)
         for note in cube.model_notes[:1]:  # the verdict; the report gives the reasons

@@ -24,8 +24,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--format",
         choices=tuple(_FILES),
         help="what to export instead: one page for print or a browser (question, three sentences, one "
-        "picture), all tables with their units as a workbook, each figure as SVG and PNG, or the page that asks a "
-        "surrogate what if",
+        "picture), all tables with their units as a workbook, each figure as SVG and PNG, or the what-if page of a "
+        "surrogate",
     )
     parser.add_argument(
         "--output",

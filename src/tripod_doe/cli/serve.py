@@ -30,7 +30,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--workers", type=whole_number, metavar="N", help="worker processes of each run (default: as run)"
     )
     parser.add_argument("--demo", action="store_true", help="start with a small finished study in the list")
-    parser.add_argument("--read-only", action="store_true", help="show results, and run and change nothing")
+    parser.add_argument("--read-only", action="store_true", help="show results only: run and change nothing")
     parser.add_argument(
         "--token-file",
         metavar="FILE",

@@ -31,8 +31,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--base",
         metavar="FILE.toml",
         type=Path,
-        help="take the values of this file, for instance a study: those in [base], and factors with one value; flags "
-        "come before them, and must give what the file varies",
+        help="take the values of this file, for instance a study: those in [base], and factors with one value; "
+        "flags override them, and are needed for parameters that the file varies",
     )
     parser.add_argument(
         "--variable",

@@ -79,7 +79,7 @@ def _statement(role: str, line: str) -> Statement | None:
         if factor is None:
             return Statement(line, math.nan, f"{unit} is no known unit")
         if role == "joint_angle_deg" and _MINUTES_OF_ARC.match(line, match.end() + len(text)):
-            return Statement(line, math.nan, "it has minutes of arc, and decimal degrees are read")
+            return Statement(line, math.nan, "it has minutes of arc: write decimal degrees")
         values = _allowed(role, text, factor)
         if len(values) == 1 and math.isfinite(values[0]):
             return Statement(line, values[0])
@@ -141,7 +141,7 @@ def from_name(name: str, pattern: str) -> dict[str, float]:
     numbers = (rf"(?=([+-]?[0-9]+(?:[.,p][0-9]+)?))\{at}" for at in range(1, len(names) + 1))
     match = re.fullmatch(first + "".join(map("".join, zip(numbers, others, strict=True))), name, re.I)
     if match is None:
-        raise InputError(f"{option('pattern', pattern)}: {name} is of another form")
+        raise InputError(f"{option('pattern', pattern)}: {name} does not match this pattern")
     stated = {}
     for own, text in zip(names, match.groups(), strict=True):
         values = [float(text.lower().replace("p", "."))] if "p" in text.lower() else _allowed(own, text)

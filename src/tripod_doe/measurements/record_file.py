@@ -115,7 +115,7 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     if first == len(lines):  # there is a column of words among the numbers
         first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, *form) > 1), len(lines))
     if _LOOKED_AT < first < len(lines):
-        raise InputError(f"no row of numbers in the first {_LOOKED_AT} lines: cut what stands before the table")
+        raise InputError(f"no row of numbers in the first {_LOOKED_AT} lines: remove the lines above the table")
     before = lines[:first]
     if not before and notes:  # headings after a #
         before = [note for note in notes if len(_fields(note, separator)) > 1][-1:]

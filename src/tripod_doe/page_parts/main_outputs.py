@@ -153,4 +153,4 @@ def answered_range(result: xr.Dataset, name: str) -> list[str]:
         return []
     used, outside = (f"{int(result.attrs.get(key, 0)):,}" for key in ("points_used", "points_outside"))
     points = f"{used} points in this range are used, {outside} points that have an answer outside of it are not"
-    return [f"All that analysis {name} says holds for {answered} alone: {points}."]
+    return [f"Results of analysis {name} hold for {answered} only: {points}."]

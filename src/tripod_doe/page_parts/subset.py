@@ -46,7 +46,7 @@ def subset_sentences(part: xr.Dataset) -> list[str]:
         return []
     of = f"{math.prod(part['outcome'].shape):,} of the {part.attrs[_PART_OF]:,} points"
     how = part.attrs[_HOW]
-    return [f"Sentences and figures on the points are made of {of} ({how}); counts, costs and analyses, of all."]
+    return [f"Sentences and figures on the points use {of} ({how}); counts, costs and analyses use all."]
 
 
 def _numbers_of_a_point(cube: xr.Dataset, variable: xr.Variable) -> int:

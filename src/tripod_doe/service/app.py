@@ -100,7 +100,7 @@ def _add_error_answers(app: FastAPI) -> None:
         return answer(request, RefusedError(503, str(error)))
 
     async def busy(request: Request, error: Exception) -> Response:
-        message = f"{str(error) or 'all workers are at work'}: ask again in a moment"
+        message = f"{str(error) or 'all workers are busy'}: try again in a moment"
         return answer(request, RefusedError(503, message, headers={"retry-after": "5"}))
 
     async def ending(request: Request, error: Exception) -> Response:
@@ -109,7 +109,7 @@ def _add_error_answers(app: FastAPI) -> None:
     async def failed(request: Request, error: Exception) -> Response:
         known = error if not isinstance(error, WorkerFailedError) else None
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
-        return answer(request, RefusedError(500, "internal error; the server's standard error says more"))
+        return answer(request, RefusedError(500, "internal error; see the standard error of the server"))
 
     app.add_exception_handler(RefusedError, refused)
     app.add_exception_handler(InputError, wrong_input)

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.errors import ForbiddenError, InputError, TooLargeError
 
-SERVER_ENDS = "the server is about to end: ask again when it is back"
+SERVER_ENDS = "the server is stopping: try again when it is back"
 """Message for requests that the end of the server interrupts."""
 
 _MESSAGE = re.compile(

@@ -193,7 +193,7 @@ def add_demo(service: Service) -> None:
     try:
         run = service.submit(json.dumps({"study": text}).encode())
     except (TripodDoeError, AllBusyError, WorkerFailedError, ServerEndsError, RefusedError) as error:
-        print(f"tripod-doe: it cannot run now: {error or 'all workers are at work'}", file=sys.stderr)
+        print(f"tripod-doe: it cannot run now: {error or 'all workers are busy'}", file=sys.stderr)
         return
     while not service.runs.find(run.id).state.at_rest:
         time.sleep(_LOOK)

@@ -131,7 +131,7 @@ class Expression:
 
     @property
     def _too_deep(self) -> str:
-        return f"{self.text!r}: more than {_DEEPEST} operators within each other"
+        return f"{self.text!r}: operators are nested more than {_DEEPEST} deep"
 
     def _wrong(self, node: ast.expr, reason: object) -> InputError:
         """An error with its position in the text."""
@@ -179,7 +179,9 @@ class Expression:
         for flag in terms:
             known = self._words.get(flag.id) if isinstance(flag, ast.Name) else None
             if wrong := [text for text in texts if known and text not in known]:
-                reason = f"{ast.unparse(flag)} is never {wrong[0][:_SHOWN]!r}{near_match(wrong[0], known or ())}"
+                reason = (
+                    f"{ast.unparse(flag)} never has the value {wrong[0][:_SHOWN]!r}{near_match(wrong[0], known or ())}"
+                )
                 raise self._wrong(node, reason)
 
     def _arguments(self, node: ast.expr, function: str, arguments: list[ast.expr]) -> tuple[list[ast.expr], list[str]]:
@@ -220,7 +222,7 @@ class Expression:
                 return float(value)
             case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)) if _is_finite(value):
                 return -float(value)
-        raise self._wrong(part, "between brackets stand labels: a number, a 'text', a range as [90:180], or : for all")
+        raise self._wrong(part, "brackets take labels: a number, a 'text', a range as [90:180], or : for all")
 
     def __call__(self, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Evaluate for every row of the columns, numbers in float64; NaN, and a comparison with it, is false.
@@ -238,9 +240,9 @@ class Expression:
         """Evaluate a condition; see `__call__`."""
         result = self._evaluated(source)
         if not self.used and result.data.dtype != np.bool_:
-            raise InputError(f"{self.text!r}: no condition, as it names no coordinate or variable and compares nothing")
+            raise InputError(f"{self.text!r}: not a condition: it names no coordinate or variable and compares nothing")
         if _is_text(result.data):
-            raise InputError(f"{self.text!r}: a text, and no condition; compare it, as in name == 'text'")
+            raise InputError(f"{self.text!r}: a text is not a condition; compare it, as in name == 'text'")
         return NamedArray(result.dims, _truth(result.data), result.labels)
 
     def numbers(self, source: Source) -> NamedArray:

@@ -30,7 +30,7 @@ _PRICED = 100  # points whose recorded costs are averaged
 _CHUNK = 10_000  # points that are checked together
 _WORD, _COSTS = 4, 6  # bytes of a whole number, a text or the number of a point; numbers of a point in cost.nc
 _MOST_CHECKED = 200_000  # points that are checked one by one; of more, a sample
-_OF_MANY = "models and failures are judged by {:,} points drawn at random; repeated points are not looked for"
+_OF_MANY = "models and failures are judged by {:,} points drawn at random; repeated points are not detected"
 _NOTABLE_BYTES = 100_000_000  # least memory that a plan states
 
 
@@ -74,14 +74,14 @@ class Plan:
         if self.unique + self.excluded != self.points:
             lines[0] += f" ({self.points - self.unique - self.excluded:,} of them repeated and computed once)"
         if self.most_points:
-            lines[0] += f" of a pilot, then at most {self.most_points:,} in all; what follows is the price of the pilot"
+            lines[0] += f" of a pilot, then at most {self.most_points:,} in all; the price below is that of the pilot"
         if self.excluded:
             lines.append(f"excluded     {self.excluded:,} by constraints")
         lines += [f"{f.outcome.label:12} {f.count:,} of {self.unique:,}: {f.reason}" for f in self.foreseen]
         if not self.able:
             lines.append("price        none: no point can be run")
         elif self.cpu_hours is None and self.chosen:
-            lines.append("price        follows from the choice of model")
+            lines.append("price        known after the choice of model")
         elif self.cpu_hours is None:
             lines.append("price        not known: nothing was timed")
         else:

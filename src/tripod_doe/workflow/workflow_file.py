@@ -18,7 +18,7 @@ class HeadTable(Table):
     """[workflow]: name and question."""
 
     name: str = Field(min_length=1, max_length=200, description="short name of the workflow")
-    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
+    question: str = Field("", max_length=4_000, description="the question it answers; the report shows it")
 
 
 class Overrides(Table):

@@ -282,7 +282,7 @@ def test_speeds_choose_the_revolutions_that_are_compared(measure):
     result = compare(got, model(), 0.0, speeds_rpm=(580, 620))
     assert 2 <= result.attrs["revolutions_compared"] < 15
     assert result.sizes["revolution"] > 50
-    with pytest.raises(td.InputError, match=r"two are needed; those of the record lie between 3\d\d"):
+    with pytest.raises(td.InputError, match=r"and two are needed; speeds of the record are between 3\d\d"):
         compare(got, model(), 0.0, speeds_rpm=(100, 200))
     with pytest.raises(td.InputError, match="add a column time_s"):
         compare(replace(got, time_s=None), model(), 0.0, speeds_rpm=(580, 620))

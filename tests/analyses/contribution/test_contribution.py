@@ -144,7 +144,7 @@ def test_a_level_and_a_phase_have_no_shares(ablate, attributes, reason):
     """Regression: 6 dB of 12 dB is no half, and a level of nothing, -infinite, was a zero within its error."""
     cube = ablate("offset")
     cube["y"].attrs.update(attributes)
-    with pytest.raises(InputError, match=f"'y' is a {reason}, of which mechanisms have no shares"):
+    with pytest.raises(InputError, match=f"'y' is a {reason}, whose zero is arbitrary"):
         contribution_shares(cube, ContributionSettings(output="y"))
 
 

@@ -211,7 +211,7 @@ def test_a_number_on_one_side_alone_is_no_equality(runs):
     found = diff_cubes(cube, cube.assign(thrust_amplitude=amplitude))
     assert [(one.part, one.points) for one in found.one_sided] == [({"order": 3}, 1)]
     assert "equal at" not in diff_text(found)
-    assert "thrust_amplitude, order 3: a number on one side alone at 1 point" in diff_text(found)
+    assert "thrust_amplitude, order 3: a number in one study only at 1 point" in diff_text(found)
 
 
 def test_results_of_other_units_are_not_compared(runs):
@@ -223,7 +223,7 @@ def test_results_of_other_units_are_not_compared(runs):
         found = diff_cubes(cube, other, wanted)
         assert (found.results, found.equal) == ([], [])
         lines = diff_text(found).splitlines()
-        assert lines[0] == "units, which differ, so that these results are not compared"
+        assert lines[0] == "results that are not compared, since their units differ"
         assert "  thrust_amplitude: N -> kN" in lines
         assert "no result has" not in diff_text(found)
         assert "unit,thrust_amplitude,,N,kN,," in diff_csv(found).splitlines()

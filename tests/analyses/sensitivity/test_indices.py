@@ -302,7 +302,7 @@ def test_scattered_failures_drop_their_blocks():
     assert "failing_region" not in found.attrs
     for key in ("S1", "ST"):
         assert (np.abs(found[key] - whole[key]) <= whole[f"{key}_conf"]).all()
-    with pytest.raises(InputError, match='10 of 256 blocks of 8 points are lost, and holes = "refuse"'):
+    with pytest.raises(InputError, match='10 of 256 blocks of 8 points are missing, and holes = "refuse"'):
         sobol_indices(planted(cube, rows), SensitivitySettings(holes="refuse"))
     trajectories = cube_of('kind = "morris"\nsamples = 40', linear_interaction)
     found = morris_effects(planted(trajectories, [5, 6, 80]))

@@ -113,14 +113,14 @@ def test_a_surrogate_that_another_program_wrote_is_refused(stored, change):
     else:
         name, make = f"what_if_{change[0]}", change[1]
         result = result.drop_vars(name).assign({name: (("a", "b"), make(result[name].values))})
-    with pytest.raises(CubeError, match=r"analysis mine: its surrogate is not whole: .*; make it again"):
+    with pytest.raises(CubeError, match=r"analysis mine: its surrogate is incomplete: .*; make it again"):
         what_if_pages({"mine": result})
 
 
 def test_a_result_with_a_flag_that_does_not_exist_is_refused(stored, monkeypatch):
     """Regression: an internal error, as of each value that no analysis of this kind gives."""
     monkeypatch.setattr("tripod_doe.analyses.registry.MADE", set())
-    with pytest.raises(CubeError, match="not a whole result of an analysis of the kind 'surrogate'"):
+    with pytest.raises(CubeError, match="not a complete result of an analysis of the kind 'surrogate'"):
         findings_of("mine", stored.assign(chosen=9).assign_attrs(outputs="y"))
 
 

@@ -383,7 +383,7 @@ def test_wrong_names_are_told_with_a_near_one(folders):
         ("by=torque", "by = 'torque': not a coordinate of this cube; did you mean 'torque_n_m'"),
         ("select=ordr=3", "select = 'ordr': not a coordinate of this cube; did you mean 'order'"),
         ("low=5&high=1", "low = 5: not below high = 1"),
-        ("where=1/0", "no condition"),
+        ("where=1/0", "not a condition"),
     ],
 )
 def test_wrong_parts_of_a_view_are_refused_by_its_figure(folders, address, told):

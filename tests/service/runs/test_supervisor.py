@@ -453,7 +453,7 @@ def test_a_run_that_cannot_be_looked_after_fails_alone(start, settings, tmp_path
     wait(supervisor, bad, State.RUNNING)
     failed = spoil(supervisor, bad, plan={"kind": "workflow"})
     assert failed.state is State.FAILED
-    assert "cannot look after it (KeyError: 'unique')" in failed.message
+    assert "cannot supervise it (KeyError: 'unique')" in failed.message
     wait(supervisor, good, State.RUNNING)
     supervisor.delete(bad)
 
@@ -579,7 +579,7 @@ def test_a_run_that_takes_a_larger_study_takes_nothing_else(start, tmp_path):
 
     def note():
         for change in (supervisor.resume, supervisor.delete, supervisor.refuse_extension):
-            with pytest.raises(RefusedError, match="409: this run takes a larger study just now"):
+            with pytest.raises(RefusedError, match="409: this run is being changed"):
                 change(run_id)
 
     def broken():

@@ -262,5 +262,5 @@ def test_texts_that_share_their_letters_are_refused(tmp_path):
     first = content.index(struct.pack("<I", 1_000_000))  # the reference: length, place of the heap, number in it
     content[first + 16 : first + 16 * 1500] = content[first : first + 16] * 1499
     path.write_bytes(content)
-    with pytest.raises(CubeError, match="more letters of texts than fit"):
+    with pytest.raises(CubeError, match="more text than fits"):
         dataset_of(path)

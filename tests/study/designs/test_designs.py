@@ -605,7 +605,7 @@ def test_factors_of_a_group_change_together():
         ),
         (
             'kind = "morris"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
-            "changes one factor, whatever the others are",
+            "changes one factor, independently of the others",
         ),
         (
             'kind = "sobol"\nsamples = 4\ncorrelation = [["joint_angle", "torque_n_m", 0.5]]',

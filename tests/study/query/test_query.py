@@ -302,9 +302,9 @@ def test_a_condition_has_one_answer_for_each_cell(where, message):
     ("select", "told"),
     [
         ("order=3:2", "no number lies in 3:2; write the smaller end first"),
-        ("order=nan", "nan is no value"),
-        ("order=nan:3", "nan is no value"),
-        ("order=2,nan", "nan is no value"),
+        ("order=nan", "no label is nan"),
+        ("order=nan:3", "no label is nan"),
+        ("order=2,nan", "no label is nan"),
         ({"order": slice(3, 2)}, "no number lies in 3:2"),
     ],
 )

@@ -207,7 +207,7 @@ def test_a_file_that_changed_is_read_again(cube):
 def test_where_nothing_can_be_checked_that_is_said(tmp_path, capsys, place):
     assert main(["check", str(tmp_path / place)]) == 2
     errors = capsys.readouterr().err
-    assert "there is no such file" in errors or "nothing with a checksum here" in errors
+    assert "there is no such file" in errors or "no file with a checksum here" in errors
 
 
 @pytest.mark.parametrize("file", ["cube.nc", "cost.nc", "analysis/sobol.nc"])
@@ -249,7 +249,7 @@ def test_a_result_without_its_checksum_is_refused_and_made_anew(folder, capsys, 
         heap = content.index(b"GCOL") // 512 * 512
         content[heap : heap + 512] = bytes(512)
     (out / file).write_bytes(content)
-    reason = "the checksum at its end is missing" if lost == "the checksum alone" else "does not fit its checksum"
+    reason = "the checksum at its end is missing" if lost == "the checksum alone" else "does not match its checksum"
     message, read = answer(out / file if file.startswith("analysis") else out)
     assert read is None
     assert reason in message

@@ -46,7 +46,9 @@ def test_a_living_holder_of_this_host_keeps_its_place(tmp_path, take_over):
 def test_a_dead_holder_is_replaced_when_told_so_and_notices(tmp_path, holder):
     hold = DirectoryLock(tmp_path)
     (tmp_path / ".lock").write_text("" if holder is None else json.dumps(holder))
-    with pytest.raises(td.InputError, match="take_over=True if it is dead, or choose another"):
+    with pytest.raises(
+        td.InputError, match="or take the directory over with take_over=True if that process is dead, or choose another"
+    ):
         DirectoryLock(tmp_path)
     successor = DirectoryLock(tmp_path, take_over=True)
     with pytest.raises(td.StorageError, match="took this directory over"):

@@ -55,7 +55,7 @@ def test_the_points_that_meet_it_are_counted(out):
     assert found_in(out[0]) == out[2].answers[0]
     assert looked_for(out, "max(thrust_amplitude) > 1e6") == ["No point meets max(thrust_amplitude) > 1e6."]
     assert found_in(out[0]).startswith("No point")
-    assert looked_for(out, "thrust_amplitude > 1")[0].startswith("Nothing could be looked for: ")
+    assert looked_for(out, "thrust_amplitude > 1")[0].startswith("The condition of look_for failed: ")
     assert looked_for(out, "third > 1e9 or third <= 1e9")[0].startswith("6 of 6 points meet")
 
 

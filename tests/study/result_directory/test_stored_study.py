@@ -73,7 +73,7 @@ def test_a_function_without_a_record_is_not_imported_either(results):
 def test_a_function_that_is_not_imported_does_not_run(results):
     folder, *_ = results
     study = stored_study(folder / "out")
-    with pytest.raises(InputError, match="not imported where results are read"):
+    with pytest.raises(InputError, match="its function is not loaded to read results"):
         study.simulator.simulate({}, ())
 
 

@@ -250,7 +250,7 @@ def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None, asked: tu
             )
         raise InputError(
             f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a "
-            f"speed, two are needed; those of the record lie between {number(float(speed.min()), 4)} and "
+            f"speed, and two are needed; speeds of the record are between {number(float(speed.min()), 4)} and "
             f"{number(float(speed.max()), 4)} rpm"
         )
     return chosen
@@ -318,8 +318,8 @@ def _order_variables(
         "agrees": (
             agrees,
             "1",
-            "1 where the amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order "
-            "0, -2 where by more and the model's is zero, -3 where both are smaller than these uncertainties",
+            "1: the amplitudes differ by at most both uncertainties together; 0: by more; -1: order 0, not "
+            "compared; -2: by more, and the model's is zero; -3: both are smaller than these uncertainties",
         ),
     }
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}

@@ -188,7 +188,9 @@ def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.Da
     attributes = cube[settings.output].attrs
     if is_level(attributes) or ("wraps_at" in attributes and not settings.phase_name):
         kind = "a level" if is_level(attributes) else "a phase"
-        raise InputError(f"output: {settings.output!r} is {kind}, of which mechanisms have no shares: zero is a choice")
+        raise InputError(
+            f"output: {settings.output!r} is {kind}, whose zero is arbitrary: mechanisms have no shares of it"
+        )
     if settings.phase_name and (unit := cube[settings.phase_name].attrs.get("units", "1")) not in _DEGREES:
         raise InputError(f"phase: {settings.phase_name!r} is in {unit}; give it in degree")
     needed = _COPIES * 16 * cube[settings.output].size
@@ -223,7 +225,7 @@ def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) 
         "share_off": (by_mechanism, off, _percent("share by switching off: 100 - P(all but the mechanism)")),
         "share_on": (by_mechanism, on, _percent("share on alone: P(the mechanism)")),
         "closure": (own, 100 - off.sum(axis=1), _percent("closure: 100 - sum of the shares by switching off")),
-        "share_none": (own, part(0), _percent("what is there with all mechanisms off: P(none)")),
+        "share_none": (own, part(0), _percent("share that is left with all mechanisms off: P(none)")),
         "amplitude": (
             own,
             part.total,

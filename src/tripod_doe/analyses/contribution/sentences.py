@@ -241,7 +241,7 @@ def _halves(part: Contribution, needed: int) -> str:
     if not np.isfinite(gap).all() or gap.max(initial=0) > _HALF:
         return ""
     return (
-        " The Shapley value divides what any other mechanism adds equally between it and that mechanism, so the others "
+        " The Shapley value divides a joint contribution of two mechanisms equally between them, so the others "
         "get about half of their shares by switching off."
     )
 

@@ -198,7 +198,7 @@ def _parts(
     rows: tuple[IntArray, IntArray],
     one_sided: list[OneSided],
 ) -> list[ResultDifference]:
-    """Differences of all parts of a variable that both cubes hold; adds those with a number on one side alone."""
+    """Differences of all parts of a variable that both cubes hold; adds those with a number in one study only."""
     first, labels = _by_point(a, name, rows[0])
     second, others = _by_point(b, name, rows[1])
     is_phase = name.endswith("_phase_deg")

@@ -25,7 +25,7 @@ def diff_text(found: Diff) -> str:
         ("study", found.study),
         ("values that neither study file sets", found.parameters),
         ("program", found.program),
-        ("units, which differ, so that these results are not compared", found.units),
+        ("results that are not compared, since their units differ", found.units),
     ):
         if differences:
             lines += [title, *(f"  {one.key}: {_change(one)}" for one in differences)]
@@ -50,7 +50,7 @@ def _points_lines(found: Diff) -> list[str]:
         lines += _first((f"  {_result(one)}" for one in found.results), len(found.results))
     lines += _first((_equal(one, counts["shared"]) for one in found.equal), len(found.equal))
     if not (found.results or found.equal or found.one_sided or found.units):
-        lines.append("no result has a number on both sides")
+        lines.append("no result has a number in both studies")
     lines += _first(
         (
             f"  {_named(one.variable, one.part)}: {_one_sided(one.variable)} at {count_of(one.points, 'point')}"
@@ -65,8 +65,8 @@ def _points_lines(found: Diff) -> list[str]:
 
 def _one_sided(variable: str) -> str:
     if not variable.endswith("_phase_deg"):
-        return "a number on one side alone"
-    return f"a phase of an amplitude above {100 * NO_PHASE:g} % of the largest at its point, on one side alone,"
+        return "a number in one study only"
+    return f"a phase of an amplitude above {100 * NO_PHASE:g} % of the largest at its point, in one study only,"
 
 
 def _first(lines: Iterator[str], count: int) -> Iterator[str]:

@@ -70,8 +70,8 @@ def _without_scatter(what: str, unit: str, rows: list[tuple[str, float, float, f
     largest = sorted(rows, key=lambda row: -abs(row[1]))[:_MOST_NAMED]
     text = listed([f"{term_text(str(row[0]))} {with_unit(number(float(row[1])), unit)}" for row in largest])
     return (
-        f"Largest effects on {what}, from low to high: {text}; the terms use up all points, so no scatter is left to "
-        f"judge them by, and none is much larger than the others (analysis {name})."
+        f"Largest effects on {what}, from low to high: {text}; there are as many terms as points, so their "
+        f"significance is not known, and none is much larger than the others (analysis {name})."
     )
 
 

@@ -32,5 +32,5 @@ def failing_region_chart(cube: xr.Dataset) -> Chart | None:
         axes.set_ylabel(axis_label(cube, y) if y else "")
         legend_above(axes, 2)
     data = pd.DataFrame({x: across, y or "none": up, "finished": good})
-    caption = f"Points fail {region.text}. The dashed lines bound that region; by a classification tree."
+    caption = f"Points fail {region.text}. Dashed lines: limits of this region, from a classification tree."
     return Chart("failing-region", "Where points fail", caption, figure, data)

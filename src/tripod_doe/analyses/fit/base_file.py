@@ -65,15 +65,16 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         if result[name].dims == ("record",) and name != "record" and (values := np.sort(result[name].values)).size
     }
     lines = [
-        f"# {_in_a_comment(result.attrs['title'])}: what the fit leaves open, as distributions; run it as any study",
+        f"# {_in_a_comment(result.attrs['title'])}: parameters that the fit leaves uncertain, as distributions; run "
+        f"it like any study",
         "[study]",
-        f"name = {json.dumps(str(result.attrs['title']) + ': what is not known')}",
-        'question = "How far does what is not known of the joint spread the orders of its thrust force?"',
+        f"name = {json.dumps(str(result.attrs['title']) + ': uncertain parameters')}",
+        'question = "How much do the uncertain parameters of the joint scatter the orders of its thrust force?"',
         "",
         "[base]",
         *(f"{name} = {json.dumps(value)}" for name, value in _of_these_needles(result, base).items()),
         *(
-            f"{name} = {json.dumps(value.item())}  # the middle of the records"
+            f"{name} = {json.dumps(value.item())}  # median of the records"
             for name, value in operating.items()
             if name not in base
         ),

@@ -114,8 +114,8 @@ def _profiles(fit: xr.Dataset) -> list[Chart]:
             axes.set_ylabel("growth of chi squared")
             axes.set_ylim(0, 2 * allowed)
         caption = (
-            f"How much worse the records fit where {spoken(name)} has another value and all other unknowns make up for "
-            "it as well as they can; the 95 % interval ends at the dashed line."
+            f"Growth of chi squared where {spoken(name)} has another value and all other unknowns are fitted "
+            "again; the 95 % interval ends at the dashed line."
         )
         charts.append(Chart(f"profile-{name}", f"Profile of {spoken(name)}", caption, figure, data))
     return charts

@@ -14,7 +14,7 @@ class HeadTable(Table):
     """[fit]: name, question, and how the fit is made."""
 
     name: str = Field(min_length=1, max_length=200, description="short name of the fit")
-    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
+    question: str = Field("", max_length=4_000, description="the question it answers; the report shows it")
     starts: int = Field(3, ge=1, le=100, description="starting points of the search")
     seed: int = Field(0, ge=0, description="seed of the starting points")
     robust: bool = Field(True, description="whether records that do not fit the others are left out, and named")

@@ -86,8 +86,8 @@ def _unknown_values(request: FitRequest, records: Sequence[RigRecord]) -> list[s
     """A complaint for each value that some records have and a record lacks: no other record says what it is there."""
     named = dict.fromkeys(name for record in records for name in record.parameters)
     return [
-        f"{record.name}: its {name} is not known, and other records have one: give it in the table of records, or "
-        "nowhere there"
+        f"{record.name}: its {name} is not known, but that of other records is: give it for all in the table of "
+        "records, or for none"
         for record in records
         for name in named
         if name not in record.parameters and name not in request.file.base
@@ -222,8 +222,8 @@ def _stated(
             own[name] = parameters[name].check(value)
         elif isinstance(known, int | float) and differ(known, value):
             raise InputError(
-                f"it states {name} = {number(value)}, [base] {known:g}; remove {name} from [base], and records that "
-                "state none need a table"
+                f"it states {name} = {number(value)}, [base] {known:g}; remove {name} from [base], and give it in a "
+                "table for records that do not state it"
             )
     for name in (_ANGLE, _TORQUE):
         if name not in {*own, *request.file.base, *request.file.unknowns}:
@@ -237,7 +237,7 @@ def _stated(
 def _overruled(asked: _Asked, measured: Measurement) -> list[str]:
     """Values that a record states where the table of records has another one, a sentence each."""
     return [
-        f"It states {name} = {number(stated)}, the table of records {number(value)}, which counts."
+        f"It states {name} = {number(stated)}, but {number(value)} of the table of records is used."
         for name, stated in measured.operating.items()
         if isinstance(value := asked.parameters.get(name), int | float) and differ(value, stated)
     ]

@@ -36,10 +36,10 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
     layout, records, width = solution.problem.layout, rig.records, len(rig.orders)
     variables = _unknowns(layout, solution) | _records(solution, error, width)
     if solution.error_size.factors:
-        meaning = _meaning("1", "size of the model's errors in these records, over those on record")
+        meaning = _meaning("1", "errors of the model in these records, relative to recorded ones")
         variables["model_error_factor"] = ("order", solution.error_size.of(rig.orders)[0], meaning)
         if error.turning.any() and not solution.problem.misfit.rows.free_phase.all():
-            meaning = _meaning("1", "size of what phases err by more than amplitudes, over that on record")
+            meaning = _meaning("1", "errors of phases beyond those of amplitudes, relative to recorded ones")
             variables["phase_error_factor"] = ((), solution.error_size.phases, meaning)
     if any(unknown.per != "all" for unknown in layout.unknowns):
         variables |= _by_record(layout, solution)
@@ -132,7 +132,7 @@ def _unknowns(layout: Layout, solution: Solution) -> dict[str, Any]:
         "value": ("unknown", rows[0], _meaning("1", "fitted value, in the unit of the parameter") | meaning),
         "low": ("unknown", rows[1], _meaning("1", f"lower end of its {100 * CONFIDENCE:g} % interval") | meaning),
         "high": ("unknown", rows[2], _meaning("1", f"upper end of its {100 * CONFIDENCE:g} % interval") | meaning),
-        "verdict": ("unknown", np.array(verdicts, object), {"long_name": "what the records say of it, at the worst"}),
+        "verdict": ("unknown", np.array(verdicts, object), {"long_name": "verdict on it, the worst of its values"}),
         "bound_low": ("unknown", [u.low for u in layout.unknowns], _meaning("1", "lower bound of the search")),
         "bound_high": ("unknown", [u.high for u in layout.unknowns], _meaning("1", "upper bound of the search")),
         "correlation": (
@@ -180,7 +180,7 @@ def _by_record(layout: Layout, solution: Solution) -> dict[str, Any]:
         "value_of_record": (dims, value[layout.index], _meaning("1", "fitted value in a record")),
         "low_of_record": (dims, low[layout.index], _meaning("1", "lower end of its 95 % interval")),
         "high_of_record": (dims, high[layout.index], _meaning("1", "upper end of its 95 % interval")),
-        "verdict_of_record": (dims, words, {"long_name": "what the records say of it"}),
+        "verdict_of_record": (dims, words, {"long_name": "verdict on it"}),
         "group_of_record": (dims, groups, {"long_name": "record or group that the value is of; empty for all records"}),
     }
 

@@ -72,8 +72,7 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
     if few := [factor_label(cube, name) for name, answers in left.items() if answers.too_few]:
         own = "effects" if len(few) > 1 else "effect"  # means of groups may still be compared, as in factorial designs
         sentences.append(
-            f"There are too few points for a regression on all factors: by it, the {own} of {listed(few)} "
-            f"{'are' if len(few) > 1 else 'is'} not known."
+            f"There are too few points for a regression on all factors, which would give the {own} of {listed(few)}."
         )
     reasons = {
         "the factors vary mostly together": [
@@ -85,7 +84,9 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
         if names:
             labels = listed([factor_label(cube, name) for name in names])
             own = "effects" if len(names) > 1 else "effect"
-            sentences.append(f"This design does not separate the {own} of {labels} from those of the others: {why}.")
+            sentences.append(
+                f"This design does not separate the {own} of {labels} from the effects of other factors: {why}."
+            )
     return sentences
 
 

@@ -426,6 +426,6 @@ class EffectWording:
             )
         over = listed(labels) if len(labels) <= _MOST_UNSEEN else f"any of {len(labels)} factors"
         return (
-            f"No trend or curvature of {self.name} over {over} is resolved by the {points:,} points; those of up to "
-            f"{with_unit(rounded_up(most), self.response.unit)}, and other effects, are not excluded."
+            f"The {points:,} points resolve no trend or curvature of {self.name} over {over}; they do not "
+            f"exclude trends of up to {with_unit(rounded_up(most), self.response.unit)}, and other effects."
         )

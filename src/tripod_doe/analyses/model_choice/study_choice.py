@@ -199,8 +199,8 @@ def _summary(choice: xr.Dataset) -> list[str]:
         price = duration(attrs["price_study_s"])
         return [f"choice       too few points for a pilot: {full} at all {count:,} points, CPU time about {price}"]
     lines = [
-        f"choice       by errors on record for similar points, which {pilot} pilot points confirm: together they let "
-        f"{number(100 * attrs['recorded_share'], digits=2)} % of the points be expected within the accuracy"
+        f"choice       by recorded errors of similar points, confirmed by {pilot} pilot points: "
+        f"{number(100 * attrs['recorded_share'], digits=2)} % of the points are expected to meet the accuracy"
         if "recorded_share" in attrs
         else f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
         f"are accepted; in cross-validation {attrs['misses']} of these points miss the accuracy"

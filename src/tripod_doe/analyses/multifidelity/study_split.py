@@ -98,12 +98,12 @@ def split_lines(split: Split) -> list[str]:
             "the truth" if model == truth else f"explains {number(100 * split.explained[model], 3)} % of its variance"
         )
         if model != truth and count <= split.samples[truth]:
-            text += ", does not pay"
+            text += ", not worth its price"
         price = duration(split.prices[model], 2)
         lines.append(f"model        {model}: {count:,} samples, CPU time {price} per point; {text}")
     lines.append(
-        f"price        CPU time {duration(split.seconds)}; expected variance {number(1 / split.gain, 2)} of that by "
-        f"{truth} alone at this price"
+        f"price        CPU time {duration(split.seconds)}; expected variance {number(1 / split.gain, 2)} times that "
+        f"with {truth} alone at this price"
     )
     return lines
 
@@ -121,8 +121,8 @@ def describe_split(study: Study, directory: Path | None, timing: bool = False) -
     table = study.file.design
     truth, most = (study.factors[table.fidelity].values or ())[-1], most_points(study)
     lines = [
-        f"split        follows from a pilot of {point_count(study):,} points; {truth} gets {table.samples:,} samples "
-        f"in any case, and all models together at most {most:,} points (most_points)"
+        f"split        decided by a pilot of {point_count(study):,} points; {truth} runs {table.samples:,} samples, "
+        f"all models together at most {most:,} points (most_points)"
     ]
     price = plan(_largest_split(study), timing, recorded=True)
     if price.cpu_hours:

@@ -106,8 +106,9 @@ def _pair(problem: Problem, solved: Solved, a: int, b: int) -> Chart:
     by = f", by {problem.model}" if problem.confirm != problem.model else ""
     judged_by = f", by {problem.confirm}," if problem.confirm != problem.model else ""
     caption = (
-        f"The front{judged_by} and what the search tried{by}: {feasible} feasible{drawn}, of which others dominate "
-        f"{dominated_count(problem, solved):,}. Those far from the front may lie outside."
+        f"The front{judged_by} and the candidates of the search{by}: {feasible} feasible{drawn}, of which "
+        f"others dominate {dominated_count(problem, solved):,}. Candidates far from the front may be outside "
+        "of the axes."
     )
     return Chart(f"front-{names[a]}-{names[b]}", f"{names[a]} against {names[b]}", caption, figure, data)
 

@@ -15,7 +15,7 @@ class HeadTable(Table):
     """[optimisation]: the question, what answers it, and how sure an answer must be under scatter."""
 
     name: str = Field(min_length=1, max_length=200, description="short name of the optimisation")
-    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
+    question: str = Field("", max_length=4_000, description="the question it answers; the report shows it")
     scene: str = Field("joint", description="scene that is simulated")
     function: str | None = Field(None, description="package.module:function to run in place of a scene")
     quantile: float = Field(
@@ -37,7 +37,7 @@ class VariableTable(Table):
     high: float | None = Field(None, description="upper bound")
     scale: Literal["linear", "log"] = Field("linear", description="scale on which the range is searched")
     values: list[Scalar] | None = Field(None, min_length=2, description="the values it may take")
-    formula: str | None = Field(None, description="its value from other variables and base values, which it follows")
+    formula: str | None = Field(None, description="formula of other variables and base values that gives its value")
 
 
 class AtTable(Table):
@@ -118,7 +118,7 @@ def _check(request: OptimisationRequest) -> None:
         where = f"[variables.{name}]"
         given = [variable.low is not None or variable.high is not None, bool(variable.values), bool(variable.formula)]
         if sum(given) != 1:
-            raise request.fail(where, "give low and high, or values = [...], or a formula by which it follows others")
+            raise request.fail(where, "give low and high, or values = [...], or a formula of others")
         if given[0] and (variable.low is None or variable.high is None or variable.low >= variable.high):
             raise request.fail(where, f"low = {variable.low} must be below high = {variable.high}")
         if "scale" in variable.model_fields_set and not given[0]:
@@ -126,7 +126,7 @@ def _check(request: OptimisationRequest) -> None:
         if variable.scale == "log" and (variable.low or 0) <= 0:
             raise request.fail(where, f'low = {variable.low}: must be above 0 with scale = "log"')
     if all(variable.formula for variable in file.variables.values()):
-        raise request.fail("[variables]", "each follows others by a formula; at least one needs a range or values")
+        raise request.fail("[variables]", "all have formulas of others; at least one needs a range or values")
     for name, constraint in file.constraints.items():
         if constraint.low is None and constraint.high is None:
             raise request.fail(f"[constraints.{name}]", "give low, high or both")

@@ -29,7 +29,7 @@ from tripod_doe.study.designs import Points
 
 _THIRD = ("thrust_amplitude", 3)  # the quantity whose error of the model is on record
 _MODEL = "model"
-_ANGLE = "a phase goes round at 180 deg, so it has no largest value, no mean and no one-sided limit"
+_ANGLE = "a phase jumps from 180 to -180 deg, so it has no largest value, no mean and no one-sided limit"
 
 Sample = Mapping[str, NDArray[Any]]
 
@@ -238,7 +238,10 @@ def _not_one_number(order: int | None, dims: tuple[str, ...]) -> str:
         return "it has no orders; leave order out"
     if dims == ("order",):
         return "give the order"
-    return f"it has values along {', '.join(dims)}; make one number of it by a response, as [responses.NAME] formula"
+    return (
+        f"it has values along {', '.join(dims)}; define a response that reduces it to one number, "
+        "[responses.NAME] formula"
+    )
 
 
 def make_problem(request: OptimisationRequest) -> Problem:
@@ -295,7 +298,7 @@ def _models(
     if not simulator.model_names or _MODEL in taken:
         if confirm is not None:
             reason = (
-                "the model is a variable or an operating parameter" if _MODEL in taken else "there is one model only"
+                "the model is a variable or an operating parameter" if _MODEL in taken else "there is only one model"
             )
             raise request.fail("[search]", f"confirm = {confirm!r}: {reason}; leave it out")
         return "", ""

@@ -48,7 +48,8 @@ def front_dataset(problem: Problem, solved: Solved) -> xr.Dataset:
         variables["knee"] = xr.Variable(
             "candidate",
             flags,
-            {"long_name": "whether its worst objective, from 0 to 1 over the front, is best"} | _FLAG,
+            {"long_name": "whether it is the knee, whose worst objective, scaled from 0 to 1 over the front, is best"}
+            | _FLAG,
         )
     if solved.confirmed:
         for at, name in enumerate(problem.objectives):
@@ -102,7 +103,7 @@ def _variables(problem: Problem, archive: Archive) -> dict[str, xr.Variable]:
             attributes = {"units": _unit(problem, table.output), "long_name": _meaning(table), "role": role}
             variables[name] = xr.Variable("candidate", values[:, at], attributes)
             if np.isfinite(errors[:, at]).any():
-                text = f"half width of the error that is known of {name}: numerical, of the model and of the sample"
+                text = f"half width of the known error of {name}: numerical, of the model and of the sample"
                 variables[f"{name}{ERROR}"] = xr.Variable(
                     "candidate", errors[:, at], {"units": attributes["units"], "long_name": text}
                 )

@@ -246,9 +246,9 @@ def read_what_if(result: xr.Dataset, name: str) -> WhatIf | None:
         return _checked(texts, arrays)
     except ValidationError as error:
         where = ".".join(map(str, error.errors()[0]["loc"])) or "its texts"
-        raise CubeError(f"analysis {name}: its surrogate is not whole: {ATTRIBUTE}: {where}; make it again") from error
+        raise CubeError(f"analysis {name}: its surrogate is incomplete: {ATTRIBUTE}: {where}; make it again") from error
     except (KeyError, ValueError) as error:
-        raise CubeError(f"analysis {name}: its surrogate is not whole: {error.args[0]}; make it again") from error
+        raise CubeError(f"analysis {name}: its surrogate is incomplete: {error.args[0]}; make it again") from error
 
 
 def _checked(texts: _Texts, arrays: list[NDArray[Any]]) -> WhatIf:

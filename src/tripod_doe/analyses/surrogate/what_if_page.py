@@ -105,7 +105,7 @@ class WhatIfPage:
         for name in self.surrogate.crossed:
             unit = unit_text(self.surrogate.factors[name]["unit"])
             moved.append(f"{spoken(name)} at {with_unit(number(float(self.start[name])), unit)}")
-        aside = f", {listed(moved)} (at 0 outputs vanish)" if moved else ""
+        aside = f", {listed(moved)} (outputs are zero at 0)" if moved else ""
         return f"the others in the middle of the points{aside}"
 
     @property
@@ -118,7 +118,9 @@ class WhatIfPage:
                 "estimate for smooth outputs; a course that turns twice between two levels is not seen"
             ]
         if few := [spoken(name) for name, each in factors if len(each.get("levels", ())) > 1]:
-            said += [f"Of {listed(few)} only levels are shown: they are too few to know errors between them"]
+            said += [
+                f"Only the levels of {listed(few)} are shown, since they are too few to estimate errors between them"
+            ]
         return said
 
     def at(self, **values: float | str) -> list[tuple[float, float]]:

@@ -17,9 +17,9 @@ RUNS = "confirmed"
 """Attribute of a result with the points and the factors of these runs, by limit."""
 _ENDS = ("", "_low", "_high")
 _MEANINGS = {
-    "": "probability to exceed the limit with the change that is proposed first, by other points",
-    "_low": "lower end of the interval of the exceedance by other points",
-    "_high": "upper end of the interval of the exceedance by other points",
+    "": "probability to exceed the limit with the first proposed change, from other points",
+    "_low": "lower end of the interval of the exceedance from other points",
+    "_high": "upper end of the interval of the exceedance from other points",
 }
 
 

@@ -301,14 +301,14 @@ def _no_shift(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTab
     reasons = []
     if bounded:
         reasons.append(
-            f"the points lie within the bounds of {listed(list(map(spoken, bounded)))}, which would shift too"
+            f"the points lie within the bounds of {listed(list(map(spoken, bounded)))}, and the bounds would shift, too"
         )
     if listed_values:
         reasons.append(f"{listed(list(map(spoken, listed_values)))} has listed values")
     if related:
         reasons.append(f"{listed(list(map(spoken, related)))} are correlated")
     if len(bounded) + len(listed_values) + len(related) < len(names):
-        reasons.append("too few points lie where a shifted distribution would have most of them")
+        reasons.append("too few points lie in the range of a shifted distribution")
     return (
         f"Whether shifting one nominal value keeps the limit is not resolved: {', and '.join(reasons)}. Run "
         "the study with a shifted value to find out."

@@ -56,7 +56,7 @@ class ToleranceSettings(SensitivitySettings):
         0,
         ge=0,
         le=10_000_000,
-        description="other points that confirm the change that is proposed first for a limit; 0: none run",
+        description="number of other points that confirm the first proposed change for a limit; 0: none",
     )
     costs: dict[str, Annotated[float, Field(gt=0)]] = Field(
         {}, description="cost of halving the scatter of a factor; the scatter of a factor without one stays as it is"
@@ -229,7 +229,7 @@ def _of_output(cube: xr.Dataset, sample: Sample, table: OutputTable, settings: T
 
 
 _WAYS = {
-    "if_halved": "if the factor scattered half as far",
+    "if_halved": "if the scatter of the factor is halved",
     "at_scale": "at scale_to_keep",
     "at_shift": "at shift_to_keep",
     "at_cheapest": "at cheapest_scale",
@@ -243,13 +243,13 @@ _MEANINGS = {
     "exceedance": "probability to exceed the limit",
     "exceedance_low": "lower end of the interval of the exceedance",
     "exceedance_high": "upper end of the interval of the exceedance",
-    "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
+    "gain_of_halving": "reduction of the standard deviation if the scatter of the factor is halved, as a fraction",
     "gain_of_halving_conf": "half width of the interval of the gain",
     "scale_to_keep": "largest scale of the scatter of two factors, or of one, that is resolved to keep the limit",
     "scale_excluded": "whether every scale of the scatter of two factors, or of one, is resolved to break the limit",
     "shift_to_keep": "smallest shift of the nominal value, in its unit, that is resolved to keep the limit",
     "cheapest_scale": "scale of the scatter of the factor in the cheapest set of one or two resolved to keep the limit",
-    "cheapest_cost": "cost of that set, by what it costs to halve each scatter",
+    "cheapest_cost": "cost of that set, from the costs of halving each scatter",
     "samples_to_resolve": "points with which a smaller scatter of one factor or two would be resolved to suffice",
     **{
         f"exceedance_{way}{end}": f"{part}probability to exceed the limit {where}"

@@ -63,9 +63,9 @@ def _too_slow(points: JointValues[FloatArray]) -> list[str]:
         known = {} if straight else {name: float(own[i]) for name, own in least.items() if own[i] == own[i]}
         ways = " or ".join(f"{name} to at least {rounded_up(value)}" for name, value in known.items())
         reasons.append(
-            "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or "
-            f"0.001 rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; take a low speed "
-            "for the quasi-static thrust; a straight joint has none"
+            "the parts do not move, or so slowly that friction is not defined (transition velocities below "
+            f"0.001 mm/s or 0.001 rad/s): raise {ways or 'speed_rpm' + ' and joint_angle_deg' * (not straight)}; "
+            "for the quasi-static thrust take a low speed; a joint angle of 0 has no thrust"
         )
     return reasons
 

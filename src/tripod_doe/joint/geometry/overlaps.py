@@ -225,8 +225,8 @@ def _crowns(points: JointValues[FloatArray]) -> Overlap:
 
     def reason(i: int) -> str:
         return (
-            f"the needles have no ends: a crown of {1e3 * points.needle_crown[i]:.4g} um takes their radius of "
-            f"{1e3 * points.needle_radius[i]:.4g} um away: reduce needle_crown_um, or raise needle_diameter_mm"
+            f"the crown of the needles, {1e3 * points.needle_crown[i]:.4g} um, is not below their radius of "
+            f"{1e3 * points.needle_radius[i]:.4g} um: reduce needle_crown_um, or raise needle_diameter_mm"
         )
 
     return Overlap(points.needle_crown >= points.needle_radius, reason)

@@ -37,7 +37,7 @@ def read_form(body: bytes, form: type[Form], nesting: int) -> Form:
 def read_json(body: bytes, nesting: int) -> Any:
     """Read the JSON of a body; see `read_form`."""
     if _depth(body) > nesting:
-        raise RefusedError(413, f"brackets stand more than {nesting} deep within each other, the limit here")
+        raise RefusedError(413, f"brackets are nested more than {nesting} deep, the limit here")
     try:
         text = body.decode()
         value = json.loads(text, object_pairs_hook=_object, parse_constant=_refuse_constant, parse_int=_whole)

@@ -124,7 +124,7 @@ class ShareRecord(BaseModel):
 class NewShare(ShareRecord):
     """A link that was just made."""
 
-    address: str = Field(description="what to hand on; its secret is not kept")
+    address: str = Field(description="address of the link; its secret is not stored")
 
 
 class StudyText(_Form):
@@ -149,7 +149,7 @@ class PointRequest(_Form):
     @model_validator(mode="after")
     def _one_scene(self) -> Self:
         if "scene" in self.parameters:
-            raise ValueError("parameters: scene stands beside them")
+            raise ValueError("parameters: scene is a key of its own beside parameters")
         return self
 
 

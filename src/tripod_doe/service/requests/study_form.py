@@ -114,7 +114,7 @@ def changed_text(text: str, key: str, value: str) -> Any:
         return tomlkit.dumps(document)
     except (TOMLKitError, AttributeError, TypeError, ValueError) as error:
         raise InputError(
-            f"study.toml: change {key} in the text: its form is not one that a field can change"
+            f"study.toml: change {key} in the text: this form of it cannot be changed by a field"
         ) from error
 
 

@@ -67,7 +67,7 @@ async def refuse_unread(request: Request) -> None:
     reads_body = "requestBody" in described or method == "get"
     if not reads_body and (await request.body()).strip() not in _EMPTY:
         remedy = f"; write {', '.join(known)} into the query" if known else ""
-        raise RefusedError(422, f"this address reads no body: leave it out{remedy}")
+        raise RefusedError(422, f"this address takes no body: leave it out{remedy}")
     if unknown := next((name for name in request.query_params if name not in known), None):
         raise RefusedError(422, f"unknown parameter {unknown[:100]!r} in the query{near_match(unknown, known)}")
 
@@ -84,7 +84,7 @@ AnyService = Annotated[Service, Depends(_service)]
 
 async def _writing_service(service: AnyService) -> Service:
     if service.settings.read_only:
-        raise RefusedError(403, "this server, or this token, only reads: it changes nothing")
+        raise RefusedError(403, "this server or this token is read-only")
     return service
 
 

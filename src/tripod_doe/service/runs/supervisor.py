@@ -192,7 +192,7 @@ class Supervisor:
             if run.state is State.QUEUED:
                 return self._store(run.changed(state=State.STOPPED, message="stopped before it started"))
             if not run.state.alive:
-                raise RefusedError(409, f"state: {run.state}: only a run that waits or is at work can be stopped")
+                raise RefusedError(409, f"state: {run.state}: only a queued or running run can be stopped")
             if run.state is State.RUNNING:
                 run = self._store(run.changed(state=State.STOPPING))
                 self._stop_by[run_id] = time.monotonic() + _PATIENCE
@@ -208,7 +208,9 @@ class Supervisor:
         with self._lock:
             run = self._run_to_control(run_id)
             if not run.state.at_rest:
-                raise RefusedError(409, f"state: {run.state}: only a run at rest can be resumed")
+                raise RefusedError(
+                    409, f"state: {run.state}: only a run that has stopped, finished or failed can be resumed"
+                )
             if retry_failed and not run.counts.failed:
                 raise RefusedError(409, "no point of this run failed")
             if run.state is State.FINISHED and not retry_failed:
@@ -257,7 +259,9 @@ class Supervisor:
             if run.has_function:
                 raise RefusedError(409, "its study has a function, which only the command line runs: change it there")
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
-                raise RefusedError(409, f"state: {run.state}: only a run at rest takes {_FURTHER}")
+                raise RefusedError(
+                    409, f"state: {run.state}: only a run that has stopped, finished or failed takes {_FURTHER}"
+                )
             return run
 
     def annotate(self, run_id: str, changes: dict[str, Any]) -> Run:
@@ -325,7 +329,7 @@ class Supervisor:
         """A run that is not taking another study now."""
         run = self.find(run_id)
         if run_id in self._changing:
-            raise RefusedError(409, "this run takes a larger study just now: try again in a moment")
+            raise RefusedError(409, "this run is being changed: try again in a moment")
         return run
 
     def _store(self, run: Run) -> Run:
@@ -370,7 +374,7 @@ class Supervisor:
         except Exception as error:
             log.exception("run %s", run.id)
             with _logged(f"the failure of run {run.id}"):
-                self._fail(run.id, f"the service cannot look after it ({type(error).__name__}: {error})")
+                self._fail(run.id, f"the service cannot supervise it ({type(error).__name__}: {error})")
 
     def _fail(self, run_id: str, message: str) -> None:
         """End the process of a run, if any, and store that the run failed."""

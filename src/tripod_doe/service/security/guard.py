@@ -219,7 +219,7 @@ class Guard:
         """Refuse a reader's request while it has too many open requests."""
         mine = _share_of(scope)
         if mine is not None and mine != _STRANGER and self._open[mine] >= _MOST_WAITING:
-            what = "event streams are open" if mine[1] else "requests are not answered yet"
+            what = "event streams are open" if mine[1] else "requests are open"
             text = f"{_MOST_WAITING} {what}, the limit for a link or a reader; try again later"
             raise RefusedError(503, text, headers={"retry-after": "5"})
 
@@ -230,7 +230,7 @@ class Guard:
             name = match["name"].strip("[]") if match else ""
             if name in self._hosts or (self._any_address and _is_address(name)):
                 return
-        raise RefusedError(400, "Host: this server is not called by this name; use the address that it printed")
+        raise RefusedError(400, "Host: this server does not answer to this name; use the address that it printed")
 
     def _enter(self, scope: Scope) -> Access | None:
         """Remove the first part from the address of a page; return the access it belongs to."""

@@ -40,7 +40,7 @@ class Access:
         if self.owns:
             return
         if method not in _SAFE:
-            raise RefusedError(403, "this token only reads: it changes nothing and computes nothing")
+            raise RefusedError(403, "this token is read-only: it changes nothing and computes nothing")
         if self.settings.only_run and not re.fullmatch(_ONE_RUN.format(re.escape(self.settings.only_run)), place):
             raise RefusedError(403, "this link opens one run and nothing else")
 

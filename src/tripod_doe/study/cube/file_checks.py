@@ -77,7 +77,7 @@ def _refuse_damaged(path: Path, whole: bool) -> None:
     refuse_irregular(path, CubeError)
     with reading(path):
         if is_damaged(path, None if whole else MOST_CHECKED):
-            raise CubeError(f"{path}: damaged: its content does not fit its checksum; {remedy(path)}")
+            raise CubeError(f"{path}: damaged: its content does not match its checksum; {remedy(path)}")
         if _directory_of(path) is not None and not is_sealed(path):
             raise CubeError(
                 f"{path}: the checksum at its end is missing, as another program changed the file, or its end is lost; "
@@ -98,7 +98,7 @@ def _refuse_other_study(path: Path, directory: Path) -> None:
     known, number = _origin(path)
     if expected is not None and known != expected and (known or path.parent.name == ANALYSES):
         raise OtherStudyError(
-            f"{path}: its results are of another study, or of this one before it grew; {remedy(path)}"
+            f"{path}: its results are of another study, or of this one before it was extended; {remedy(path)}"
         )
     if number and number != number_in(journal_path(directory)):
         raise CubeError(f"{path}: its results are of another directory; {remedy(path)}")

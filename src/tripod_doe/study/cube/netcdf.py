@@ -171,7 +171,7 @@ def _excess(stored: netCDF4.Dataset, own: int) -> str:
         return f"has a chunk of {size(chunk)}; at most {size(_LARGEST_CHUNK)} are read: another program wrote it"
     texts = [variable for variable in _all_variables(stored) if variable.dtype is str and variable.ndim]
     if any(_has_more_letters(variable, own) for variable in texts):
-        return f"announces more letters of texts than fit in a file of {size(own)}: another program wrote it"
+        return f"states more text than fits in a file of {size(own)}: another program wrote it"
     return ""
 
 

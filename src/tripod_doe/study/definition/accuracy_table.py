@@ -57,7 +57,7 @@ def check_auto_model(
     candidates = own_candidates(simulator.candidates, taken)
     if len(candidates) < 2:
         fixed = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
-        why = f"the study sets {fixed} itself, so nothing is left to choose" if fixed else "it has one model"
+        why = f"the study sets {fixed} itself, so there is nothing to choose" if fixed else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
     return AutoModel(check_accuracy(simulator, accuracy, floor), confidence, budget, candidates)
 

@@ -89,7 +89,7 @@ def fidelity_factor(simulator: Simulator, file: StudyFile) -> dict[str, FactorTa
     if file.design.kind != "multifidelity" or name in file.factors:
         return {}
     if name in file.base:
-        raise InputError(f"fidelity: {name} is a base value, so there is one model only; remove it from [base]")
+        raise InputError(f"fidelity: {name} is a base value, so there is only one model; remove it from [base]")
     if name != "model" or not simulator.model_names:
         raise InputError(
             f"fidelity: add [factors.{name}] with values, from the cheapest model to the one that counts as the truth, "

@@ -163,7 +163,7 @@ def shifted_table(table: FactorTable, shift: float) -> FactorTable:
 def _moved(table: FactorTable, scale: float, shift: float) -> FactorTable:
     scatter = scatter_density(table)
     if scatter is None:
-        raise ValueError("listed values have no centre")
+        raise ValueError("listed values have no mean value to shift")
     centre = math.exp(scatter.centre) if scatter.logarithmic else scatter.centre
 
     def placed(value: float) -> float:

@@ -92,7 +92,7 @@ class RecordedFunction(Simulator):
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Refuse (InputError): only results are read."""
-        raise InputError(f"{self.name}: not imported where results are read; run its study to run it")
+        raise InputError(f"{self.name}: its function is not loaded to read results; run the study to call it")
 
 
 def _plain(value: Any) -> Any:

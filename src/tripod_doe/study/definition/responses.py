@@ -178,13 +178,13 @@ def _examples(simulator: Simulator) -> str:
 def _check_name(name: str, simulator: Simulator) -> None:
     check_identifier(name, "a response, written [responses.NAME]")
     if not name.isidentifier() or keyword.iskeyword(name):
-        raise InputError("not a name for a response: formulas use it, so letters, digits and _, and no digit in front")
+        raise InputError("not a name for a response: use letters, digits and _, and begin with no digit")
     dims = {dimension.name for output in simulator.outputs.values() for dimension in output.dimensions}
     if name in simulator.outputs or name in simulator.parameters or name in dims:
         raise InputError("this name is taken by an output, a dimension or a parameter; choose another")
     if name in _LABELS | _RECORDS | _FUNCTIONS or name.endswith(_TAKEN):
         ends = ", ".join(_TAKEN)
-        raise InputError(f"this name is kept for a variable of every cube or a function, or ends as one ({ends})")
+        raise InputError(f"this name is reserved for a variable of every cube or a function, or ends as one ({ends})")
 
 
 def _point_of_nan(simulator: Simulator, values: Mapping[str, Value]) -> Iterator[tuple[str, NamedArray]]:

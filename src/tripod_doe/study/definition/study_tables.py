@@ -58,7 +58,7 @@ class StudyTable(Table):
     """[study]: the question, and the scene or function that answers it."""
 
     name: str = Field(min_length=1, max_length=200, description="short name of the study")
-    question: str = Field("", max_length=4_000, description="the question it answers, as the report repeats it")
+    question: str = Field("", max_length=4_000, description="the question it answers; the report shows it")
     scene: str = Field("joint", description="scene that is simulated")
     function: str | None = Field(None, description="package.module:function to run in place of a scene")
 
@@ -134,7 +134,7 @@ class DesignTable(Table):
         "omitted, or ten times the samples of the most expensive model if that is more",
     )
     target: list[str] = Field(
-        [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split makes small; all if omitted"
+        [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split minimises; all if omitted"
     )
     split: dict[str, Annotated[int, Field(ge=0)]] = Field(
         {}, description="multifidelity: samples of each model; from the pilot if omitted"

@@ -23,7 +23,7 @@ def read_text(path: Path, what: str, most: int = STUDY_BYTES) -> str:
     """The text of a file of at most `most` bytes.
 
     Raises:
-        InputError: If it cannot be read, is larger, is not UTF-8 or does not fit its checksum.
+        InputError: If it cannot be read, is larger, is not UTF-8 or does not match its checksum.
     """
     refuse_changed(path)
     try:

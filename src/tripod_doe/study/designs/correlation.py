@@ -63,7 +63,7 @@ def _whole(given: Sequence[Sequence[str | float]], width: int) -> FloatArray:
     beside = matrix[~np.eye(width, dtype=bool)]
     regular = np.allclose(matrix, matrix.T, atol=_ROUNDING) and np.allclose(np.diag(matrix), 1)
     if not regular or (np.abs(beside) >= 1).any():
-        raise InputError("correlation: the matrix must be symmetric, 1 on its diagonal and within -1 and 1 beside it")
+        raise InputError("correlation: the matrix must be symmetric, 1 on its diagonal and between -1 and 1 elsewhere")
     return matrix
 
 

@@ -9,7 +9,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
 from tripod_doe.study.designs.sampling import salib_problem, sampled, samples_of
 
-_STEPS = "each of its steps changes one factor, whatever the others are"
+_STEPS = "each of its steps changes one factor, independently of the others"
 
 
 def _morris(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:

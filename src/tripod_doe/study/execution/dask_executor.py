@@ -142,7 +142,7 @@ class OnDask:
         if gone:  # also where Dask has connected again: the scheduler may drop tasks of that client
             self._dask = self._replaced(self._dask)
         else:
-            print("the blocks at work were cancelled from outside; they are sent again", file=sys.stderr)
+            print("running blocks were cancelled by another program; they are sent again", file=sys.stderr)
         self._counted_at, self._heard_at = -np.inf, time.monotonic()
         return blocks
 

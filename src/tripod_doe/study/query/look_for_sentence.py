@@ -38,7 +38,7 @@ def found_rows(
             if name in arrays.variables:
                 first[name] = records(arrays, name, where=condition)[name][0].item()
     except InputError as error:  # only results show the type of values: the results are kept in spite of the error
-        return f"Nothing could be looked for: {error}"
+        return f"The condition of look_for failed: {error}"
     at = ", ".join(f"{name} = {value if isinstance(value, str) else level(value)}" for name, value in first.items())
     meet = "meets" if count == 1 else "meet"
     return f"{count:,} of {count_of(total, noun)}{of} {meet} {condition}" + (f"; the first at {at}." if at else ".")

@@ -351,9 +351,7 @@ def answer_format(asked: str | None, output: Path | None) -> str:
     if asked is None and named is None:
         raise InputError(f"{where}: end the name in {', '.join(_FORMATS)}, or give {option('format')}")
     if asked and named and asked != named:
-        raise InputError(
-            f"{where} is named as {named}, but {option('format')} is {asked}: change one, or leave out the latter"
-        )
+        raise InputError(f"{where} is named as {named}, but {option('format')} is {asked}: change one of both")
     return asked or named or "table"
 
 

@@ -169,7 +169,7 @@ def _refuse_impossible(selection: Selection) -> None:
     numbers = [each for each in (*selection.values, selection.low, selection.high) if isinstance(each, float)]
     place = option("select", selection.name)
     if any(map(math.isnan, numbers)):
-        raise InputError(f"{place}: nan is no value that a label can have; leave it out")
+        raise InputError(f"{place}: no label is nan; leave it out")
     if selection.low > selection.high:
         raise InputError(
             f"{place}: no number lies in {level(selection.low)}:{level(selection.high)}; write the smaller end first"

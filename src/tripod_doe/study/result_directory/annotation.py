@@ -51,7 +51,7 @@ def read_annotation(directory: Path) -> Annotation:
         return Annotation()
     except (OSError, ValueError, InputError) as error:
         reason = str(error).removeprefix(f"{path}: ")
-        raise InputError(f"{path}: cannot read this file: {reason}; mend it, or delete it") from error
+        raise InputError(f"{path}: cannot read this file: {reason}; repair it, or delete it") from error
     return annotated(Annotation(), content, str(path))
 
 
@@ -75,7 +75,7 @@ def annotated(before: Annotation, changes: dict[str, Any], place: str = "") -> A
             _check_text(f"{where}{key}", value, _LONGEST[key], lines=key == "note")
         if key == "name" and value.strip() and not is_in_folders(value.split("/")):
             raise InputError(
-                f"{where}name: {value[:60]!r}: between slashes stand names of folders, not '', '.' or '..'"
+                f"{where}name: {value[:60]!r}: parts between slashes are names of folders, not '', '.' or '..'"
             )
     plain: dict[str, Any] = {
         key: tuple(dict.fromkeys(tag.strip() for tag in value)) if key == "tags" else value.strip()

@@ -45,7 +45,7 @@ def check_files(path: Path) -> list[CheckedFile]:
         raise InputError(f"{path}: there is no such file or directory")
     checked = list(_checked(path.resolve() if path.is_symlink() else path))
     if not checked:
-        raise InputError(f"{path}: nothing with a checksum here; name a result directory or a cube")
+        raise InputError(f"{path}: no file with a checksum here; name a result directory or a cube")
     return checked
 
 
@@ -90,7 +90,7 @@ def _checked_list(path: Path) -> Iterator[CheckedFile]:
     yield CheckedFile(path, f"{damaged} of its lines are damaged; {again}" if damaged else "")
     for name in sums:
         if not path.with_name(name).exists():
-            yield CheckedFile(path.with_name(name), note=f"it is in {LIST}, and not there", is_checked=False)
+            yield CheckedFile(path.with_name(name), note=f"it is in {LIST}, but missing", is_checked=False)
 
 
 def _is_listed(path: Path) -> bool:

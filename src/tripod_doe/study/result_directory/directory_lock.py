@@ -137,5 +137,9 @@ def _holder_text(file: Path) -> str:
     """The holder of a directory, and a remedy: the beginning of a sentence."""
     holder = _holder(file)
     who = f"process {holder['process']} on {holder['host']}" if holder else "another run"
-    place = "" if _is_alive(holder) else f", take its place with {option('take_over', True)} if it is dead,"
+    place = (
+        ""
+        if _is_alive(holder)
+        else f", or take the directory over with {option('take_over', True)} if that process is dead,"
+    )
     return f"{who} is writing here; wait for it{place}"
