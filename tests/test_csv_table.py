@@ -19,7 +19,7 @@ def test_rows_are_known_by_their_lines(tmp_path):
     [
         ("", "no rows below the header"),
         ("a\n", "no rows below the header"),
-        ("a,b, a\n1,2,3\n", "column 'a' stands there 2 times; keep one of them"),
+        ("a,b, a\n1,2,3\n", "column 'a' occurs 2 times; keep one of them"),
         ("a,b\n\n1\n", "line 3 has 1 fields, the header 2"),
         ('a\n"1\n', "unexpected end of data"),
     ],

@@ -107,7 +107,7 @@ def test_an_answer_for_the_rest_says_for_which_range_it_holds(tmp_path, kind):
     assert result.attrs["points_dropped"] == lost
     assert lost + result.attrs["points_used"] + result.attrs["points_outside"] == cube.sizes["point"]
     first, *others = findings_of("k", result)
-    threshold = float(first.split(" holds for a < ")[1].split(" alone")[0])
+    threshold = float(first.split(" hold for a < ")[1].split(" only")[0])
     assert 0.75 < threshold < 0.82
     assert f"{result.attrs['points_outside']:,} points that have an answer outside" in first
     assert any(f"{lost:,} points" in sentence for sentence in others)

@@ -174,7 +174,7 @@ def test_labels_and_reductions(text, expected):
         ("wave[90:80]", "no angle 90:80"),
         ("wave[0, 90]", "dimension angle"),
         ("a[0]", "one value for a point"),
-        ("wave[a]", "between brackets"),
+        ("wave[a]", "brackets take labels"),
         ("wave[::2]", "range is two numbers"),
         ("wave['x']", "no angle 'x'"),
         ("mean(wave, a)", "wrong number of arguments for mean"),

@@ -134,7 +134,7 @@ def test_several_files_share_a_selection(rig, capsys):
         ("file,torque_n_m\na.csv,much\n", "line 2: torque_n_m = 'much': expected a number"),
         ("file,torque_n_m\na.csv\n", "line 2 has 1 fields, the header 2"),
         ("file\n", "no rows below the header"),
-        ("file,torque_n_m,torque_n_m\na.csv,4,8\n", "column 'torque_n_m' stands there 2 times; keep one"),
+        ("file,torque_n_m,torque_n_m\na.csv,4,8\n", "column 'torque_n_m' occurs 2 times; keep one"),
     ],
 )
 def test_a_wrong_table_names_line_and_column(tmp_path, table, message):

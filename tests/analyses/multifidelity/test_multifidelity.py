@@ -271,7 +271,7 @@ def test_a_corner_in_which_the_truth_fails_is_named_and_left():
         multifidelity(data)
     result = multifidelity(data, MultifidelitySettings(holes="rest"))
     assert result.attrs["answered_for"] == "the rest"
-    assert findings_of("m", result)[0].startswith("All that analysis m says holds for joint_angle_deg < 0.")
+    assert findings_of("m", result)[0].startswith("Results of analysis m hold for joint_angle_deg < 0.")
     truth = 3.5 - 2 / np.pi * (1 + 0.1 * np.pi**4 / 5)
     assert abs(float(result["mean"]) - truth) <= 1.5 * float(result["mean_conf"])
 

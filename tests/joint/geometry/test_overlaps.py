@@ -42,7 +42,7 @@ IMPOSSIBLE = [
     ({"needle_length_mm": 23}, "outside of its roller"),
     ({"needle_length_mm": 10, "roller_width_mm": 4}, "outside of its roller"),
     ({"bearing_radial_clearance_mm": 0.5, "needle_diameter_mm": 0.4}, "climb over"),
-    ({"needle_crown_um": 100, "needle_diameter_mm": 0.2}, "no ends"),
+    ({"needle_crown_um": 100, "needle_diameter_mm": 0.2}, "crown of the needles"),
     ({"shaft_length_mm": 50, "roller_radius_mm": 25, "pitch_radius_mm": 60, "joint_angle_deg": 25}, "outboard joint"),
     ({"shaft_length_mm": 60, "pitch_radius_mm": 60, "joint_angle_deg": 39}, "outboard joint"),
     ({"needle_count": 28}, "needle_pitch_diameter_mm to 17.87 or more"),

@@ -468,7 +468,7 @@ def test_a_fraction_of_the_highest_resolution_that_can_be_made_is_made(monkeypat
 def test_a_table_with_a_column_twice_is_refused(tmp_path):
     """Regression: the last one counted, in silence."""
     (tmp_path / "t.csv").write_text("torque_n_m,speed_rpm, torque_n_m\n1,2,3\n")
-    with pytest.raises(InputError, match=r"t\.csv': column 'torque_n_m' stands there 2 times"):
+    with pytest.raises(InputError, match=r"t\.csv': column 'torque_n_m' occurs 2 times"):
         points_of('[design]\nkind = "table"\ntable = "t.csv"\n', tmp_path)
 
 

@@ -186,10 +186,10 @@ def test_flags_are_answered_and_asked_for_by_their_meanings(cube, tmp_path):
 @pytest.mark.parametrize(
     ("where", "told"),
     [
-        ("outcome == 'ok'", "at character 1: outcome is never 'ok'; allowed: finished, diverged"),
-        ("order == 2 and 'finishd' != outcome", "outcome is never 'finishd'; did you mean 'finished'"),
-        ("model_used == 'needle'", "model_used is never 'needle'"),
-        ("model != 'needels'", "model is never 'needels'"),
+        ("outcome == 'ok'", "at character 1: outcome never has the value 'ok'; allowed: finished, diverged"),
+        ("order == 2 and 'finishd' != outcome", "outcome never has the value 'finishd'; did you mean 'finished'"),
+        ("model_used == 'needle'", "model_used never has the value 'needle'"),
+        ("model != 'needels'", "model never has the value 'needels'"),
     ],
 )
 def test_a_comparison_with_no_label_of_a_flag_is_refused(cube, where, told):
