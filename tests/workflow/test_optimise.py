@@ -585,7 +585,7 @@ order = 3
             ('"thrust_amplitude"', '"thrust_amplitud"'),
             r"\[objectives.third\]: output = .* did you mean 'thrust_amplitude'",
         ),
-        (('output = "thrust_amplitude"\norder = 3', 'output = "thrust"'), "by a response"),
+        (('output = "thrust_amplitude"\norder = 3', 'output = "thrust"'), "define a response"),
         (("order = 3", 'order = 3\nover = "median"'), "over = 'median': unknown"),
         (("order = 3", "order = 3\n[constraints.size]\noutput = 'pitch_radius_mm'"), r"\[constraints.size\]: give low"),
         (("order = 3", "order = 3\n[at.torque]\nvalues = [1]"), r"\[at\]: torque: unknown parameter; did you mean"),

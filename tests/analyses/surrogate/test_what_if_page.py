@@ -288,7 +288,7 @@ def test_a_factor_of_few_levels_is_asked_at_them_only(levels):
     assert page.surrogate.factors["b"]["levels"] == []
     assert page.start["a"] in levels
     assert page.along("a")[0].tolist() == list(levels)
-    assert any(sentence.startswith("Of a only levels are shown") for sentence in find_in_surrogate(result, "s"))
+    assert any(sentence.startswith("Only the levels of a are shown") for sentence in find_in_surrogate(result, "s"))
     powers, coefficients = page.surrogate.surrogates.exponents, page.surrogate.surrogates.coefficients
     assert not coefficients[:, powers[:, 0] >= len(levels)].any()
     shown = render("what_if_page.html", title="t", question="", pages=[page], source="")
