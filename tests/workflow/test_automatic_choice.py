@@ -7,6 +7,7 @@ import re
 import signal
 import sys
 import time
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -213,6 +214,20 @@ def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
     cheap, substitute, *_ = study.auto_model.candidates
     pilot = pilot_study(study, points, [(cheap, chosen), (substitute, chosen[:2])])
     assert make_points(pilot).count == chosen.size + 2
+
+
+def test_a_pilot_leaves_out_halved_frictions_that_only_an_ablation_has():
+    """Regression: the middle of such a design has a switch of 0.5, and the pilot was refused for it."""
+    design = (
+        '[factors]\njoint_angle_deg = { low = 4, high = 12, count = 6 }\n[design]\nkind = "ablation"\nhalved = true'
+    )
+    study = td.load_study(
+        tomllib.loads(f'[study]\nname = "h"\n[base]\nmodel = "auto"\n[accuracy]\nthrust_amplitude_3 = 0.1\n{design}\n')
+    )
+    points = make_points(study)
+    chosen = pilot_points(study, points)
+    assert chosen.size
+    assert make_points(pilot_study(study, points, [(study.auto_model.candidates[0], chosen)])).count == chosen.size
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.study.expressions import FUNCTIONS
@@ -49,6 +50,15 @@ def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:
         return np.asarray(used.values, dtype=object)
     words = dict(zip(np.asarray(used.attrs["flag_values"]).tolist(), used.attrs["flag_meanings"].split(), strict=True))
     return np.array([words[flag] for flag in used.values.ravel().tolist()], dtype=object).reshape(used.shape)
+
+
+def models_used(cube: xr.Dataset) -> list[str]:
+    """Models that answer at the finished points of a cube, where a pilot or a retry chose some, the coarsest first."""
+    if "model_used" not in cube:
+        return []
+    used = set(map(str, chosen_models(cube)[cube["outcome"].values == Outcome.FINISHED].tolist())) - {"none"}
+    known = str(cube["model_used"].attrs.get("flag_meanings", "")).split()
+    return sorted(used, key=known.index if known else None)
 
 
 def estimated_errors(cube: xr.Dataset) -> FloatArray:

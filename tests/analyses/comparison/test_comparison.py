@@ -407,6 +407,29 @@ def test_a_model_and_its_own_waveform_agree_exactly():
     assert float(np.abs(only_waveform["amplitude_difference"]).max()) < 1e-11
 
 
+@pytest.mark.parametrize("chosen", [[0, 0], [0, 1]])
+def test_the_error_is_that_of_the_model_that_answers(make_cube, chosen):
+    """Exact: as computed by the model of the retry; of two models over speed, with the error of the coarser one.
+
+    Regression: a point that a retry had computed with another model, or a pilot had chosen one for, was compared with
+    the error of the model in [base], or of the default one.
+    """
+    study = '[study]\nname = "{0}"\n[base]\nmodel = "{0}"\n[factors]\nspeed_rpm = {{ values = [300, 600] }}\n'
+    coarse, fine = (make_cube(study.format(name)) for name in ("equilibrium", "kinetostatic"))
+    words = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "none equilibrium kinetostatic"}
+    retried = coarse.assign_attrs(fixed_parameters=fine.attrs["fixed_parameters"]).assign(
+        model_used=("speed_rpm", np.array(chosen, np.int8), words)
+    )
+    rotation = np.arange(0.0, 3600.0, 5.0)
+    record = Measurement(rotation, 14 * np.cos(np.radians(3 * rotation)), rotation / 2700, "r")
+    expected = compare(record, model_point(coarse), 0.0)
+    result = compare(record, model_point(retried), 0.0)
+    assert result.attrs["model"] == ("equilibrium" if chosen == [0, 0] else "equilibrium, kinetostatic")
+    assert result.attrs["model_uncertainty_origin"] == expected.attrs["model_uncertainty_origin"]
+    for name in ("model_amplitude_uncertainty", "phase_difference_uncertainty_deg"):
+        np.testing.assert_array_equal(result[name], expected[name])
+
+
 def test_a_model_that_is_not_periodic_is_less_sure():
     """Two revolutions of the model that differ by 0.3 N: counted as a deviation."""
     rotation = np.arange(0.0, 1800)

@@ -9,6 +9,8 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
+from tripod_doe.analyses.contribution.sentences import find_in_contribution
+from tripod_doe.analyses.contribution.shares import contributions
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import build_cube
@@ -48,6 +50,13 @@ def split(a, b, c, load=1.0):
         },
         coords={"order": np.arange(2), "part": ["a", "b", "c", "remainder"]},
     )
+def split_rms(a, b, c):
+    whole = split(a, b, c)
+    return whole.assign(force_rms=whole["force_amplitude"] * [1, 0.5**0.5], force=("angle", [1.0 + a, 2.0]))
+def patchy(a, b, c, load):
+    if (load, a, b, c) in [(2, 0, 1, 1), (3, 0, 1, 1), (3, 1, 1, 1)] or (load > 1 and (a, b, c) == (0, 1, 0)):
+        raise ValueError("lost")
+    return {"y": load * (5 * a + 4 * b + c + load * a * b)}
 def listed(a, b, c, load, d):
     return additive(a, b, c, load)
 def failing(a, b, c):
@@ -194,6 +203,71 @@ def test_amplitudes_are_complex_and_zero_ones_are_flagged(ablate):
     assert not result["amplitude_flag"].any()
     assert result["closure_flag"].attrs["flag_meanings"] == "valid zero_amplitude point_missing"
     assert result["strongest_pair"].sel(order=2).item() == ""
+
+
+def test_parts_are_of_the_amplitude_also_where_the_effective_value_is_shared_out(ablate):
+    """Exact. Regression: parts of an effective value were 1.41 times too large; a waveform beside them was an error."""
+    cube = ablate("split_rms")
+    shares = [contribution_shares(cube, ContributionSettings(output=f"force_{each}")) for each in ("amplitude", "rms")]
+    assert np.isfinite(shares[0]["share_direct"].sel(order=1)).all()
+    xr.testing.assert_allclose(shares[0]["share_direct"], shares[1]["share_direct"])
+    xr.testing.assert_allclose(shares[0]["direct_remainder"], shares[1]["direct_remainder"])
+    of_force = contribution_shares(cube, ContributionSettings(output="force"))
+    assert "share_direct" not in of_force
+    assert "share_direct" not in of_force.attrs["left_out"]
+    assert np.isfinite(of_force["share_off"].isel(angle=0)).all()
+
+
+def test_models_that_differ_between_combinations_are_stated(ablate):
+    """Regression: shares of combinations that retries or a pilot gave other models stood there in silence."""
+    text = CROSSED.format(factors="", load="", names='["load"]')
+    cube = ablate("orders", more=text)
+    words = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "none coarse fine"}
+    one = cube.assign(model_used=("point", np.zeros(16, np.int8), words))
+    settings = ContributionSettings(output="force_amplitude")
+    result = contribution_shares(one, settings)
+    assert result.attrs["model"] == "coarse"
+    assert not any("several models" in text for text in find_in_contribution(result, "c"))
+    several = cube.assign(model_used=("point", np.array([0] * 9 + [1] * 7, np.int8), words))
+    result = contribution_shares(several, settings)
+    assert result.attrs["model"] == ""
+    assert find_in_contribution(result, "c")[-1] == (
+        "At 1 of 2 operating points the combinations of mechanisms have several models (coarse, fine): shares and "
+        "changes there hold what these models differ by, too (analysis c)."
+    )
+    asked = several.assign(
+        accuracy_met=("point", np.ones(16, np.int8)),
+        thrust_amplitude=several["force_amplitude"],
+        thrust_amplitude_3_error_estimate=("point", np.zeros(16)),
+    )
+    assert [part.key for part in contributions({"c": contribution_shares(asked, settings)})] == ["c-order-3"]
+
+
+def test_a_statement_counts_the_operating_points_that_it_is_made_of(ablate):
+    """Exact: share_off(a) = 100 (5 + load) / (10 + load) is known at loads 1, 4, 5 and 6, nothing at load 3.
+
+    Regression: six points were said to have the medians, also where one of the three shares was not known.
+    """
+    text = CROSSED.format(factors="", load="", names='["load"]').replace("[3, -2]", "[1, 2, 3, 4, 5, 6]")
+    result = contribution_shares(ablate("patchy", more=text), ContributionSettings(output="y"))
+    said = find_in_contribution(result, "c")
+    known = [100 * (5 + load) / (10 + load) for load in (1, 4, 5, 6)]
+    low, middle, high = np.quantile(known, (0.25, 0.5, 0.75))
+    assert f"median (and quartiles) over 4 operating points: a {middle:.1f} % ({low:.1f} to {high:.1f})" in said[1]
+    assert "over 4 operating points" in said[0]
+    assert said[2].startswith("At 1 of 6 operating points y has no shares, since points that they need")
+    assert said[3].startswith("At 1 of 6 operating points y lacks some shares by switching off, since")
+
+
+def test_zero_and_missing_together_are_both_a_reason(ablate):
+    """Regression: an order that is zero at some points, and not known at others, was called unknown at all."""
+    cube = ablate("orders", more=CROSSED.format(factors="", load="", names='["load"]'))
+    cube["outcome"][0] = Outcome.DIVERGED
+    second = contributions({"c": contribution_shares(cube, ContributionSettings(output="force_amplitude"))})[1]
+    assert second.missing == (
+        "at 1 operating point of 2 its amplitude is zero within its error, at the others points that they need did not "
+        "finish or have no value"
+    )
 
 
 def test_an_amplitude_below_its_scatter_is_flagged(ablate):

@@ -204,6 +204,9 @@ def test_the_command_that_is_copied_gives_what_is_seen(folders, capsys):
     assert main([*words[1:], "--format", "json"]) == 0
     answer = capsys.readouterr().out
     assert f"{float(one['thrust_amplitude'].sel(order=3))!r}" in answer
+    words = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "none equilibrium kinetostatic"}
+    retried = one.assign(model_used=((), np.int8(1), words))  # by a retry, whatever [base] says
+    assert "--model kinetostatic" in simulate_command(cube, retried)
 
 
 def test_the_study_that_is_copied_is_the_whole_one_where_an_axis_is_long(folders, monkeypatch):

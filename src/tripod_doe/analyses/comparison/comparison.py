@@ -33,6 +33,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.order_tracking import CELLS, resample, track_orders
+from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.typed_numbers import typed_number
@@ -220,7 +221,7 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
         "study": point.attrs.get("title", "a cube"),
         "study_hash": point.attrs.get("study_hash", "not recorded"),
         "source": point.attrs.get("source", "not recorded"),
-        "model": str(values.get("model", "not recorded")),
+        "model": ", ".join(models_used(point)) or str(values.get("model", "not recorded")),
         "columns": measurement.columns,
         "lost_samples": measurement.lost_samples,
         "lost_pulses": measurement.lost_pulses,

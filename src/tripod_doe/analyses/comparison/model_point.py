@@ -18,6 +18,7 @@ from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.order_tracking import CELLS
 from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.query.query import query
@@ -49,7 +50,7 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
             "the cube holds neither thrust nor thrust_amplitude with thrust_phase_deg; add them to [keep] outputs and "
             "run the study again"
         )
-    wanted += [name for name in (MODEL_ERROR,) if name in cube]
+    wanted += [name for name in (MODEL_ERROR, "model_used") if name in cube]
     chosen = xr.merge([query(cube, name, select, nearest) for name in wanted], compat="equals", join="exact")
     design = [str(dim) for dim in chosen["outcome"].dims]
     counts = {dim: chosen.sizes[dim] for dim in design if chosen.sizes[dim] != 1}
@@ -148,7 +149,10 @@ def own_uncertainty(point: xr.Dataset) -> FloatArray:
 
 
 def parameters_of(point: xr.Dataset) -> dict[str, Any]:
-    """Parameters of a point of the joint by name; of points over speed, their mean speed. Empty for other points."""
+    """Parameters of a point of the joint by name; of points over speed, their mean speed. Empty for other points.
+
+    The model is the one that answers, which a pilot or a retry may have chosen; of several the coarsest.
+    """
     if "parameters" in point.attrs:  # from `simulate`
         known = dict(point.attrs["parameters"])
     elif str(point.attrs.get("source", "")).endswith("simulator joint"):
@@ -158,6 +162,8 @@ def parameters_of(point: xr.Dataset) -> dict[str, Any]:
     known |= {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
     if _SPEED in point.dims:
         known[_SPEED] = float(point[_SPEED].mean())
+    if answering := models_used(point):
+        known["model"] = answering[0]
     known = {name: value for name, value in known.items() if name in JOINT_PARAMETERS}
     return known if "torque_n_m" in known else {}
 

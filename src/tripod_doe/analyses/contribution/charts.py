@@ -40,7 +40,9 @@ def contribution_charts(part: Contribution) -> list[Chart]:
 
 def _distribution_chart(part: Contribution) -> Chart:
     """Median, quartiles and usual range of each mechanism's share; shares beyond the axis are marked at its edge."""
-    values, names = part.shares[part.fairest], [spoken(name) for name in part.mechanisms]
+    values, names = part.counted_shares, [spoken(name) for name in part.mechanisms]
+    count = int(np.isfinite(values).any(axis=1).sum())
+    most = "up to " * bool(np.isfinite(values).sum() < count * len(names))  # no point has all of them
     usual = [_without_outliers(column) for column in values.T]
     ends = min(0.0, *(part.min() for part in usual)), max(0.0, *(part.max() for part in usual))
     margin = 0.06 * (ends[1] - ends[0]) or 1.0
@@ -61,7 +63,7 @@ def _distribution_chart(part: Contribution) -> Chart:
             legend_above(axes, 3)
     model = f" with model {part.model}" if part.model else ""
     caption = (
-        f"Shares of the mechanisms in {part.what}{model} by {DEFINITIONS[part.fairest]} at {int(part.shared.sum()):,} "
+        f"Shares of the mechanisms in {part.what}{model} by {DEFINITIONS[part.fairest]} at {most}{count:,} "
         f"operating points: median (line), quartiles (bar), points that are no outliers (thin line)."
         f"{_left_out(part, low, high)}"
     )
@@ -102,7 +104,7 @@ def _draw_spread(axes: Axes, row: int, known: FloatArray, low: float, high: floa
 
 def _left_out(part: Contribution, low: float, high: float) -> str:
     """Number of shares that the axis leaves out, and the most extreme one with its operating point."""
-    values = part.shares[part.fairest]
+    values = part.counted_shares
     outside = np.isfinite(values) & ((values < low) | (values > high))
     if not outside.any():
         return ""

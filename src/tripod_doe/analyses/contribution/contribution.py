@@ -31,6 +31,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.chosen_models import asked_orders, chosen_models, models_used
 from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.definition.study_tables import Table
 from tripod_doe.study.memory import refuse_too_much_memory
@@ -79,10 +80,10 @@ class ContributionSettings(Table):
         return [self.output] + ([self.phase_name] if self.phase_name else [])
 
     @property
-    def part_names(self) -> tuple[str, str]:
-        """Variables with amplitude and phase of the output's parts, if the model splits the output."""
+    def part_names(self) -> tuple[str, ...]:
+        """Variables with amplitude and phase of the parts of an amplitude; none for an output without a phase."""
         stem = self.output.removesuffix("_amplitude").removesuffix("_rms")
-        return f"{stem}_part_amplitude", f"{stem}_part_phase_deg"
+        return (f"{stem}_part_amplitude", f"{stem}_part_phase_deg") if stem != self.output else ()
 
 
 @makes_kind("contribution")
@@ -153,17 +154,19 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         | _counts(cube)
         | ({"comment": comment} if comment else {})
         | ({"left_out": "\n".join(left_out)} if (left_out := _left_out(variables, settings)) else {})
-        | _of_fixed(fixed_parameters(cube)),
+        | _of_fixed(fixed_parameters(cube))
+        | _of_models(cube, operating),
     )
 
 
 def _left_out(variables: Collection[str], settings: ContributionSettings) -> list[str]:
     """A line for each missing variable: what the study needs to provide it."""
     needs = {
-        "share_direct": f"the study must keep {' and '.join(settings.part_names)}, under [keep]",
         "share_shapley": "the design must have all combinations of the mechanisms",
         "change_halved": "the design must have halved = true",
     }
+    if settings.part_names:
+        needs["share_direct"] = f"the study must keep {' and '.join(settings.part_names)}, under [keep]"
     return [f"{name}: {need}" for name, need in needs.items() if name not in variables]
 
 
@@ -177,6 +180,23 @@ def _of_fixed(fixed: Mapping[str, Any]) -> dict[str, str]:
     """Attributes by the parameters with one value in all points: those that are not the paper's, and the model."""
     unlike = {name: fixed[name] for name, value in PAPER_POINT.items() if fixed.get(name, value) != value}
     return {"unlike_paper": json.dumps(unlike)} | ({"model": str(fixed["model"])} if "model" in fixed else {})
+
+
+def _of_models(cube: xr.Dataset, operating: OperatingPoints) -> dict[str, Any]:
+    """Attributes where a pilot or retries chose models: the only one, or where combinations have several of them.
+
+    Shares there hold what the models differ by. `orders_asked` are those of which they were asked to differ little.
+    """
+    used = models_used(cube)
+    if len(used) < 2:
+        return {"model": used[0]} if used else {}
+    done = np.flatnonzero(cube["outcome"].values == Outcome.FINISHED)
+    pairs = set(zip(operating.of_point[done].tolist(), chosen_models(cube)[done].tolist(), strict=True))
+    each = np.bincount([at for at, _ in pairs], minlength=operating.count)
+    asked = asked_orders(cube)
+    return {"model": "", "models": ", ".join(used), "points_of_several_models": int((each > 1).sum())} | (
+        {} if asked is None else {"orders_asked": " ".join(map(str, asked))}
+    )
 
 
 def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.DataArray, FloatArray]:
@@ -246,11 +266,15 @@ def _direct(
     cube: xr.Dataset, settings: ContributionSettings, part: Projections, own: tuple[str, ...], mechanisms: list[str]
 ) -> dict[str, _Variable]:
     """Shares from the split in the model, if the cube holds a part for every mechanism."""
-    amplitude, phase = settings.part_names
-    if not {amplitude, phase} <= set(cube.data_vars) or not set(mechanisms) <= set(cube["part"].values.tolist()):
+    names = settings.part_names
+    if not names or not set(names) <= set(cube.data_vars) or not set(mechanisms) <= set(cube["part"].values.tolist()):
         return {}
-    known = cube[[amplitude, phase]].sel(part=mechanisms).where(cube["outcome"] == Outcome.FINISHED)
-    parts = (known[amplitude] * np.exp(1j * np.radians(known[phase]))).transpose("point", "part", *own)
+    sizes, phases = (cube[name].sel(part=mechanisms).where(cube["outcome"] == Outcome.FINISHED) for name in names)
+    if {*sizes.dims} != {"point", "part", *own}:
+        return {}
+    if settings.output.endswith("_rms"):  # the parts are amplitudes
+        sizes = sizes * np.sqrt(1 - 0.5 * (cube["order"] != 0))
+    parts = (sizes * np.exp(1j * np.radians(phases))).transpose("point", "part", *own)
     direct = part.of_whole(parts.values)
     meaning = "share by direct decomposition: what the mechanism's forces add with all mechanisms on"
     rest = "100 - sum of the shares by direct decomposition"

@@ -1,5 +1,7 @@
 """Contribution of the mechanisms in sentences: who makes an amplitude, who opposes it, and what the shares mean."""
 
+import math
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from tripod_doe.analyses.contribution.shares import (
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.page_parts.words import listed, spoken
+from tripod_doe.quantities import count_of
 
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
 _AGREE = 4.0  # percentage points within which two shares count as agreeing
@@ -31,8 +34,17 @@ _REMOTE = 5.0  # percentage points from the median above which a share at one po
 
 
 def find_in_contribution(result: xr.Dataset, name: str) -> list[str]:
-    """Sentences on a contribution analysis: the shares of the third and the second order."""
-    return [sentence for part in contributions({name: result}) for sentence in contribution_findings(part)]
+    """Sentences on a contribution analysis: the shares of the third and the second order, and models mixed in them."""
+    shares = [sentence for part in contributions({name: result}) for sentence in contribution_findings(part)]
+    if not (mixed := int(result.attrs.get("points_of_several_models", 0))):
+        return shares
+    many = math.prod(result.sizes[dim] for dim in str(result.attrs.get("operating_dims", "")).split())
+    of = f"{mixed:,} of {count_of(many, 'operating point')}"
+    return [
+        *shares,
+        f"At {of} the combinations of mechanisms have several models ({result.attrs['models']}): shares and changes "
+        f"there hold what these models differ by, too (analysis {name}).",
+    ]
 
 
 def contribution_findings(part: Contribution) -> list[str]:
@@ -41,7 +53,7 @@ def contribution_findings(part: Contribution) -> list[str]:
         return [f"{_capitalised(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
     return [
         *_changes(part),
-        *(_who_makes_it(part, side, rows) for side, rows in part.sides.items() if part.shared[rows].any()),
+        *(_who_makes_it(part, side, rows) for side, rows in part.sides.items() if _counted(part)[rows].any()),
         *_points_without_shares(part),
         *_uncertain(part),
         *_furthest(part),
@@ -104,7 +116,8 @@ def _changes(part: Contribution) -> list[str]:
     key = next((key for key in CHANGES if key in part.changes), "")
     if not key or not np.isfinite(part.changes[key]).any():
         return []
-    sides = {side: rows & part.shared for side, rows in part.sides.items()}
+    counted = part.counted(part.changes[key])
+    sides = {side: rows & counted for side, rows in part.sides.items() if (rows & counted).any()}
     known = {side: part.changes[key][rows] for side, rows in sides.items()}
     size = np.array([np.nanmax(np.abs(column), initial=0.0) for column in part.changes[key].T])
     text = []
@@ -113,7 +126,7 @@ def _changes(part: Contribution) -> list[str]:
         text.append(f"{spoken(part.mechanisms[at])} {' and '.join(values)}")
     one = "friction" if set(part.mechanisms) <= set(MECHANISMS) else "mechanism"  # a function has names of its own
     what = {"change_halved": f"half of one {one} alone", "change_off": f"one {one} alone switched off"}[key]
-    over = {side: stated_over(part, rows) for side, rows in sides.items()}
+    over = {side: stated_over(part, rows, known[side]) for side, rows in sides.items()}
     each = ", ".join(f"{side} {text}".lstrip() for side, text in over.items() if text)
     many = f"; {each}" if each else ""
     whole = f" ({part.amplitude})" if part.amplitude else ""
@@ -123,7 +136,7 @@ def _changes(part: Contribution) -> list[str]:
 def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str:
     """The shares at the operating points of drive or of coast, where friction may help, or at all of them."""
     leading = part.leading
-    rows = rows & part.shared
+    rows = rows & _counted(part)
     values = part.shares[leading][rows]
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
@@ -135,16 +148,21 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
     closure = ""
     if leading == "share_off" and spread(part.closure[rows]):
         closure = f"; they add up to {at_each(100 - part.closure[rows], percent)}"
-    remainder = 100 - np.nansum(values, axis=1)
+    remainder = 100 - values.sum(axis=1)
     if leading == "share_direct" and np.abs(remainder).max() > _PRINTED:
         closure = f"; {at_each(remainder, percent)} is {_rest_meaning(part)}"
-    points = stated_over(part, rows)
+    points = stated_over(part, rows, values)
     over = f", {points}" if points else ""
     size = f" ({part.amplitude})" if part.amplitude and not side else ""
     return (
         f"Of {part.what}{size}{f' in {side}' if side else ''}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "
         f"{', '.join(text)}{opposed}{closure} (analysis {part.analysis})."
     )
+
+
+def _counted(part: Contribution) -> NDArray[np.bool_]:
+    """The operating points that statements on shares count."""
+    return part.counted(part.shares[part.leading])
 
 
 def _rest_meaning(part: Contribution) -> str:
@@ -156,10 +174,14 @@ def _rest_meaning(part: Contribution) -> str:
 
 def _points_without_shares(part: Contribution) -> list[str]:
     """Count the operating points without shares, by reason."""
-    lost = ~part.shared & ~part.zero
+    lost, why = ~part.shared & ~part.zero, "since points that they need did not finish or have no value"
+    partly = part.shared & ~_counted(part)
     reasons = {
         f"{part.what} is zero within its numerical error, and has no shares": int(part.zero.sum()),
-        f"{part.what} has no shares, since points that they need did not finish or have no value": int(lost.sum()),
+        f"{part.what} has no shares, {why}": int(lost.sum()),
+        f"{part.what} lacks some shares by {DEFINITIONS[part.leading]}, {why}; none there is counted": int(
+            partly.sum()
+        ),
     }
     of = f"{len(part.labels):,} operating points"
     return [f"At {count:,} of {of} {reason}." for reason, count in reasons.items() if count]
@@ -183,8 +205,9 @@ def _furthest(part: Contribution) -> list[str]:
         return []
     usual = np.full_like(values, np.nan)  # medians, separate for drive and coast
     for rows in part.sides.values():
-        own = values[rows]
-        usual[rows] = np.nanmedian(np.where(np.isfinite(own).any(axis=0), own, 0.0), axis=0)
+        own = values[rows & _counted(part)]
+        if len(own):
+            usual[rows] = np.nanmedian(np.where(np.isfinite(own).any(axis=0), own, 0.0), axis=0)
     away = np.abs(values - usual)
     at, which = np.unravel_index(int(np.nanargmax(away)), away.shape)
     if not away[at, which] > _REMOTE or not part.labels[at]:

@@ -15,7 +15,7 @@ from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_unit, spoken, unit_text
-from tripod_doe.quantities import level_or_word, number, text_range, with_unit
+from tripod_doe.quantities import count_of, level_or_word, number, text_range, with_unit
 
 DEFINITIONS = {
     "share_off": "switching off",
@@ -96,6 +96,11 @@ class Contribution:
         known = all((rows & self.shared).any() for rows in sides.values())
         return sides if known else {"": np.ones(len(self.labels), bool)}
 
+    def counted(self, values: FloatArray) -> NDArray[np.bool_]:
+        """The operating points that a statement on shares or changes counts: those at which all of them are known."""
+        known = np.asarray(np.isfinite(values).all(axis=1), bool)
+        return known if known.any() else self.shared
+
     def knows(self, definition: str) -> bool:
         """Whether all shares by a definition are known where any share is."""
         return definition in self.shares and bool(np.isfinite(self.shares[definition][self.shared]).all())
@@ -104,6 +109,12 @@ class Contribution:
     def fairest(self) -> str:
         """The definition that charts of many operating points show, and sentences without a direct decomposition."""
         return next((name for name in ("share_shapley", "share_off", "share_on") if self.knows(name)), "share_off")
+
+    @property
+    def counted_shares(self) -> FloatArray:
+        """The fairest shares at the operating points that count, NaN at the others."""
+        values = self.shares[self.fairest]
+        return np.where(self.counted(values)[:, None], values, np.nan)
 
     @property
     def leading(self) -> str:
@@ -120,11 +131,12 @@ class Contribution:
         return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
 
 
-def stated_over(part: Contribution, rows: NDArray[np.bool_]) -> str:
+def stated_over(part: Contribution, rows: NDArray[np.bool_], values: FloatArray) -> str:
     """Operating points of a statement in words, in the order of its values by `at_each`; empty if no more are there."""
     labels = [*compress(part.labels, rows)]
     if len(labels) >= _MANY:
-        return f"median (and quartiles) over {len(labels):,} operating points"
+        most = "up to " * bool(np.isnan(values).any())  # no point has all of them
+        return f"median (and quartiles) over {most}{len(labels):,} operating points"
     return f"at {' / '.join(labels)}" if len(part.labels) > len(part.sides) else ""
 
 
@@ -135,11 +147,15 @@ def at_each(values: FloatArray, text: Callable[[FloatArray], str]) -> str:
 
 
 def contributions(analyses: Mapping[str, xr.Dataset]) -> list[Contribution]:
-    """The third and the second order of every contribution analysis, or its output where that has no orders."""
+    """The third and the second order of every contribution analysis, or its output where that has no orders.
+
+    Of models that a pilot chose, only the orders whose accuracy was asked for.
+    """
     return [
         _contribution(name, result, order)
         for name, result in of_kind(analyses, "contribution").items()
         for order in ((3, 2) if "order" in result.dims else (None,))
+        if order is None or str(order) in str(result.attrs.get("orders_asked", "2 3")).split()
         if order is None or order in result["order"].values
     ]
 
@@ -192,7 +208,7 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         if of_paper and like_paper.any()
         else None,
         like_paper=like_paper,
-        missing=_why_missing(points),
+        missing=_why_missing(points, zero),
         lost=[str(text) for text in points["missing_combinations"].values]
         if "missing_combinations" in points
         else [""] * points.sizes["at"],
@@ -206,11 +222,16 @@ def _error(points: xr.Dataset) -> FloatArray:
     return np.asarray(recorded.values)
 
 
-def _why_missing(points: xr.Dataset) -> str:
+def _why_missing(points: xr.Dataset, zero: NDArray[np.bool_]) -> str:
     if any(bool(points[key].notnull().any()) for key in DEFINITIONS if key in points):
         return ""
-    zero = bool((points["share_off_flag"] == _ZERO).all())
-    return "its amplitude is zero within its error" if zero else "points that they need did not finish or have no value"
+    if zero.all():
+        return "its amplitude is zero within its error"
+    lost = "points that they need did not finish or have no value"
+    if not zero.any():
+        return lost
+    of = f"{count_of(int(zero.sum()), 'operating point')} of {zero.size:,}"
+    return f"at {of} its amplitude is zero within its error, at the others {lost}"
 
 
 def _labels(points: xr.Dataset, factors: list[str]) -> list[str]:

@@ -19,6 +19,7 @@ from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.toml_text import toml_text
 from tripod_doe.study.designs import Points
+from tripod_doe.study.designs.ablation import HALF
 from tripod_doe.study.execution.retry import untried
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path
 from tripod_doe.study.study_points import StudyPoints
@@ -71,7 +72,8 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     """
     columns = points.columns
     places = in_unit_cube(columns, columns)
-    usable = np.flatnonzero(points.allowed)
+    halved = [column == HALF for name, column in columns.items() if name in study.switches]  # of an ablation alone
+    usable = np.flatnonzero(points.allowed & ~np.any([np.zeros(points.count, bool), *halved], axis=0))
     _, first = np.unique(places[usable], axis=0, return_index=True)
     usable = usable[np.sort(first)]
     wanted = count or _wanted(study, columns)

@@ -3,9 +3,9 @@
 import shlex
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
+from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
@@ -43,13 +43,11 @@ def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
 
 
 def point_values(cube: xr.Dataset, point: xr.Dataset) -> dict[str, Any]:
-    """The parameters that a study gives one of its points: base values and factors, the model that was chosen."""
+    """The parameters that a study gives one of its points: base values and factors, the model that answered."""
     values = {name: value for name, value in study_tables(cube).get("base", {}).items() if value != "auto"}
     values |= {name: point[name].item() for name in factor_names(cube)}
-    if "model_used" in point and "model" not in values:
-        words = str(point["model_used"].attrs.get("flag_meanings", "")).split()
-        codes = np.atleast_1d(point["model_used"].attrs.get("flag_values", [])).tolist()
-        values |= {"model": dict(zip(codes, words, strict=False)).get(point["model_used"].item(), "")}
+    if answering := models_used(point):
+        values["model"] = answering[0]
     return {name: value for name, value in values.items() if value not in ("", "none")}
 
 
