@@ -257,6 +257,42 @@ def test_what_is_copied_and_saved_are_the_numbers_that_are_seen(served, page, co
     assert download.value.path().read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_difference_is_copied_and_saved_as_what_it_is_not(served, page, coast):
+    """Commands and files hold the numbers before the subtraction, and say so."""
+    explore(page, served, coast, "select=bearing_radial_clearance_mm=0.01&minus=bearing_radial_clearance_mm=-0.03")
+    page.get_by_text("Copy as", exact=True).click()
+    assert all(head.endswith(", without the subtraction") for head in page.locator("#exports h3").all_inner_texts())
+    page.keyboard.press("Escape")
+    page.get_by_text("Save as", exact=True).click()
+    saved = page.locator("#exports a").all_inner_texts()
+    assert saved[:2] == [
+        "CSV, numbers of this view, without the subtraction",
+        "netCDF, this view, without the subtraction",
+    ]
+
+
+def test_a_field_that_is_refused_keeps_its_complaint_and_its_study_from_running(served, page):
+    page.goto(f"{served.home}/new")
+    page.get_by_text("Geometry").click()
+    pitch, run = page.locator("[name='parameter.pitch_radius_mm']"), page.get_by_role("button", name="Run this study")
+    complaint = page.locator("#problems").get_by_text("pitch_radius_mm: 18,5")
+    pitch.fill("18,5")
+    pitch.press("Tab")
+    complaint.wait_for()
+    page.locator("[name='parameter.roller_radius_mm']").fill("15")
+    until(page, "document.getElementById('text').value.includes('roller_radius_mm = 15')")
+    page.locator("#price dt", has_text="Points").wait_for()
+    assert complaint.is_visible()
+    run.click()
+    page.wait_for_timeout(1000)
+    assert complaint.is_visible()
+    assert page.url.endswith("/new")
+    pitch.fill("18.5")
+    pitch.press("Tab")
+    complaint.wait_for(state="detached")
+    until(page, "document.getElementById('text').value.includes('pitch_radius_mm = 18.5')")
+
+
 def test_marks_on_parallel_axes_narrow_points_down(served, page, sampled):
     explore(page, served, sampled, "kind=parallel")
     note = page.locator("#figure-note")

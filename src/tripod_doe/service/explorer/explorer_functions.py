@@ -98,7 +98,7 @@ def _cube(path: str, view: View) -> AbstractContextManager[xr.Dataset]:
 
 
 def numbers(path: str, items: Items, other: str | None = None) -> Any:
-    """The cells of a view as texts, at most 500 of them: ``heads``, ``rows`` with the number of the point first."""
+    """The cells of a view as texts, at most 500: ``heads``, ``rows`` with the point first, whether a ``difference``."""
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
         return _table(cube, drawn_view(cube, asked), subtracted)
@@ -122,6 +122,7 @@ def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, 
         "heads": [label_of(cube[name]) if name != "outcome" else "outcome" for name in first],
         "rows": [list(row) for row in zip(counted, *texts, strict=True)],
         "numbered": points is not None,
+        "difference": bool(view.minus),
         "count": next(iter(columns.values())).size,
     }
 

@@ -14,8 +14,9 @@ const PAUSE = 350;  // ms after the last key
 const LONG = 20000;  // characters of a file from which only its beginning is shown
 const attached = document.getElementById("attached"), long = new WeakMap();
 const written = new WeakMap();  // by field: what it said when it was written into the text
+const refused = new Map();  // by field: why what it says is not in the text
 let timer = null, asked = null, typing = null;
-let changes = Promise.resolve(true);  // of the form, one after the other: each starts from the text of the one before
+let changes = Promise.resolve();  // of the form, one after the other: each starts from the text of the one before
 
 function number() {
   const count = text.value.split("\n").length;
@@ -66,14 +67,20 @@ async function check({ timing = false, keepForm = false } = {}) {
     }
     const html = await (await post(`${root}/parts/${extended ? `runs/${extended}/` : ""}price`, body({ timing }), { signal: asked.signal })).text();
     price.innerHTML = html;
-    problems.replaceChildren();
+    show(standing());
     submit.disabled = false;
   } catch (error) {
     if (error.name === "AbortError") return;
     price.replaceChildren();
-    show(error.problems || [{ message: error.message }]);
+    show([...standing(), ...(error.problems || [{ message: error.message }])]);
   }
   number();
+}
+
+// What is wrong with fields that still show what was refused: the text holds another value, or none.
+function standing() {
+  for (const field of refused.keys()) if (!form.contains(field)) refused.delete(field);
+  return [...refused.values()].flat();
 }
 
 function show(found) {
@@ -103,7 +110,7 @@ function goTo(file, line) {
   field.scrollTop = (line - 5) * parseFloat(getComputedStyle(field).lineHeight);
 }
 
-// Write a field of the form into the text; false where it cannot be.
+// Write a field of the form into the text, or keep why it cannot be.
 async function change(field) {
   const { name, value } = field;
   try {
@@ -114,14 +121,14 @@ async function change(field) {
     } while (text.value !== before);
     text.value = changed.study;
     written.set(field, value);
-    field.setCustomValidity("");
+    refused.delete(field);
     field.closest("label").classList.toggle("varied", /[,:]/.test(value) && name.startsWith("parameter."));
     await check({ keepForm: name !== "study.scene" });
     if (name === "study.scene") form.innerHTML = await (await post(`${root}/parts/form`, { study: text.value })).text();
-    return true;
   } catch (error) {
-    show(error.problems || [{ message: error.message }]);
-    return false;
+    written.delete(field);
+    refused.set(field, error.problems || [{ message: error.message }]);
+    show(standing());
   }
 }
 
@@ -166,7 +173,10 @@ document.getElementById("time").addEventListener("click", async (event) => {
 });
 submit.addEventListener("click", async () => {
   submit.disabled = true;
-  if (!await changes) {  // a field left by this very click: what is seen is what runs
+  await changes;  // of a field left by this very click: what is seen is what runs
+  const wrong = standing();
+  if (wrong.length) {
+    show(wrong);
     submit.disabled = false;
     return;
   }
