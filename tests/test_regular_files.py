@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -75,6 +77,23 @@ def test_a_pipe_in_place_of_the_table_of_runs_is_refused(tmp_path, name):
     if name != ".service.lock":
         with pytest.raises(InputError, match="a pipe"):
             RunTable(tmp_path)
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+@pytest.mark.parametrize(
+    "program",
+    [
+        "CREATE VIEW run AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n) "
+        "SELECT id, id AS key, id AS record, id AS number FROM n",
+        "CREATE TABLE run (number, id, key, record); CREATE TRIGGER more AFTER INSERT ON run BEGIN DELETE FROM run; END",
+    ],
+)
+def test_a_table_of_runs_with_programs_is_refused(tmp_path, read_only, program):
+    """Regression: a view without end in the folder of a stranger held up the server for ever."""
+    with closing(sqlite3.connect(tmp_path / TABLE)) as connection:
+        connection.executescript(program)
+    with pytest.raises(InputError, match="it has views or triggers"):
+        RunTable(tmp_path, read_only)
 
 
 def test_a_sparse_record_is_refused_by_its_size(tmp_path):

@@ -33,8 +33,8 @@ class _Loader(SourceFileLoader):
                 super().exec_module(module)
             finally:
                 os.path.exists = exists
-        if hasattr(module, "_config_fname"):  # numba looks again before it compiles
-            module._config_fname = ""
+        if "_config_fname" in vars(module):  # numba looks again before it compiles
+            vars(module)["_config_fname"] = ""
 
 
 class _Finder:
@@ -49,4 +49,4 @@ class _Finder:
         return spec
 
 
-sys.meta_path.insert(0, _Finder)  # type: ignore[arg-type]
+sys.meta_path.insert(0, _Finder)

@@ -303,3 +303,13 @@ def test_long_headings_and_long_beginnings_take_no_long_time(read):
     with pytest.raises(InputError, match="no row of numbers in the first 300 lines"):
         read("\n".join([*20_000 * [f"thrust [{80 * ' '}x,rotation_deg"], "1,2", "2,3"]))
     assert time.process_time() - began < 5
+
+
+def test_many_long_headings_take_no_time(tmp_path):
+    """The time to look for units in them must not grow with their square."""
+    headings = ["time_s", "thrust_n", "rotation_deg", *("a-" * 98 + str(place) for place in range(490))]
+    rows = [",".join(map(str, range(len(headings))))] * 3
+    (tmp_path / "wide.csv").write_text("\n".join([",".join(headings), *rows]))
+    started = time.process_time()
+    read_record(tmp_path / "wide.csv")
+    assert time.process_time() - started < 5

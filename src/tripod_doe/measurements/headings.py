@@ -9,6 +9,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from tripod_doe.errors import InputError, closest, option
 
@@ -101,6 +102,7 @@ _LEVELS = {"v", "mv", "ttl"}
 _OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
 _COMPOUND = 7  # least letters of a name recognised within a longer word, as in Antriebsdrehmoment
 _OPENING = {"]": "[", ">": "<", ")": "("}
+_PIECES, _LONGEST_UNIT = 4, 15  # of a unit within a heading: pieces, as in hh:mm:ss, and characters
 _APART = re.compile(r"\s+in\s+|[\s/,;:_\[\](){}<>|=-]+")
 
 
@@ -111,6 +113,7 @@ def plain_words(text: str) -> str:
     return " ".join(re.findall(r"[^\W_]+", text))
 
 
+@lru_cache(maxsize=10_000)
 def unit_key(unit: str) -> str:
     """A unit in the form of the keys of the unit tables."""
     return re.sub(r"[\s.·⋅*^]", "", unit.replace("⁻¹", "-1").replace("μ", "µ")).casefold()
@@ -161,11 +164,16 @@ def name_and_unit(role: str, heading: str) -> tuple[str, str]:
         return name, text
     known = ROLES[role].units.keys() | _NOT_CONVERTED
     places = [apart.span() for apart in _APART.finditer(heading) if apart.start()]
-    ends = [(len(heading), len(heading)), *reversed(places)]
-    for stop, after in ends:
-        for start, begin in places:
-            if begin < stop and unit_key(heading[begin:stop]) in known:
-                return f"{heading[:start]} {heading[after:]}".rstrip(), heading[begin:stop]
+    ends = [*places, (len(heading), len(heading))]
+    units = [  # the last counts, the longest of those with the same end
+        (stop, -begin, f"{heading[:start]} {heading[after:]}".rstrip())
+        for at, (start, begin) in enumerate(places)
+        for stop, after in ends[at + 1 : at + 1 + _PIECES]
+        if stop - begin <= _LONGEST_UNIT and unit_key(heading[begin:stop]) in known
+    ]
+    if units:
+        stop, minus_begin, name = max(units)
+        return name, heading[-minus_begin:stop]
     within = re.search(r"[\[({<]([^\[({<\])}>]*)[\])}>]", heading)
     if within and is_unit(within[1]) and not is_no_unit(within[1]):
         return f"{heading[: within.start()].rstrip()}{heading[within.end() :]}", within[1]

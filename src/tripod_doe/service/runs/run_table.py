@@ -260,8 +260,16 @@ class RunTable:
             raise StorageError(f"{self.path}: cannot write ({error}); nothing that was finished is lost") from error
 
 
+def _without_programs(connection: sqlite3.Connection) -> sqlite3.Connection:
+    """Refuse (DamagedRowError) a table of a stranger with views or triggers, which may run without end."""
+    if connection.execute("SELECT 1 FROM sqlite_schema WHERE type IN ('view', 'trigger')").fetchone():
+        connection.close()
+        raise DamagedRowError("it has views or triggers")
+    return connection
+
+
 def _opened(path: Path) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, check_same_thread=False)
+    connection = _without_programs(sqlite3.connect(path, check_same_thread=False))
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     connection.executescript(_SCHEMA)
@@ -276,10 +284,10 @@ def _opened_for_reading(path: Path) -> sqlite3.Connection:
         return connection
     address = path.absolute().as_uri()
     try:
-        connection = sqlite3.connect(f"{address}?mode=ro", uri=True, check_same_thread=False)
+        connection = _without_programs(sqlite3.connect(f"{address}?mode=ro", uri=True, check_same_thread=False))
         connection.execute("SELECT count(*) FROM run").fetchone()
     except sqlite3.OperationalError:  # SQLite cannot make its shared memory in this folder, so no process writes there
-        connection = sqlite3.connect(f"{address}?immutable=1", uri=True, check_same_thread=False)
+        connection = _without_programs(sqlite3.connect(f"{address}?immutable=1", uri=True, check_same_thread=False))
         connection.execute("SELECT count(*) FROM run").fetchone()
     return connection
 
