@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome, Parameter
+from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.page_parts.main_results import asked, computed_once, factor_names, finished, study_tables, waiting
 from tripod_doe.page_parts.words import factor_unit, unit_text
 from tripod_doe.quantities import duration, level, number, value_range
@@ -171,7 +172,7 @@ def _revolutions(cube: xr.Dataset) -> str:
     """The revolutions used for the orders, if they are the same at all points and revolutions may differ."""
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     if (
-        fixed.get("model") not in _NEEDLES_TURN
+        not {*(models_used(cube) or [fixed.get("model")])} <= {*_NEEDLES_TURN}
         or "settled_needles" not in fixed
         or not isinstance(fixed.get("cycles"), int)
     ):

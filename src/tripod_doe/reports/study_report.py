@@ -39,6 +39,7 @@ from tripod_doe.page_parts.main_results import (
     finished,
     points_in_words,
     representative_points,
+    study_tables,
     waiting,
 )
 from tripod_doe.page_parts.subset import shown_subset
@@ -106,6 +107,13 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
     with opened_study(directory) as cube:
+        named = study_tables(cube).get("analysis", {}) if complete else {}
+        missing = [
+            f"Analysis {name} was not made: run the study again with the same --out to read why."
+            for name in named
+            if name not in analyses
+        ]
+        findings = [*(find(cube) if findings is None else findings), *missing]
         page = make_page(cube, analyses, files, findings, read_annotation(directory), motion)
     return write_listed(directory / "report" / "index.html", page)
 
