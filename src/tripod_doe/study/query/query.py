@@ -10,9 +10,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
@@ -26,9 +27,6 @@ from tripod_doe.study.named_arrays import NamedArray
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.query.selection import Chosen, Selection, labels_text, refuse_unmatched, selections, taken
 from tripod_doe.study.result_directory.open_cube import opened_cube
-
-if TYPE_CHECKING:  # the command line answers without xarray
-    import xarray as xr
 
 _SLAB_CELLS = 4_000_000  # cells of a variable that are read together
 _VALUE_BYTES = 140  # of a value of an answer while it becomes text

@@ -30,7 +30,6 @@ class Resume:
     def __init__(self, path: Path, journal: Journal) -> None:
         self._path = path
         self._journal = journal
-        self._known: tuple[StudyPoints, str, tuple[NDArray[np.bool_], bool]] | None = None  # see `_done`
 
     def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
         """Refuse a study that differs from the study of the results, unless it only grew.
@@ -46,7 +45,7 @@ class Resume:
         is_here = stored.exists() and Path(study.origin).resolve() == stored.resolve()
         if is_here:
             refuse_other_results(self._path)
-        there, grew = self._done(asked) if done is None else asked.done(done)
+        there, grew = asked.done(self._journal.key_blocks() if done is None else done)
         if (not there.any() and grew) or not stored.exists():
             return
         self.refuse_other_kernels(study)
@@ -96,21 +95,13 @@ class Resume:
         Args:
             retry_failed: Whether failed points count as missing.
         """
-        there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
-        if there is not None:
-            return asked.undone(there)
+        if not retry_failed:
+            return asked.without(self._journal.key_blocks())
         last = np.full(asked.points.count, Outcome.NOT_RUN, np.int8)
         for block in self._journal.blocks():
             rows, at = asked.index.places(block.keys)
             last[at] = block.result.outcome[rows]
         return asked.undone(np.isin(last, list(asked.good_outcomes)))
-
-    def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
-        """`StudyPoints.done` of the journal, cached for the checks of a study and for its missing points."""
-        state = self._journal.state()
-        if self._known is None or self._known[0] is not asked or self._known[1] != state:
-            self._known = asked, state, asked.done(self._journal.key_blocks())
-        return self._known[2]
 
 
 def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
