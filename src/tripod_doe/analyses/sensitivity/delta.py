@@ -11,11 +11,9 @@ counts as resolved as in `pawn`.
 from itertools import pairwise
 
 import numpy as np
-import xarray as xr
 
-from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
+from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
 from tripod_doe.analyses.sensitivity.pawn import with_chance
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
@@ -96,19 +94,6 @@ METHOD = Method(
     independent=False,
 )
 
-
-@makes_kind("delta")
-def borgonovo_delta(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
-    """Borgonovo's delta from the first 4096 points, since its cost grows with their square.
-
-    Args:
-        cube: Cube of a sampled design; its factors may be correlated.
-
-    Returns:
-        delta (factor, and the dimensions of the output), and chance, the largest delta of factors without effect; see
-        `method.apply`.
-
-    Raises:
-        InputError: If the cube is of another design, or too few points are left.
-    """
-    return apply(METHOD, cube, settings or SensitivitySettings())
+borgonovo_delta = analysis_of(
+    METHOD, "delta", "Borgonovo's delta from the first 4096 points, since its cost grows with their square."
+)

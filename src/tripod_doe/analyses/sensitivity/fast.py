@@ -2,17 +2,15 @@
 
 `SALib.analyze.fast` analyses one output per call, knows no sum of two parts, which a phase needs, and resamples each
 curve for intervals that are false: at Ishigami's function with 513 points a curve they held ST of the first factor in
-none of 100 cases, with 129 in 22.
+none of 100 cases, with 129 in 22. A curve with a failed point is dropped: its factor has no index.
 """
 
 import math
 
 import numpy as np
-import xarray as xr
 
-from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
+from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray, IntArray
@@ -51,18 +49,6 @@ METHOD = Method(
     judged=False,
 )
 
-
-@makes_kind("fast")
-def fast_indices(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
-    """First-order and total Sobol' indices by extended FAST (Saltelli, Tarantola and Chan 1999).
-
-    A curve with a failed point is dropped: its factor has no index. There are no intervals: the error is interference
-    of frequencies, which one curve per factor does not show.
-
-    Returns:
-        S1, ST (factor, and the dimensions of the output); see `method.apply`.
-
-    Raises:
-        InputError: If the cube is of another design, or fewer than two curves are complete.
-    """
-    return apply(METHOD, cube, settings or SensitivitySettings())
+fast_indices = analysis_of(
+    METHOD, "fast", "First-order and total Sobol' indices by extended FAST (Saltelli, Tarantola and Chan 1999)."
+)

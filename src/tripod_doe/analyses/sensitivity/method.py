@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.bootstrap import FEWEST_DECIDING, deciding
+from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable, answered_in_parts, output_attributes, side_by_side, stacked
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample, read_sample, whole_outputs
@@ -79,6 +80,19 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)
     outputs = output_attributes(cube, names) | left_out
     return _described(result, method, sample, outputs, settings)
+
+
+def analysis_of(
+    method: Method, kind: str, meaning: str, settings: type[SensitivitySettings] = SensitivitySettings
+) -> Callable[..., xr.Dataset]:
+    """The analysis of a kind: ``(cube, settings) -> result`` by `apply`; `meaning` is its docstring."""
+
+    @makes_kind(kind)
+    def analysis(cube: xr.Dataset, given: SensitivitySettings | None = None) -> xr.Dataset:
+        return apply(method, cube, given or settings())
+
+    analysis.__doc__ = meaning
+    return analysis
 
 
 def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: SensitivitySettings) -> xr.Dataset:

@@ -11,13 +11,11 @@ without effect, drawn at random, which by chance one in twenty does (a Monte Car
 import math
 
 import numpy as np
-import xarray as xr
 from pydantic import Field
 
 from tripod_doe.analyses.encoding import as_numbers
-from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
+from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
@@ -92,19 +90,4 @@ METHOD = Method(
     independent=False,
 )
 
-
-@makes_kind("pawn")
-def pawn_indices(cube: xr.Dataset, settings: PawnSettings | None = None) -> xr.Dataset:
-    """PAWN indices (Pianosi and Wagener 2018).
-
-    Args:
-        cube: Cube of a sampled design; its factors may be correlated.
-
-    Returns:
-        median, mean, maximum, minimum (factor, and the dimensions of the output), and chance, the largest median of
-        factors without effect; see `method.apply`.
-
-    Raises:
-        InputError: If the cube is of another design, or too few points are left.
-    """
-    return apply(METHOD, cube, settings or PawnSettings())
+pawn_indices = analysis_of(METHOD, "pawn", "PAWN indices (Pianosi and Wagener 2018).", PawnSettings)

@@ -6,12 +6,10 @@ Indices are equal to SALib's to rounding, for all outputs at once.
 from collections.abc import Sequence
 
 import numpy as np
-import xarray as xr
 
 from tripod_doe.analyses.bootstrap import half_width, random_halves
-from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
+from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
@@ -85,18 +83,6 @@ METHOD = Method(
     _rbd_fast, designs=SAMPLED_DESIGNS, ranked="S1", meanings={"S1": "first-order Sobol' index"}, fewest=FEWEST
 )
 
-
-@makes_kind("rbd-fast")
-def rbd_fast_indices(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
-    """First-order Sobol' indices by RBD-FAST (Tarantola, Gatelli and Mara 2006).
-
-    Args:
-        cube: Cube of an rbd-fast, latin-hypercube, sobol or halton design of independent factors.
-
-    Returns:
-        S1, S1_conf (factor, and the dimensions of the output); see `method.apply`.
-
-    Raises:
-        InputError: If the cube is of another design or its factors are correlated, or too few points are left.
-    """
-    return apply(METHOD, cube, settings or SensitivitySettings())
+rbd_fast_indices = analysis_of(
+    METHOD, "rbd-fast", "First-order Sobol' indices by RBD-FAST (Tarantola, Gatelli and Mara 2006)."
+)

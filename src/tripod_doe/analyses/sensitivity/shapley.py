@@ -11,12 +11,10 @@ from itertools import combinations
 from math import comb
 
 import numpy as np
-import xarray as xr
 
 from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width
-from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
-from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
+from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray, IntArray
@@ -123,18 +121,8 @@ METHOD = Method(
     meanings={"shapley": "Shapley effect, share of the variance"},
 )
 
-
-@makes_kind("shapley")
-def shapley_effects(cube: xr.Dataset, settings: SensitivitySettings | None = None) -> xr.Dataset:
-    """Shapley effects: the share of each factor in the variance of an output, correlated factors included.
-
-    Args:
-        cube: Cube of a latin-hypercube or rbd-fast design of at most ten factors, correlated or not.
-
-    Returns:
-        shapley, shapley_conf (factor, and the dimensions of the output); see `method.apply`. They add up to one.
-
-    Raises:
-        InputError: If the cube is of another design, there are too many factors, or too few points are left.
-    """
-    return apply(METHOD, cube, settings or SensitivitySettings())
+shapley_effects = analysis_of(
+    METHOD,
+    "shapley",
+    "Shapley effects: the share of each factor in the variance of an output, correlated factors included.",
+)
