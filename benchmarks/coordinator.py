@@ -31,9 +31,9 @@ from tripod_doe.study.execution.task import make_task
 from tripod_doe.study.failure_summary import failures_in
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.plan import plan
-from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
 from tripod_doe.study.result_directory.directory import ResultDirectory
+from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.study_points import StudyPoints
 
 SAMPLED = """
@@ -178,11 +178,11 @@ def main() -> None:
         del asked
         with stage("lazy open", options.points, before):
             td.open_cube(out, chunks="auto").close()
-        with stage("one point", options.points, before), opened_arrays(out) as arrays:
+        with stage("one point", options.points, before), opened_cube(out) as arrays:
             along = "point=5" if options.design == "sobol" else "joint_angle_deg=4"
             records(arrays, "thrust_amplitude", [along, "order=3"])
         if options.course and options.design == "sobol":
-            with stage("one course", options.points, before), opened_arrays(out) as arrays:
+            with stage("one course", options.points, before), opened_cube(out) as arrays:
                 records(arrays, "thrust", [f"point={options.points // 2}"])
         if options.page:
             with stage("page", options.points, before):

@@ -42,8 +42,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.model_interface import Trust
-    from tripod_doe.study.query.arrays import analyses_with, opened_arrays
-    from tripod_doe.study.query.query import answer_format, records, records_text, unmet
+    from tripod_doe.study.query.query import analyses_with, answer_format, records, records_text, unmet
+    from tripod_doe.study.result_directory.open_cube import opened_cube
 
     form = answer_format(options.format, options.output)
     if options.decimal_comma and form != "csv":
@@ -52,13 +52,14 @@ def _run(options: argparse.Namespace) -> int:
         return _query_netcdf(options)
     if form == "xlsx" and options.output is None:
         raise InputError("--format xlsx needs --output FILE")
-    with opened_arrays(options.cube) as cube:
+    with opened_cube(options.cube) as cube:
         for name in options.variable:
-            if name not in cube.variables and (files := analyses_with(options.cube, name)):
+            if name not in cube.data_vars and (files := analyses_with(options.cube, name)):
                 raise InputError(f"--variable {name}: this variable is in {' and '.join(map(str, files))}")
         variable, *beside = options.variable
         columns = records(cube, variable, options.select, options.nearest, options.where, beside)
-        for note in cube.model_notes[:1]:  # the verdict; the report gives the reasons
+        notes = str(cube.attrs.get("model_notes", "")).splitlines()
+        for note in notes[:1]:  # the verdict; the report gives the reasons
             if Trust.DOUBTFUL.label in note:
                 print(note, file=sys.stderr)
         if columns[variable].size == 0:

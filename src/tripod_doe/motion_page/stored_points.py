@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, option
-from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
+from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.stored_study import stored_study
 
 
@@ -23,14 +23,14 @@ def points_in(directory: Path, select: Sequence[str] = (), nearest: bool = False
     study = stored_study(directory)
     if study.simulator.name != "joint":
         raise InputError(f"{directory}: only the scene joint can be viewed, not {study.simulator.name}")
-    with opened_arrays(directory) as cube:
+    with opened_cube(directory) as cube:
         columns = records(cube, "outcome", select, nearest)
         of_point = {name: column for name, column in columns.items() if name in study.simulator.parameters}
         if study.auto_model:
             of_point |= {
                 name: records(cube, name, select, nearest)[name]
                 for name in study.auto_model.parameters
-                if name in {**cube.variables, **cube.coordinates}
+                if name in cube.variables
             }
     count = columns["outcome"].size
     if not 1 <= count <= 2:

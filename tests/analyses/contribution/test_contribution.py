@@ -20,8 +20,8 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.query.arrays import analyses_with, opened_arrays
-from tripod_doe.study.query.query import query, records
+from tripod_doe.study.query.query import analyses_with, query, records
+from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 
 FUNCTIONS = """
@@ -349,7 +349,7 @@ def test_the_joint_has_all_its_shares(tmp_path):
     assert run_analyses(study, cube, tmp_path) == {"contribution": ""}
     assert analyses_with(tmp_path, "share_off") == [tmp_path / "analysis" / "contribution.nc"]
     assert analyses_with(tmp_path, "share") == []
-    with opened_arrays(tmp_path / "analysis" / "contribution.nc") as stored:
+    with opened_cube(tmp_path / "analysis" / "contribution.nc") as stored:
         answer = records(stored, "share_off", ["order=3"])
     assert answer["mechanism"].tolist() == ["groove_sliding", "groove_rolling", "needle_sliding"]
     shares = contribution_shares(cube)

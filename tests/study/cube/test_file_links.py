@@ -18,7 +18,7 @@ from tripod_doe.errors import CubeError, InputError
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
 from tripod_doe.study.cube.netcdf import dataset_of, opened_file, write_dataset
-from tripod_doe.study.query.arrays import opened_arrays
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 SECRET = b"the token of the owner"
 ID = ctypes.c_int64
@@ -108,7 +108,7 @@ def hostile(tmp_path, make, target):
 
 
 def by_query(path):
-    with opened_arrays(path) as cube:
+    with opened_cube(path) as cube:
         return cube.variables
 
 

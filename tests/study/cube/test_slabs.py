@@ -19,9 +19,9 @@ import tripod_doe as td
 from tripod_doe.study.cube import slab_file, writing
 from tripod_doe.study.cube.slab_file import _shrinks
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.query import arrays, query
-from tripod_doe.study.query.arrays import opened_arrays
+from tripod_doe.study.query import query
 from tripod_doe.study.query.query import records
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -188,11 +188,10 @@ def test_a_cube_in_slabs_conforms_to_cf(run_in_slabs, tmp_path):
 def test_a_question_is_answered_slab_by_slab(run_in_slabs, monkeypatch, asked):
     """The same records in the same order as from the whole, texts included."""
     whole, parts = run_in_slabs(GRID, 2000)
-    with opened_arrays(whole) as cube:
+    with opened_cube(whole) as cube:
         expected = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
     monkeypatch.setattr(query, "_SLAB_CELLS", 10)
-    monkeypatch.setattr(arrays, "_STRETCH", 2)
-    with opened_arrays(parts) as cube:
+    with opened_cube(parts) as cube:
         result = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
     for one, other in zip(expected, result, strict=True):
         assert one.keys() == other.keys()

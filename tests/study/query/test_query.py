@@ -10,9 +10,9 @@ from tripod_doe.errors import InputError, speaking_of_options
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.query import query as query_module
-from tripod_doe.study.query.arrays import Variable, cube_arrays, opened_arrays
 from tripod_doe.study.query.query import query, records, records_text, unmet
 from tripod_doe.study.query.selection import labels_text, parse_selection, taken
+from tripod_doe.study.result_directory.open_cube import opened_cube
 
 
 @pytest.fixture
@@ -57,10 +57,10 @@ def test_the_ends_of_a_range_match_to_1e_9(cube):
 
 
 def test_conditions_see_coordinates_outcome_and_values(cube):
-    result = records(cube_arrays(cube), "f", where="outcome == 'finished' and f > 2 and order == 3")
+    result = records(cube, "f", where="outcome == 'finished' and f > 2 and order == 3")
     assert result["x"].tolist() == [0.2, 0.4]
     assert result["outcome"].tolist() == ["finished", "finished"]
-    assert records(cube_arrays(cube), "f")["outcome"].tolist().count("diverged") == 2
+    assert records(cube, "f")["outcome"].tolist().count("diverged") == 2
 
 
 @pytest.mark.parametrize("nearest", [False, True])
@@ -68,8 +68,8 @@ def test_conditions_see_coordinates_outcome_and_values(cube):
 @pytest.mark.parametrize("left", [None, np.array([1, 2, 4, 7, 8])])
 def test_labels_are_found_whatever_is_missing_among_them(asked, nearest, left):
     values = np.array([7, 3, np.nan, 2, 2.5, 3, 0, np.nan, np.nan, 1, 9])
-    labels = Variable(("x",), lambda place: values[place])
-    found = taken(labels, left, values.size, parse_selection(asked), nearest).tolist()
+    labels = xr.Variable("x", values)
+    found = taken(labels, left, parse_selection(asked), nearest).tolist()
     assert left is None or set(found) <= set(left.tolist())
     if left is None and nearest:
         expected = {
@@ -90,9 +90,9 @@ def test_a_cube_and_its_file_answer_alike(cube, tmp_path):
     cube = cube.assign(total=cube["f"].sum(), even=("point", [True, False, True, False]))
     cube["f"][1, 0] = np.nan
     write_dataset(cube, tmp_path / "cube.nc")
-    with opened_arrays(tmp_path / "cube.nc") as stored:
+    with opened_cube(tmp_path / "cube.nc") as stored:
         for name in cube.data_vars:
-            one, other = records(cube_arrays(cube), str(name)), records(stored, str(name))
+            one, other = records(cube, str(name)), records(stored, str(name))
             assert one.keys() == other.keys()
             for column in one:
                 np.testing.assert_array_equal(one[column], other[column])
@@ -112,11 +112,11 @@ def test_a_cube_and_its_file_answer_alike(cube, tmp_path):
 )
 def test_an_empty_answer_says_what_there_is(cube, asked, message):
     assert query(cube, "f", asked)["f"].size == 0
-    assert unmet(cube_arrays(cube), asked) == message
+    assert unmet(cube, asked) == message
 
 
 def test_many_labels_are_told_by_their_ends():
-    many = Variable(("point",), lambda place: np.linspace(0.5, 20, 100)[place[0]])
+    many = xr.Variable("point", np.linspace(0.5, 20, 100))
     assert labels_text(many) == "has 100 values from 0.5 to 20"
 
 
@@ -176,8 +176,8 @@ def test_labels_that_read_like_numbers_or_ranges_are_selected_as_texts(label):
 
 def test_flags_are_answered_and_asked_for_by_their_meanings(cube, tmp_path):
     write_dataset(cube, tmp_path / "cube.nc")
-    with opened_arrays(tmp_path / "cube.nc") as stored:
-        for arrays in (stored, cube_arrays(cube)):
+    with opened_cube(tmp_path / "cube.nc") as stored:
+        for arrays in (stored, cube):
             result = records(arrays, "model_used")["model_used"].tolist()
             assert result == ["equilibrium", "kinetostatic", "none", "kinetostatic"]
             assert records(arrays, "f", where="model_used == 'kinetostatic' and order == 2")["x"].tolist() == [0.2, 0.4]

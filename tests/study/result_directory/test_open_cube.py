@@ -17,10 +17,9 @@ from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.execution import Execution
-from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.result_directory import open_cube
 from tripod_doe.study.result_directory.directory import ResultDirectory
-from tripod_doe.study.result_directory.open_cube import is_shown
+from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
 from tripod_doe.study.study_points import StudyPoints
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -124,7 +123,7 @@ def test_a_large_cube_so_far_is_not_held_in_memory(study, tmp_path, monkeypatch)
         xr.testing.assert_equal(cube.load(), whole)
     assert not list(tmp_path.glob("tripod-doe-*"))
     xr.testing.assert_equal(td.open_cube(out), whole)
-    with opened_arrays(out) as arrays:
+    with opened_cube(out) as arrays:
         assert np.array_equal(arrays.variables["outcome"].values, whole["outcome"].values)
     assert not list(tmp_path.glob("tripod-doe-*"))
 
@@ -155,7 +154,7 @@ def test_a_cube_can_be_opened_without_reading_it(study, tmp_path):
         td.open_cube(tmp_path / "none.nc", chunks="auto")
 
 
-@pytest.mark.parametrize("read", [open_cube.open_cube, open_cube.opened_cube, td.query, opened_arrays])
+@pytest.mark.parametrize("read", [open_cube.open_cube, open_cube.opened_cube, td.query])
 def test_a_study_that_is_replaced_while_it_is_read_is_read_anew(study, tmp_path, monkeypatch, read):
     """A query beside `derive` refused results as those of another study."""
     out = tmp_path / "out"

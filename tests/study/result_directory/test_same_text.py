@@ -7,7 +7,6 @@ import pytest
 import tripod_doe as td
 from tripod_doe.errors import CubeError
 from tripod_doe.study.cube import writing
-from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
 TEXT = """
@@ -36,8 +35,8 @@ def run(tmp_path):
 
 
 def by_arrays(directory):
-    with opened_arrays(directory) as cube:
-        return dict(zip(cube.coordinates["x"].values.tolist(), cube.variables["y"].values.tolist(), strict=True))
+    with opened_cube(directory) as cube:
+        return dict(zip(cube["x"].values.tolist(), cube.variables["y"].values.tolist(), strict=True))
 
 
 def by_xarray(directory):

@@ -24,7 +24,6 @@ from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.measurements.operating_point import differ
 from tripod_doe.page_parts.words import listed, spoken, unit_text
 from tripod_doe.quantities import level, level_or_word, with_unit
-from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import cell_count
 from tripod_doe.study.simulate import simulate
 
@@ -125,7 +124,7 @@ def point_of_record(cube: xr.Dataset, row: RecordRow, select: Sequence[str] = ()
             raise
         known = _base(cube) | asked
         if set(factors) - known.keys() - {"replicate"}:
-            cell_count(cube_arrays(cube), "outcome", wanted)  # a selection of no label is named first
+            cell_count(cube, "outcome", wanted)  # a selection of no label is named first
             raise
         return RecordPoint(model_point(simulate(**known)), simulated=True)
 

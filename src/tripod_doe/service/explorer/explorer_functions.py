@@ -33,7 +33,6 @@ from tripod_doe.service.explorer.slices import colour_range, draw, numbered, poi
 from tripod_doe.service.explorer.view import View
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.definition.scenes import SCENES, load_simulator
-from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records
 
 Items = Sequence[Sequence[str]]
@@ -108,11 +107,11 @@ def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, 
     if view.minus:
         cells = shown_cells(cube, view, other)
         kept = shown(cells).notnull() | (cells["outcome"] != Outcome.FINISHED)  # the condition drops the others
-        columns = records(cube_arrays(cells), view.variable)
+        columns = records(cells, view.variable)
         columns = {name: column[kept.values.ravel()] for name, column in columns.items()}
     else:
         cells = numbered(cube, view.variable)
-        columns = records(cube_arrays(cells), view.variable, view.select, where=view.where or None)
+        columns = records(cells, view.variable, view.select, where=view.where or None)
     points = columns.pop(NUMBER, None)
     columns.pop("point", None)
     first = {name: column[:_MOST_ROWS].tolist() for name, column in columns.items()}

@@ -190,10 +190,10 @@ def simulate(body: bytes, limits: Limits) -> Any:
 
 def small_query(path: str, variable: str, select: list[str], nearest: bool, **more: Any) -> bytes | None:
     """The answer of `query` if it is small; None if it is large, and the worker for large answers must be asked."""
-    from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count
+    from tripod_doe.study.result_directory.open_cube import opened_cube
 
-    with opened_arrays(path) as cube:
+    with opened_cube(path) as cube:
         if cell_count(cube, variable, select, nearest) > _MOST_AT_ONCE:
             return None
     return query(path, variable, select, nearest, **more)
@@ -211,11 +211,11 @@ def query(
 ) -> bytes:
     """Cells of a cube as ``query`` gives them: JSON or CSV text, a netCDF file or a workbook."""
     from tripod_doe.reports.workbook import answer_workbook
-    from tripod_doe.study.query.arrays import opened_arrays
     from tripod_doe.study.query.query import cell_count, narrowed, records, records_text
     from tripod_doe.study.query.query import query as cells_of
+    from tripod_doe.study.result_directory.open_cube import opened_cube
 
-    with opened_arrays(path) as cube:
+    with opened_cube(path) as cube:
         count = cell_count(cube, variable, select, nearest)
         if count > limits.cells:
             raise TooLargeError(

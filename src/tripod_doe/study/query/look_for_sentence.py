@@ -7,7 +7,6 @@ import xarray as xr
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import count_of, level
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records
 
 
@@ -27,16 +26,15 @@ def found_rows(
     """
     if condition is None:
         return ""
-    arrays = cube_arrays(cube)
     try:
-        rows = records(arrays, variable, where=condition)
+        rows = records(cube, variable, where=condition)
         count, total = len(rows[variable]), cube[variable].size
         if not count:
             return f"No {noun}{of} meets {condition}."
         first = {name: rows[name][0].item() for name in named if name in rows}
         for name in named:
-            if name in arrays.variables:
-                first[name] = records(arrays, name, where=condition)[name][0].item()
+            if name in cube.data_vars:
+                first[name] = records(cube, name, where=condition)[name][0].item()
     except InputError as error:  # only results show the type of values: the results are kept in spite of the error
         return f"The condition of look_for failed: {error}"
     at = ", ".join(f"{name} = {value if isinstance(value, str) else level(value)}" for name, value in first.items())

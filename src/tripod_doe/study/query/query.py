@@ -7,8 +7,8 @@ import io
 import json
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.errors import InputError, near_match, option, printable
+from tripod_doe.errors import CubeError, InputError, near_match, option, printable
 from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import csv_cell, plain_json
+from tripod_doe.study.cube.file_checks import analysis_files
+from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.memory import refuse_too_much_memory
 from tripod_doe.study.named_arrays import NamedArray
-from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.query.selection import Chosen, Selection, labels_text, refuse_unmatched, selections, taken
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
@@ -65,7 +66,7 @@ def query(
             _refuse_large_answer(math.prod(answer[variable].shape), answer.nbytes)
             return answer.load()
     data = cube
-    chosen = _choose(cube_arrays(data), variable, select, nearest, beside)
+    chosen = _choose(data, variable, select, nearest, beside)
     answer = data[list(chosen.variables)].isel(chosen.rows)
     answer = answer.drop_vars([name for name in answer.coords if name not in chosen.coordinates])
     if where is None:
@@ -74,7 +75,7 @@ def query(
 
 
 def records(
-    cube: CubeArrays,
+    cube: xr.Dataset,
     variable: str,
     select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
@@ -102,7 +103,7 @@ def _refuse_large_answer(cells: int, needed: int) -> None:
 
 
 def cell_count(
-    cube: CubeArrays,
+    cube: xr.Dataset,
     variable: str,
     select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
@@ -111,13 +112,12 @@ def cell_count(
     return math.prod(_choose(cube, variable, select, nearest).shape)
 
 
-def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | str]) -> str:
+def unmet(cube: xr.Dataset, select: Mapping[str, Chosen] | Sequence[Selection | str]) -> str:
     """The reason of an empty answer: the first selection without a matching label, and the existing labels."""
     for selection in selections(select):
-        labels = cube.coordinates[selection.name]
-        dim, count = labels.dims[0], cube.sizes[labels.dims[0]]
-        if taken(labels, None, count, selection, False).size == 0:
-            ordered = bool(selection.values) and labels.at({dim: np.arange(min(count, 1))}).dtype.kind in "fiu"
+        labels = cube.variables[selection.name]
+        if taken(labels, None, selection, False).size == 0:
+            ordered = bool(selection.values) and labels.dtype.kind in "fiu"
             remedy = "; --nearest takes the closest" if ordered else ""
             return f"{selection.name} {labels_text(labels)}{remedy}"
     return "no cell meets all conditions"
@@ -127,15 +127,15 @@ def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | 
 class _Choice:
     """Chosen cells of a cube: a variable, the variables beside it, and the rows along each dimension."""
 
-    cube: CubeArrays  # the whole cube
+    cube: xr.Dataset  # the whole cube
     variable: str  # the name of the variable, or of the one with the most dimensions
     # variables, coordinates: the variables and the outcome, and the coordinates along the dimensions of the variable
-    variables: Mapping[str, Variable]
-    coordinates: Mapping[str, Variable]
-    rows: Mapping[str, IntArray]  # selected positions by dimension; all positions of an unnamed dimension
+    variables: Mapping[str, xr.Variable]
+    coordinates: Mapping[str, xr.Variable]
+    rows: Mapping[Any, IntArray]  # selected positions by dimension; all positions of an unnamed dimension
 
     @property
-    def target(self) -> Variable:
+    def target(self) -> xr.Variable:
         """The variable itself."""
         return self.variables[self.variable]
 
@@ -165,14 +165,14 @@ class _Choice:
         """The chosen cells that meet a condition, as columns of equal length."""
         kept = np.ones(self.shape, bool) if where is None else self.meeting(where)
         dims = self.target.dims
-        columns = {dim: self.spread(Variable((dim,), partial(_positions, self.cube.sizes[dim]))) for dim in dims}
+        columns = {str(dim): self.spread(xr.Variable(dim, np.arange(self.cube.sizes[dim]))) for dim in dims}
         columns |= {name: self.column(name) for name in self.coordinates if dims}
         columns |= {name: self.column(name) for name in self.variables}
         return {name: column[kept] for name, column in columns.items()}
 
-    def spread(self, other: Variable) -> NDArray[Any]:
+    def spread(self, other: xr.Variable) -> NDArray[Any]:
         """Values of a variable at the chosen cells, broadcast over the dimensions of the target."""
-        taken = other.at({dim: self.rows[dim] for dim in other.dims if dim in self.rows})
+        taken = read_positions(other, self.rows)
         order = [other.dims.index(dim) for dim in self.target.dims if dim in other.dims]
         missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in other.dims)
         return np.broadcast_to(np.expand_dims(taken.transpose(order), missing), self.shape)
@@ -180,15 +180,15 @@ class _Choice:
     def column(self, name: str) -> NDArray[Any]:
         """A variable or a coordinate at the chosen cells, flags by their meanings."""
         source = self._source(name)
-        return _decoded(self.spread(source), source.words)
+        return _decoded(self.spread(source), _words(source))
 
     def meeting(self, where: str) -> NDArray[np.bool_]:
         """Cells that meet a condition."""
-        design = self.cube.variables["outcome"].dims if "outcome" in self.cube.variables else ()
+        design = self.cube["outcome"].dims if "outcome" in self.cube.data_vars else ()
         dims = set(self.target.dims)
-        known = [name for name, other in self.cube.variables.items() if {*design}.intersection(other.dims) <= dims]
-        words: dict[str, Collection[str]] = {name: list(self._source(name).words.values()) for name in known}
-        words |= {name: labels.texts() for name, labels in self.coordinates.items() if name in where}
+        known = [str(name) for name, other in self.cube.data_vars.items() if {*design}.intersection(other.dims) <= dims]
+        words: dict[str, Collection[str]] = {name: list(_words(self._source(name)).values()) for name in known}
+        words |= {name: _texts(labels) for name, labels in self.coordinates.items() if name in where}
         expression = Expression(where, [*self.coordinates, *known], words)
         used = [self._source(name).dims for name in expression.used]
         beside = math.prod({dim: self.cube.sizes[dim] for of in used for dim in of if dim not in dims}.values())
@@ -199,10 +199,10 @@ class _Choice:
             meets[slab.place] = self._within(slab.place)._meeting(expression, design)
         return meets
 
-    def _source(self, name: str) -> Variable:
-        return self.cube.variables[name] if name in self.cube.variables else self.coordinates[name]
+    def _source(self, name: str) -> xr.Variable:
+        return self.cube.variables[name]
 
-    def _meeting(self, expression: Expression, design: Collection[str]) -> NDArray[np.bool_]:
+    def _meeting(self, expression: Expression, design: Collection[Any]) -> NDArray[np.bool_]:
         meets = expression.truths(_Cells(self, design))
         if unknown := [dim for dim in meets.dims if dim not in self.target.dims]:
             raise InputError(
@@ -220,8 +220,8 @@ class _Choice:
         missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in meets.dims)
         return np.broadcast_to(np.expand_dims(data.transpose(order), missing), self.shape)
 
-    def _labels(self, dim: str) -> Variable:
-        return self.cube.coordinates.get(dim) or Variable((dim,), partial(_positions, self.cube.sizes[dim]))
+    def _labels(self, dim: Any) -> xr.Variable:
+        return self.cube[dim].variable  # positions where there are no labels
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ class _Cells:
     """Values of names at the chosen cells; all values of the points for indexed or reduced names."""
 
     choice: _Choice
-    rows: Collection[str]  # the dimensions of the design
+    rows: Collection[Any]  # the dimensions of the design
 
     @property
     def most(self) -> int:
@@ -240,16 +240,12 @@ class _Cells:
         """Values of a name, flags by their meanings."""
         source, rows = self.choice._source(name), self.choice.rows
         own = {dim: rows[dim] for dim in source.dims if dim in rows and (dim in self.rows or not whole)}
-        labels = {dim: self.choice._labels(dim).values for dim in source.dims if whole and dim not in self.rows}
-        return NamedArray(source.dims, _decoded(source.at(own), source.words), labels)
-
-
-def _positions(count: int, place: tuple[slice, ...]) -> IntArray:
-    return np.arange(*place[0].indices(count))
+        labels = {str(dim): self.choice._labels(dim).values for dim in source.dims if whole and dim not in self.rows}
+        return NamedArray(tuple(map(str, source.dims)), _decoded(read_positions(source, own), _words(source)), labels)
 
 
 def _choose(
-    cube: CubeArrays,
+    cube: xr.Dataset,
     variable: str,
     select: Mapping[str, Chosen] | Sequence[Selection | str],
     nearest: bool,
@@ -257,22 +253,24 @@ def _choose(
 ) -> _Choice:
     names = list(dict.fromkeys((variable, *beside)))
     for name in names:
-        if name not in cube.variables:
-            outcome = cube.variables.get("outcome")
-            failed = outcome is not None and bool((outcome.values != Outcome.FINISHED).all())
+        if name not in cube.data_vars:
+            failed = "outcome" in cube and bool((cube["outcome"] != Outcome.FINISHED).all())
             without = ", of which no point finished" if failed else ""
-            why = f": {cube.left_out[name]}" if name in cube.left_out else near_match(name, cube.variables)
+            reasons = left_out(cube)
+            why = f": {reasons[name]}" if name in reasons else near_match(name, map(str, cube.data_vars))
             raise InputError(f"{option('variable', name)}: not in this cube{without}{why}")
     variable = max(names, key=lambda name: len(cube.variables[name].dims))
     dims = set(cube.variables[variable].dims)
     if other := next((name for name in names if not set(cube.variables[name].dims) <= dims), None):
-        ends = " and ".join(f"{name} lies along {', '.join(cube.variables[name].dims)}" for name in (variable, other))
+        ends = " and ".join(
+            f"{name} lies along {', '.join(map(str, cube.variables[name].dims))}" for name in (variable, other)
+        )
         raise InputError(f"{option('variable', other)}: {ends}: query each by itself")
-    if "outcome" in cube.variables and set(cube.variables["outcome"].dims) <= dims:
+    if "outcome" in cube.data_vars and set(cube.variables["outcome"].dims) <= dims:
         names.append("outcome")
     shown = {name: cube.variables[name] for name in names}
-    coordinates = {name: labels for name, labels in cube.coordinates.items() if set(labels.dims) <= dims}
-    rows: dict[str, IntArray] = {}
+    coordinates = {str(name): labels.variable for name, labels in cube.coords.items() if set(labels.dims) <= dims}
+    rows: dict[Any, IntArray] = {}
     for selection in selections(select):
         if selection.name not in coordinates:
             known = near_match(selection.name, coordinates)
@@ -281,9 +279,38 @@ def _choose(
         if len(labels.dims) != 1:
             raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
-        rows[dim] = taken(labels, rows.get(dim), cube.sizes[dim], selection, nearest)
+        rows[dim] = taken(labels, rows.get(dim), selection, nearest)
         refuse_unmatched(labels, selection, nearest)
     return _Choice(cube, variable, shown, coordinates, rows)
+
+
+def analyses_with(directory: Path, variable: str) -> list[Path]:
+    """The files of analyses in a result directory that hold a variable, or the reason why it is missing."""
+    files = []
+    for file in analysis_files(directory).values():
+        with suppress(CubeError), opened_cube(file) as cube:
+            if variable in cube.data_vars or variable in left_out(cube):
+                files.append(file)
+    return files
+
+
+def left_out(cube: xr.Dataset) -> dict[str, str]:
+    """Why variables are not in an analysis, by their names: its attribute holds a line ``NAME: reason`` for each."""
+    lines = [line.partition(": ") for line in str(cube.attrs.get("left_out", "")).splitlines()]
+    return {name: reason for name, _, reason in lines}
+
+
+def _texts(variable: xr.Variable) -> set[str]:
+    """All texts among the values of a variable; none of numbers."""
+    return set(map(str, variable.values.flat)) if variable.dtype.kind in "OU" else set()
+
+
+def _words(variable: xr.Variable) -> dict[int, str]:
+    """Meanings of a flag by its value, from its CF attributes; a flag of bits (flag_masks) is left as a number."""
+    if not {"flag_values", "flag_meanings"} <= variable.attrs.keys():
+        return {}
+    values = np.atleast_1d(variable.attrs["flag_values"]).tolist()
+    return dict(zip(map(int, values), str(variable.attrs["flag_meanings"]).split(), strict=False))
 
 
 def _decoded(values: NDArray[Any], words: Mapping[int, str]) -> NDArray[Any]:

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
-from tripod_doe.study.query.arrays import Variable
 from tripod_doe.typed_numbers import number_or_text, readings, typed_number
 
 _MATCH = 1e-9
@@ -94,14 +94,14 @@ def _value(given: Any) -> float | str:
     return given if isinstance(given, str) else float(given)
 
 
-def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:
+def taken(labels: xr.Variable, left: IntArray | None, selection: Selection, nearest: bool) -> IntArray:
     """Positions of the labels that meet a selection.
 
     Args:
         left: Positions to search; None for all.
         selection: The selection.
     """
-    own = np.arange(count) if left is None else left
+    own = np.arange(labels.size) if left is None else left
     values = labels.values[own]
     if nearest:
         nearest_ones = tuple(_nearest(wanted, values) for wanted in selection.values)
@@ -109,7 +109,7 @@ def taken(labels: Variable, left: IntArray | None, count: int, selection: Select
     return own[_matching(values, selection)]
 
 
-def refuse_unmatched(labels: Variable, selection: Selection, nearest: bool) -> None:
+def refuse_unmatched(labels: xr.Variable, selection: Selection, nearest: bool) -> None:
     """Refuse a list with a value that no label has; a single value and a range may meet none.
 
     Raises:
@@ -176,7 +176,7 @@ def _refuse_impossible(selection: Selection) -> None:
         )
 
 
-def labels_text(labels: Variable) -> str:
+def labels_text(labels: xr.Variable) -> str:
     """The labels in words: few one by one, numbers by their ends."""
     known = np.unique(labels.values)
     texts = [level(float(value)) if known.dtype.kind in "fiu" else str(value) for value in known[:_LISTED].tolist()]
