@@ -239,7 +239,7 @@ class _Cells:
     def read(self, name: str, whole: bool) -> NamedArray:
         """Values of a name, flags by their meanings."""
         source, rows = self.choice._source(name), self.choice.rows
-        own = {dim: rows[dim] for dim in source.dims if dim in rows and (dim in self.rows or not whole)}
+        own = {str(dim): rows[dim] for dim in source.dims if dim in rows and (dim in self.rows or not whole)}
         labels = {str(dim): self.choice._labels(dim).values for dim in source.dims if whole and dim not in self.rows}
         return NamedArray(tuple(map(str, source.dims)), _decoded(read_positions(source, own), _words(source)), labels)
 
