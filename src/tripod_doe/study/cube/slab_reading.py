@@ -44,4 +44,5 @@ def _in_slabs(variable: xr.Variable) -> Any:
 
 
 def _computed(variable: xr.Variable) -> NDArray[Any]:
-    return np.asarray(variable.compute(scheduler="synchronous").values)
+    whole = variable if variable._in_memory else variable.compute(scheduler="synchronous")
+    return np.asarray(whole.values)

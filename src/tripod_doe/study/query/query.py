@@ -165,7 +165,8 @@ class _Choice:
         """The chosen cells that meet a condition, as columns of equal length."""
         kept = np.ones(self.shape, bool) if where is None else self.meeting(where)
         dims = self.target.dims
-        columns = {str(dim): self.spread(xr.Variable(dim, np.arange(self.cube.sizes[dim]))) for dim in dims}
+        numbers = (self.rows.get(dim, np.arange(self.cube.sizes[dim])) for dim in dims)
+        columns = dict(zip(map(str, dims), np.meshgrid(*numbers, indexing="ij", copy=False), strict=True))
         columns |= {name: self.column(name) for name in self.coordinates if dims}
         columns |= {name: self.column(name) for name in self.variables}
         return {name: column[kept] for name, column in columns.items()}
