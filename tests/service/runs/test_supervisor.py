@@ -410,6 +410,29 @@ def test_a_failed_workflow_says_what_its_studies_were_to_look_for(tmp_path):
     )
 
 
+def test_a_flipped_bit_in_the_table_of_runs_is_told(tmp_path):
+    """Regression: a text that was no UTF-8 kept the server from its start; another number of points was shown."""
+    table = RunTable(tmp_path)
+    runs = [Run(f"{number:016x}", "study", "a", "", State.FINISHED, counts=PointCounts(42, 42)) for number in (1, 2)]
+    for run in runs:
+        table.put(run)
+    table.close()
+    with closing(sqlite3.connect(tmp_path / TABLE)) as connection:
+        connection.execute("PRAGMA journal_mode = DELETE")
+    whole = (tmp_path / TABLE).read_bytes()
+    first = whole.rindex(b'{"id": "0000000000000001"')
+    for place in range(first, first + 300, 7):
+        for bit in (0, 7):
+            flipped = bytearray(whole)
+            flipped[place] ^= 1 << bit
+            (tmp_path / TABLE).write_bytes(flipped)
+            table = RunTable(tmp_path)
+            damaged, intact = table.all()
+            table.close()
+            assert intact == runs[1]
+            assert "its row in service.sqlite is damaged" in damaged.message
+
+
 def test_a_table_that_is_none_is_told(tmp_path):
     (tmp_path / "service.sqlite").write_bytes(b"no table" * 1000)
     with pytest.raises(InputError, match="cannot use this table of runs"):
@@ -473,7 +496,7 @@ def test_the_next_server_goes_on_beside_a_run_that_cannot_be_looked_after(start,
 def spoil_table(settings, run_id, change):
     with closing(sqlite3.connect(settings.folder / TABLE)) as table, table:
         (text,) = table.execute("SELECT record FROM run WHERE id = ?", (run_id,)).fetchone()
-        changed = change(json.loads(text))
+        changed = change(json.loads(text.partition(" ")[2]))
         text = changed if isinstance(changed, str) else json.dumps(changed)
         table.execute("UPDATE run SET record = ? WHERE id = ?", (text, run_id))
 

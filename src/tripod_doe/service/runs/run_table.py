@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import sqlite3
@@ -10,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -210,10 +211,8 @@ class RunTable:
             refuse_strange_files(self.path)
             self._connection = _opened_for_reading(self.path) if read_only else _opened(self.path)
         except (sqlite3.Error, DamagedRowError, CubeError) as error:
-            raise InputError(
-                f"{self.path}: cannot use this table of runs ({error}); choose another "
-                f"{option('folder')}, or move this file away"
-            ) from error
+            raise _unusable(self.path, error) from error
+        self._connection.text_factory = partial(str, encoding="utf-8", errors="replace")  # of a damaged row
 
     def close(self) -> None:
         """Close the file."""
@@ -226,7 +225,10 @@ class RunTable:
         Skips rows whose id a service cannot have given: an id names a directory, and the table may be a stranger's.
         """
         with self._lock:
-            rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
+            try:
+                rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
+            except sqlite3.DatabaseError as error:
+                raise _unusable(self.path, error) from error
         return [_from_row(*row) for row in rows if _ID.fullmatch(str(row[0]))]
 
     def is_changed(self) -> bool:
@@ -258,6 +260,12 @@ class RunTable:
                 self._connection.execute(statement, values)
         except sqlite3.Error as error:
             raise StorageError(f"{self.path}: cannot write ({error}); nothing that was finished is lost") from error
+
+
+def _unusable(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"{path}: cannot use this table of runs ({error}); choose another {option('folder')}, or move this file away"
+    )
 
 
 def _without_programs(connection: sqlite3.Connection) -> sqlite3.Connection:
@@ -295,12 +303,20 @@ def _opened_for_reading(path: Path) -> sqlite3.Connection:
 def _to_text(run: Run) -> str:
     content = {item.name: getattr(run, item.name) for item in fields(run)}
     content["counts"] = {item.name: getattr(run.counts, item.name) for item in fields(run.counts)}
-    return json.dumps(content)
+    text = json.dumps(content)
+    return f"{_checksum(text)} {text}"
+
+
+def _checksum(text: str) -> str:
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
 def _from_row(id: str, key: str | None, text: str) -> Run:
     try:
-        run = _row_form().validate_json(text, strict=True)
+        checksum, _, content = ("", "", text) if text.startswith("{") else text.partition(" ")  # of old rows: none
+        if checksum and checksum != _checksum(content):
+            raise ValueError("its checksum is another")
+        run = _row_form().validate_json(content, strict=True)
         if run.id != id:
             raise ValueError(f"it is of {run.id}")
         if run.place:
