@@ -232,6 +232,10 @@ def test_a_number_leads_to_its_point_its_curve_and_the_same_point_again(served, 
     panel.get_by_text("Finished in").wait_for(timeout=60_000)
     names = page.evaluate("document.getElementById('curve-figure').data.map(trace => trace.name)")
     assert names[-1] == "again"
+    panel.get_by_label("torque n m").fill("12,5")
+    panel.get_by_role("button", name="Simulate").click()
+    panel.get_by_text("expected a number").wait_for()
+    assert page.evaluate("document.getElementById('curve-figure').data.every(trace => trace.name !== 'again')")
 
 
 def test_what_is_copied_and_saved_are_the_numbers_that_are_seen(served, page, coast):
@@ -385,6 +389,14 @@ def test_a_measurement_is_laid_over_a_point(served, page, coast):
     page.locator(".findings").get_by_text("measured third order").first.wait_for()
     until(page, "document.getElementById('waveform').data?.map(trace => trace.name).join() === 'measured,model'")
     assert page.locator("#table-of-orders tbody tr").count() == 13
+    page.locator("#angle").fill("10,5")
+    page.get_by_role("button", name="Compare").click()
+    page.locator("#complaint", has_text="reference_angle: input should be a valid number").wait_for()
+    assert page.locator("#findings, #table-of-orders, #waveform").all_inner_texts() == ["", "", ""]
+    page.locator("#angle").fill("10.5")
+    page.get_by_role("button", name="Compare").click()
+    page.locator(".findings").get_by_text("measured third order").first.wait_for()
+    until(page, "document.getElementById('waveform').data?.map(trace => trace.name).join() === 'measured,model'")
 
 
 def test_several_files_with_umlauts_and_a_column_that_is_chosen(served, page, coast, tmp_path):

@@ -34,9 +34,16 @@ function table(heads, rows) {
   return made;
 }
 
+function clear() {  // results stand beside nothing else than what they are of
+  figures = null;
+  for (const id of ["waveform", "orders"]) Plotly.purge(at(id));
+  for (const id of ["overview", "findings", "table-of-orders"]) at(id).replaceChildren();
+}
+
 // The beginning of the first file, and a field for each column.
 async function preview() {
   const file = at("table").files[0];
+  clear();
   for (const id of ["preview", "columns"]) at(id).replaceChildren();
   at("complaint").textContent = "";
   guessed = {};
@@ -68,7 +75,7 @@ function request(measurement) {
     select: [...form.querySelectorAll("[data-select]")].filter((field) => field.value !== "").map((field) => `${field.dataset.select}=${field.value}`),
     columns: Object.fromEntries(chosen.map((field) => [field.dataset.column, field.value])),
     pulses_per_revolution: pulses === "" ? null : Number(pulses), sign: Number(at("sign").value),
-    reference_angle: angle === "" ? null : Number(angle), speeds: speeds || null,
+    reference_angle: angle || null, speeds: speeds || null,
   };
 }
 
@@ -94,7 +101,7 @@ form?.addEventListener("submit", async (event) => {
   event.preventDefault();
   const button = form.querySelector("[type=submit]"), files = [...at("table").files];
   at("complaint").textContent = "";
-  at("overview").replaceChildren();
+  clear();
   button.disabled = true;
   answers = [];
   for (const file of files) {

@@ -85,6 +85,7 @@ function takeAgain(place) {
       lay(place, answer.figures);
     } catch (error) {
       status.textContent = error.message;
+      lay(place, {});
     } finally {
       button.disabled = false;
     }
@@ -113,14 +114,15 @@ function takeAgain(place) {
   });
 }
 
-function lay(place, fresh) {
-  if (!Object.keys(fresh).length) return;
+function lay(place, fresh) {  // in place of the curves of the values before
   again = fresh;
   const list = place.querySelector("#curve");
+  for (const option of [...list.options]) if (!figures[option.value] && !fresh[option.value]) option.remove();
   const known = new Set([...list.options].map((option) => option.value));
   for (const name of Object.keys(fresh)) if (!known.has(name)) list.append(new Option(`${name.replaceAll("_", " ")} (again)`, name));
-  if (!list.value) list.value = PREFERRED.find((name) => fresh[name]) ?? list.options[0].value;
-  place.querySelector(".curves").hidden = false;
+  place.querySelector(".curves").hidden = !list.options.length;
+  if (!list.options.length) return;
+  if (!known.size) list.value = PREFERRED.find((name) => fresh[name]) ?? list.options[0].value;
   drawCurve(place);
-  say("The new curve is drawn beside the old one");
+  if (Object.keys(fresh).length) say("The new curve is drawn beside the old one");
 }
