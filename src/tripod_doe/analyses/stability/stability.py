@@ -240,12 +240,24 @@ def _references(runs: _Runs) -> tuple[FloatArray, FloatArray, FloatArray, list[s
         for one, other in combinations(finest, 2):
             a, b = runs.value[one[0], c, one[1]], runs.value[other[0], c, other[1]]
             apart = abs(a - b) / max(abs(a), abs(b), 1e-300)
+            own = [_own_convergence(runs, run[0], c, done[run[0]]) for run in (one, other)]
+            apart = float(np.fmax(apart, np.fmin(*own)))  # of several methods, two agree by chance
             if apart < certainty[c]:
                 better = max(one, other, key=lambda run: METHODS[runs.methods[run[0]]].order)
                 certainty[c], value[c] = apart, runs.value[better[0], c, better[1]]
                 rates[c] = runs.rates[better[0], c, better[1]]
                 source[c] = " and ".join(dict.fromkeys((runs.methods[one[0]], runs.methods[other[0]])))
     return value, certainty, rates, source
+
+
+def _own_convergence(runs: _Runs, m: int, c: int, done: IntArray) -> float:
+    """Relative error of the finest of some finished runs by its change from the next one; NaN of a single run."""
+    if done.size < 2:
+        return math.nan
+    fine, coarse = runs.value[m, c, done[:2]].tolist()
+    order = METHODS[runs.methods[m]].order if runs.numerics == "step_s" else 1
+    further = (runs.steps[done[1]] / runs.steps[done[0]]) ** order - 1
+    return float(abs(coarse - fine) / max(abs(fine), 1e-300) / further)
 
 
 def _border(
