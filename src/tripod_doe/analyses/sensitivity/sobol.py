@@ -55,6 +55,9 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
         for j, k in combinations(range(width), 2):
             second[j, k] = (mean(blocks[:, :, 1 + width + j] * ab[k]) - both) / variance - first[j] - first[k]
         answers |= _with_intervals({"S2": second}, settings.confidence)
+        # the effect of both less that of each, alike uncertain
+        of_two = np.sqrt(2) * np.hypot(*(np.nan_to_num(each) for each in (least[:, None], least)))
+        answers["S2_conf"] = np.where(np.isnan(answers["S2"]), np.nan, np.fmax(answers["S2_conf"], of_two))
     return answers
 
 

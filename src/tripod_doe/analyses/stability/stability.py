@@ -241,7 +241,7 @@ def _references(runs: _Runs) -> tuple[FloatArray, FloatArray, FloatArray, list[s
             a, b = runs.value[one[0], c, one[1]], runs.value[other[0], c, other[1]]
             apart = abs(a - b) / max(abs(a), abs(b), 1e-300)
             own = [_own_convergence(runs, run[0], c, done[run[0]]) for run in (one, other)]
-            apart = float(np.fmax(apart, np.fmin(*own)))  # of several methods, two agree by chance
+            apart = float(np.fmax(apart, np.fmin(own[0], own[1])))  # of several methods, two agree by chance
             if apart < certainty[c]:
                 better = max(one, other, key=lambda run: METHODS[runs.methods[run[0]]].order)
                 certainty[c], value[c] = apart, runs.value[better[0], c, better[1]]
