@@ -185,7 +185,7 @@ def counted(columns, failed, sentence):
 @SEEDS
 def test_a_failing_region_is_where_its_sentence_says(seeds):
     """Regression: thresholds of four digits, and of single precision, put points on the wrong side in 48 of 200 cases."""
-    found = 0
+    found = by_chance = 0
     for seed in range(20 * seeds):
         random = np.random.default_rng(seed)
         count, sizes = int(random.integers(30, 200)), 10.0 ** random.uniform(-3, 6, 3)
@@ -198,8 +198,9 @@ def test_a_failing_region_is_where_its_sentence_says(seeds):
             told, true = counted(columns, failed, region.text)
             assert told == true, region.text
             found += 1
-        assert failing_region(columns, random.random(count) < 0.2) is None
+        by_chance += failing_region(columns, random.random(count) < 0.2) is not None
     assert found >= 12 * seeds
+    assert by_chance <= 0.2 * seeds  # one in a hundred
 
 
 @SEEDS
