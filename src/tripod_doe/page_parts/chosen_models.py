@@ -45,7 +45,11 @@ def mixed_formulas(cube: xr.Dataset) -> list[str]:
 
 def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:
     """The model that answers at every point, over the dimensions of the design."""
-    used = cube["model_used"] if "model_used" in cube else xr.full_like(cube["outcome"], np.nan, dtype=float)
+    return words_of(cube["model_used"] if "model_used" in cube else xr.full_like(cube["outcome"], np.nan, dtype=float))
+
+
+def words_of(used: xr.DataArray) -> NDArray[np.object_]:
+    """Values of a variable as they are, or the words of its flags."""
     if "flag_meanings" not in used.attrs:
         return np.asarray(used.values, dtype=object)
     words = dict(zip(np.asarray(used.attrs["flag_values"]).tolist(), used.attrs["flag_meanings"].split(), strict=True))

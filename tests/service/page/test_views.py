@@ -207,6 +207,8 @@ def test_the_command_that_is_copied_gives_what_is_seen(folders, capsys):
     words = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "none equilibrium kinetostatic"}
     retried = one.assign(model_used=((), np.int8(1), words))  # by a retry, whatever [base] says
     assert "--model kinetostatic" in simulate_command(cube, retried)
+    finer = retried.assign(attempt=1, relative_tolerance_used=((), 5e-4, {"role": "record of the run"}))
+    assert "--relative-tolerance 0.0005" in simulate_command(cube, finer)
 
 
 def test_the_study_that_is_copied_is_the_whole_one_where_an_axis_is_long(folders, monkeypatch):

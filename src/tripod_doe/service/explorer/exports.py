@@ -5,11 +5,12 @@ from typing import Any
 
 import xarray as xr
 
-from tripod_doe.page_parts.chosen_models import models_used
+from tripod_doe.page_parts.chosen_models import models_used, words_of
 from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View, selected_text
+from tripod_doe.study.cube.dataset import RECORD_ROLE
 from tripod_doe.study.definition.toml_text import toml_text
 
 _MOST_ROWS = 500
@@ -43,12 +44,15 @@ def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
 
 
 def point_values(cube: xr.Dataset, point: xr.Dataset) -> dict[str, Any]:
-    """The parameters that a study gives one of its points: base values and factors, the model that answered."""
+    """The parameters that one point ended with: base values and factors, a chosen model, what a retry changed."""
     values = {name: value for name, value in study_tables(cube).get("base", {}).items() if value != "auto"}
     values |= {name: point[name].item() for name in factor_names(cube)}
     if answering := models_used(point):
         values["model"] = answering[0]
-    return {name: value for name, value in values.items() if value not in ("", "none")}
+    if "attempt" in point and int(point["attempt"]) > 0:
+        used = {str(name): each for name, each in point.data_vars.items() if each.attrs.get("role") == RECORD_ROLE}
+        values |= {name[:-5]: words_of(each).item() for name, each in used.items() if name.endswith("_used")}
+    return {name: value for name, value in values.items() if value not in ("", "none") and value == value}
 
 
 def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
