@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tripod_doe.joint.accuracy import OrderAccuracy
+from tripod_doe.joint.models.multibody_run import run_limits
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody.run_result import StoppedError, Wanted
 from tripod_doe.joint.multibody.sampled_signals import sampled_signals
-from tripod_doe.joint.multibody_run import run_limits
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues

@@ -36,9 +36,9 @@ from scipy.stats import beta
 from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import misfits, most_needles
 from tripod_doe.joint.known_errors.error_estimate import known_errors
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.multibody_run import follow
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody_run import follow
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import internal_values

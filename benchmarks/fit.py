@@ -39,7 +39,7 @@ from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 
 sys.path.append(str(Path(__file__).parents[1] / "measurements"))
 import make_rig

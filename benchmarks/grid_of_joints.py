@@ -25,7 +25,7 @@ import numpy as np
 
 import tripod_doe as td
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 
 Array = np.ndarray[Any, Any]
 Joint = tuple[float, float, float, float]

@@ -41,8 +41,8 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "mechanics" / "scenes"
 from example_scenes import dropped_ball, rolling_sphere
 from field import field_points, upper_bound
 
+from tripod_doe.joint.models.multibody_run import run_joint
 from tripod_doe.joint.multibody.run_result import JointRun, Wanted
-from tripod_doe.joint.multibody_run import run_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.joint.values import JointValues

@@ -1,7 +1,7 @@
 """Where the time of a step of the full joint goes, and what needles and spheres cost and do to the orders.
 
     python benchmarks/joint_cost.py             # 2 minutes; parts and runs, then the prices of the candidates
-    python benchmarks/joint_cost.py --record    # a minute; the prices only, into joint/prices.toml: on a quiet machine
+    python benchmarks/joint_cost.py --record    # a minute; the prices only, into joint/models/prices.toml: on a quiet machine
 
 Parts are microseconds a step, at the start of the reference joint, where few contacts touch, and after a quarter of a
 revolution, where three quarters do. Runs are those of `tripod-doe simulate --model
@@ -19,7 +19,7 @@ import tomlkit
 from engine_cost import PARTS, part_costs
 
 import tripod_doe as td
-from tripod_doe.joint.model_candidates import PRICES
+from tripod_doe.joint.models.candidates import PRICES
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import point_values

@@ -28,7 +28,7 @@ from scipy.stats import qmc
 from tripod_doe.analyses.claims.verdicts import ClaimsSettings, Verdict, check_claims
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 
 RANGES = {
     "needle_length_mm": (5.0, 12.0),

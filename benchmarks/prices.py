@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 from ordinary_joints import drawn_joints
 
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATES, VIBRATION_THIRD
 from tripod_doe.joint.parameters import JOINT_PARAMETERS

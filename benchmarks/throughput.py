@@ -23,7 +23,7 @@ from numpy_equilibrium import third_order
 
 import tripod_doe as td
 from tripod_doe.joint.unit_conversion import internal_values
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task

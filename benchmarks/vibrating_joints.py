@@ -30,16 +30,16 @@ from field import Record, all_columns, answers, field_points, internal
 
 from tripod_doe.joint.known_errors.error_estimate import RECORDED
 from tripod_doe.joint.known_errors.vibration_record import VIBRATING
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.multibody.thrust_and_power import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration import growing_vibration as look
-from tripod_doe.joint.vibration.balance_verdict import undecided_rows
 from tripod_doe.joint.vibration.growing_vibration import growing_vibration
 from tripod_doe.joint.vibration.third_with_vibration import third_with_vibration
+from tripod_doe.joint.vibration.vibration_verdict import undecided_rows
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.mechanics.integrators.monitor import Settings

@@ -108,8 +108,8 @@ def solve_block(name: str, count: int) -> dict[str, object]:
 def solve_accurately(model: str, number: int, **other: float) -> dict[str, object]:
     """Price, counted work and orders of one point, refined to an accuracy of its orders, with other parameters."""
     from tripod_doe.joint.accuracy import OrderAccuracy
+    from tripod_doe.joint.models.multibody_run import run_joint
     from tripod_doe.joint.multibody.run_result import Wanted
-    from tripod_doe.joint.multibody_run import run_joint
     from tripod_doe.joint.orders import complex_amplitudes
     from tripod_doe.joint.unit_conversion import point_values
 

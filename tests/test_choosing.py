@@ -13,7 +13,7 @@ from method_rows import FINE, JOINT, STEPS, by_accuracy, cube_of, fixed
 
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 

@@ -19,11 +19,11 @@ from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.simulators import SCENES, load_simulator
 from tripod_doe.study.definition.study_tables import DesignKind
 
 ROOT = Path(__file__).parent.parent

@@ -13,7 +13,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.cli.main import build_parser
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.compilation.sources import cache_root
 from tripod_doe.study.definition.study_tables import StudyFile

@@ -22,7 +22,7 @@ from tripod_doe.analyses.speed_accuracy.sentences import find_in_speed_accuracy,
 from tripod_doe.analyses.stability.charts import stability_charts
 from tripod_doe.analyses.stability.sentences import border_text, measured_border
 from tripod_doe.analyses.stability.stability import RunKind
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.quantities import level, number

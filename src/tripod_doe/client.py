@@ -26,7 +26,7 @@ import numpy as np
 from tripod_doe.errors import CubeError, InputError, TripodDoeError, printable
 from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.model_interface import BlockResult, Outcome
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
 from tripod_doe.study.result_directory.derived_responses import read_responses
 

@@ -17,7 +17,7 @@ from tripod_doe.joint.multibody.needle_bearing import needle_body
 from tripod_doe.joint.multibody.scene_constants import derive_constants
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.unit_conversion import internal_values
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.simulate import simulate_point
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from few import CALM, FEW
 
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.model_interface import Outcome
 
 NO_FRICTION = {

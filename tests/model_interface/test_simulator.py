@@ -8,7 +8,7 @@ import pytest
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import BlockResult, Dimension, Output, Parameter, Simulator, by_name
 from tripod_doe.study.definition.function import FunctionSimulator
-from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.simulators import SCENES, load_simulator
 
 METHODS = {"plain": {"explicit": {"step_s": 1e-6}, "controlled": {"relative_tolerance": 1e-3}}, "fine": {"direct": {}}}
 

@@ -10,7 +10,7 @@ import pytest
 from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
 from tripod_doe.model_interface.simulator import model_notes
 from tripod_doe.model_interface.verdict import LARGE_ERROR, VerdictCount, verdicts
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 
 
 def errors(random, count):

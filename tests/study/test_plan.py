@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
+from tripod_doe.joint.models.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.outputs import CYCLE_OUTPUTS, VIBRATION_THIRD
 from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.simulators import SCENES, load_simulator
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points

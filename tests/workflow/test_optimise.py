@@ -25,7 +25,7 @@ from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import number
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.workflow import optimise
 from tripod_doe.workflow.optimise_plan import plan_optimisation
 from tripod_doe.workflow.point_batches import PointBatches

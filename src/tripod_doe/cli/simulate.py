@@ -43,7 +43,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--view", metavar="FILE.html", type=Path, help="also write a page that moves the joint")
     add_against(parser, "with --view: ")
     if "simulate" in arguments[:1]:
-        from tripod_doe.study.definition.scenes import SCENES, load_simulator
+        from tripod_doe.study.definition.simulators import SCENES, load_simulator
 
         scene.help = f"what to simulate: {', '.join(SCENES)} (default joint)"
         _add_parameters(parser, load_simulator(_scene_named_in(arguments)))
@@ -72,7 +72,7 @@ def _add_parameters(parser: argparse.ArgumentParser, simulator: Simulator) -> No
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.model_interface import Outcome
-    from tripod_doe.study.definition.scenes import load_simulator
+    from tripod_doe.study.definition.simulators import load_simulator
     from tripod_doe.study.point_table import point_table
     from tripod_doe.study.simulate import simulate_point, usual_price
 

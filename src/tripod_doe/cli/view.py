@@ -50,7 +50,7 @@ def add_against(parser: Parser, needs: str = "") -> None:
 
 def against(texts: Sequence[str]) -> dict[str, Any]:
     """The values of a second point by their names."""
-    from tripod_doe.study.definition.scenes import load_simulator
+    from tripod_doe.study.definition.simulators import load_simulator
 
     known, values = load_simulator().parameters, dict[str, Any]()
     for text in texts:

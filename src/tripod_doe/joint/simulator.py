@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.joint.accuracy import OrderAccuracy
-from tripod_doe.joint.balance_models import some_vibrate
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.known_errors.error_estimate import (
     FINEST,
@@ -25,9 +24,10 @@ from tripod_doe.joint.known_errors.error_estimate import (
 )
 from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import SHARE, near_vibrating, vibration_errors, vibration_share
-from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
-from tripod_doe.joint.model_record import Model
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.balances import some_vibrate
+from tripod_doe.joint.models.candidates import JOINT_CANDIDATES
+from tripod_doe.joint.models.record import Model
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, vibration_tests
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.unit_conversion import internal_values, point_values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -294,51 +294,58 @@ def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) ->
         a, b = _index(names, joint.body_a, where), _index(names, joint.body_b, where)
         if a == b:
             raise InputError(f"{where}: a body cannot be joined to itself")
-
-        def row(kind: int, a: int = a, b: int = b, **values: object) -> None:
+        for kind, values in _equations(joint, where, state.positions[a], state.positions[b]):
             new = np.zeros((), CONSTRAINT_ROW)
             new["kind"], new["body_a"], new["body_b"] = kind, a, b
             for name, value in values.items():
                 new[name] = value
             rows.append(new)
-
-        def coincide(point_a: object, point_b: object) -> None:
-            for axis in _AXES:
-                row(IN_PLANE, point_a=point_a, point_b=point_b, direction_a=axis)
-
-        match joint:
-            case parts.Distance():
-                if joint.length <= 0:
-                    raise InputError(f"{where}: the length must be positive")
-                row(DISTANCE, point_a=joint.point_a, point_b=joint.point_b, length=joint.length)
-            case parts.PointInPlane():
-                normal = _checked_direction(where, joint.normal_a)
-                row(IN_PLANE, point_a=joint.point_a, point_b=joint.point_b, direction_a=normal)
-            case parts.PrescribedRotation():
-                axis = _checked_direction(where, joint.axis_a)
-                ahead = _checked_direction(where, joint.reference_a)
-                if abs(axis @ ahead) > 1e-9:
-                    raise InputError(f"{where}: reference_a {joint.reference_a} is not across axis_a {joint.axis_a}")
-                motion = (joint.angle, joint.rate, joint.acceleration)
-                side = _cross(axis, ahead)  # across the reference: zero if b's reference is at the angle
-                reference = _checked_direction(where, joint.reference_b)
-                row(PERPENDICULAR, direction_a=side, turned_a=-ahead, direction_b=reference, motion=motion)
-            case parts.Fixed():
-                turn_a, turn_b = _rotation(state.positions[a, 3:]), _rotation(state.positions[b, 3:])
-                coincide(turn_a.T @ (state.positions[b, :3] - state.positions[a, :3]), parts.ORIGIN)
-                relative = turn_b.T @ turn_a
-                for i, j in ((0, 1), (1, 2), (2, 0)):
-                    row(PERPENDICULAR, direction_a=_AXES[i], direction_b=relative[:, j])
-            case _:
-                coincide(joint.point_a, joint.point_b)
-                if isinstance(joint, parts.Revolute):
-                    for across in _across(_checked_direction(where, joint.axis_a)):
-                        axis = _checked_direction(where, joint.axis_b)
-                        row(PERPENDICULAR, direction_a=across, direction_b=axis)
-                elif isinstance(joint, parts.Universal):
-                    axes = (_checked_direction(where, joint.axis_a), _checked_direction(where, joint.axis_b))
-                    row(PERPENDICULAR, direction_a=axes[0], direction_b=axes[1])
     return np.array(rows, CONSTRAINT_ROW) if rows else np.zeros(0, CONSTRAINT_ROW)
+
+
+def _equations(
+    joint: parts.Constraint, where: str, place_a: FloatArray, place_b: FloatArray
+) -> Iterator[tuple[int, dict[str, object]]]:
+    """The equations of a joint, their kinds and vectors, from the places of its bodies at the start."""
+    match joint:
+        case parts.Distance():
+            if joint.length <= 0:
+                raise InputError(f"{where}: the length must be positive")
+            yield DISTANCE, {"point_a": joint.point_a, "point_b": joint.point_b, "length": joint.length}
+        case parts.PointInPlane():
+            normal = _checked_direction(where, joint.normal_a)
+            yield IN_PLANE, {"point_a": joint.point_a, "point_b": joint.point_b, "direction_a": normal}
+        case parts.PrescribedRotation():
+            axis, ahead = _checked_direction(where, joint.axis_a), _checked_direction(where, joint.reference_a)
+            if abs(axis @ ahead) > 1e-9:
+                raise InputError(f"{where}: reference_a {joint.reference_a} is not across axis_a {joint.axis_a}")
+            # across the reference: zero if b's reference is at the angle
+            vectors = {"direction_a": _cross(axis, ahead), "turned_a": -ahead}
+            reference, motion = (
+                _checked_direction(where, joint.reference_b),
+                (joint.angle, joint.rate, joint.acceleration),
+            )
+            yield PERPENDICULAR, {**vectors, "direction_b": reference, "motion": motion}
+        case parts.Fixed():
+            turn_a, turn_b = _rotation(place_a[3:]), _rotation(place_b[3:])
+            yield from _coincide(turn_a.T @ (place_b[:3] - place_a[:3]), parts.ORIGIN)
+            relative = turn_b.T @ turn_a
+            for i, j in ((0, 1), (1, 2), (2, 0)):
+                yield PERPENDICULAR, {"direction_a": _AXES[i], "direction_b": relative[:, j]}
+        case _:
+            yield from _coincide(joint.point_a, joint.point_b)
+            if isinstance(joint, parts.Revolute):
+                for across in _across(_checked_direction(where, joint.axis_a)):
+                    yield PERPENDICULAR, {"direction_a": across, "direction_b": _checked_direction(where, joint.axis_b)}
+            elif isinstance(joint, parts.Universal):
+                axes = (_checked_direction(where, joint.axis_a), _checked_direction(where, joint.axis_b))
+                yield PERPENDICULAR, {"direction_a": axes[0], "direction_b": axes[1]}
+
+
+def _coincide(point_a: object, point_b: object) -> Iterator[tuple[int, dict[str, object]]]:
+    """Three equations by which two points are one."""
+    for axis in _AXES:
+        yield IN_PLANE, {"point_a": point_a, "point_b": point_b, "direction_a": axis}
 
 
 def _core(scene: parts.Scene, names: dict[str, int]) -> set[int]:

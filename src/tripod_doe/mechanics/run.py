@@ -181,7 +181,12 @@ def run(
         again = [repeat_finer(assembly, chosen, states, steps, settings, not equal_steps) for states, steps in pieces]
     ways = path_lengths(assembly, passage.states if again else (), memory)
     balance = EnergyBalance.of(assembly, passage, limits.turned_over)
-    disagreement, energy = _judge(assembly, balance, again, ways, whole, chosen.order, not equal_steps, limits, checks)
+    excess = error_over_difference(chosen.order, not equal_steps)
+    disagreement = _disagreement(assembly, again, ways, excess, limits, checks)
+    if whole and disagreement * excess <= limits.error:
+        refined = balance.refined(again[0].balance, error_over_difference(1, not equal_steps))
+        balance = min(balance, refined, key=EnergyBalance.worst)
+    energy = _energy_balance(limits, checks, balance)
     reversals = _reversals(assembly, memory, limits, motion.state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
@@ -332,32 +337,26 @@ def _inspect(assembly: Assembly, states: States, passage: Passage, limits: Limit
     return checks
 
 
-def _judge(
+def _disagreement(
     assembly: Assembly,
-    balance: EnergyBalance,
     again: Sequence[RepeatedStretch],
     ways: PathLengths,
-    whole: bool,
-    order: int,
-    controlled: bool,
+    excess: float,
     limits: Limits,
     checks: _Checks,
-) -> tuple[float, float]:
-    """Largest relative difference to the repeated run, and largest share of energy that the balance misses."""
+) -> float:
+    """Largest relative difference to the repeated run, NaN without one; `excess` is the error over that difference."""
     failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
+    for piece in failed:
+        checks.fail(Outcome.INACCURATE, f"half the step fails after t = {piece.begin:.6g}: {piece.outcome.label}")
     if failed or not again:
-        for piece in failed:
-            checks.fail(Outcome.INACCURATE, f"half the step fails after t = {piece.begin:.6g}: {piece.outcome.label}")
-        return math.nan, _energy_balance(limits, checks, balance)
+        return math.nan
     largest = difference(assembly, again, ways)
-    if not largest.size * error_over_difference(order, controlled) <= limits.error:
+    if not largest.size * excess <= limits.error:
         text = f"half the step changes the motion by {number(100 * largest.size)} % of the {largest.way}"
         body = assembly.names[largest.body]
         checks.fail(Outcome.INACCURATE, f"{text}, most after t = {largest.begin:.6g}, body {body}")
-    elif whole:
-        refined = balance.refined(again[0].balance, error_over_difference(1, controlled))
-        return largest.size, _energy_balance(limits, checks, min(balance, refined, key=EnergyBalance.worst))
-    return largest.size, _energy_balance(limits, checks, balance)
+    return largest.size
 
 
 def _energy_balance(limits: Limits, checks: _Checks, balance: EnergyBalance) -> float:

@@ -22,7 +22,7 @@ from tripod_doe.page_parts.words import factor_unit, unit_text
 from tripod_doe.quantities import duration, level, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.journal import PILOT
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}

@@ -15,7 +15,7 @@ from tripod_doe.model_interface import Value
 from tripod_doe.model_interface.parameter import is_set
 from tripod_doe.motion_page.drawing import joint_drawing
 from tripod_doe.page_parts.main_results import factor_names, study_tables
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 
 
 def drawn_joint(cube: xr.Dataset) -> tuple[Markup, str, str] | None:

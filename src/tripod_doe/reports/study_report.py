@@ -148,13 +148,9 @@ def make_page(
         for name, result in of_kind(analyses, *RANKED).items()
         if not sensitivity_parts(result) and (kind_of(result) != "multifidelity" or "ST" in result)
     ]
-    filled = {name for name, part in content.items() if part}
-    filled |= {"sensitivity"} if silent else set()
-    questions = what_if_pages(analyses)
-    filled |= {"failed"} if lost or left else set()
-    not_asked = asked_orders(cube) is not None
-    filled |= {"models"} if not_asked else set()
-    filled |= {"motion"} if motion else set()
+    questions, not_asked = what_if_pages(analyses), asked_orders(cube) is not None
+    others = {"sensitivity": silent, "failed": lost or left, "models": not_asked, "motion": motion}
+    filled = {name for name, part in [*content.items(), *others.items()] if part}
     return render(
         "page.html",
         attrs=cube.attrs,

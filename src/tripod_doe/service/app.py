@@ -81,42 +81,36 @@ def _add_error_answers(app: FastAPI) -> None:
         return refusal_answer(request, refusal.among_runs(settings.folder), settings, request.scope["root_path"])
 
     async def refused(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RefusedError)
-        return answer(request, error)
-
-    async def wrong_input(request: Request, error: Exception) -> Response:
-        assert isinstance(error, InputError)
-        return answer(request, refusal_of(error, {}))
-
-    async def wrong_form(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
-        return answer(request, RefusedError(422, *(form_problem(item) for item in error.errors()[:_MOST_PROBLEMS])))
-
-    async def no_route(request: Request, error: Exception) -> Response:
-        assert isinstance(error, HTTPException)
-        return answer(request, RefusedError(error.status_code, str(error.detail), headers=dict(error.headers or {})))
-
-    async def full_disk(request: Request, error: Exception) -> Response:
-        return answer(request, RefusedError(503, str(error)))
-
-    async def busy(request: Request, error: Exception) -> Response:
-        message = f"{str(error) or 'all workers are busy'}: try again in a moment"
-        return answer(request, RefusedError(503, message, headers={"retry-after": "5"}))
-
-    async def ending(request: Request, error: Exception) -> Response:
-        return answer(request, RefusedError(503, SERVER_ENDS))
+        return answer(request, _refusal(error))
 
     async def failed(request: Request, error: Exception) -> Response:
         known = error if not isinstance(error, WorkerFailedError) else None
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
         return answer(request, RefusedError(500, "internal error; see the standard error of the server"))
 
-    app.add_exception_handler(RefusedError, refused)
-    app.add_exception_handler(InputError, wrong_input)
-    app.add_exception_handler(RequestValidationError, wrong_form)
-    app.add_exception_handler(HTTPException, no_route)
-    app.add_exception_handler(StorageError, full_disk)
-    app.add_exception_handler(AllBusyError, busy)
-    app.add_exception_handler(ServerEndsError, ending)
-    app.add_exception_handler(WorkerFailedError, failed)
-    app.add_exception_handler(Exception, failed)
+    for kind in (RefusedError, InputError, RequestValidationError, HTTPException, *_UNAVAILABLE):
+        app.add_exception_handler(kind, refused)
+    for kind in (WorkerFailedError, Exception):
+        app.add_exception_handler(kind, failed)
+
+
+_UNAVAILABLE = (StorageError, AllBusyError, ServerEndsError)
+
+
+def _refusal(error: Exception) -> RefusedError:
+    """An error of a caller, or of a server that cannot answer now, as the refusal that its answer states."""
+    match error:
+        case RefusedError():
+            return error
+        case InputError():
+            return refusal_of(error, {})
+        case RequestValidationError():
+            return RefusedError(422, *(form_problem(item) for item in error.errors()[:_MOST_PROBLEMS]))
+        case HTTPException():
+            return RefusedError(error.status_code, str(error.detail), headers=dict(error.headers or {}))
+        case AllBusyError():
+            message = f"{str(error) or 'all workers are busy'}: try again in a moment"
+            return RefusedError(503, message, headers={"retry-after": "5"})
+        case ServerEndsError():
+            return RefusedError(503, SERVER_ENDS)
+    return RefusedError(503, str(error))

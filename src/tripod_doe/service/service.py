@@ -20,7 +20,7 @@ from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.found_directories import FoundDirectories
 from tripod_doe.service.runs.one_run import OneRun
-from tripod_doe.service.runs.result_directory import refuse_exchanged
+from tripod_doe.service.runs.run_end import refuse_exchanged
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered

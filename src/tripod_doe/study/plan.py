@@ -145,19 +145,13 @@ def plan_points(study: Study, points: Points, timing: bool, recorded: bool, amon
     if count and study.auto_model is None and (timing or recorded):
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, checked, able)
-    hours, blocks = None, None
+    hours = _cpu_hours(prices, count) if prices.size else None
     models = model_records(study, checked, able)
-    if prices.size:
-        total = count / 3600
-        mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
-        low, high = min(low, mean), max(high, mean)  # a few expensive points raise the mean above most costs
-        hours = float(low * total), float(mean * total), float(high * total)
-        blocks = _blocks(study.file.run.block, count, hours[1] * 3600)
     return Plan(
         points=points.count,
         unique=unique,
         excluded=excluded,
-        blocks=blocks,
+        blocks=_blocks(study.file.run.block, count, hours[1] * 3600) if hours else None,
         cpu_hours=hours,
         cube_bytes=cube_bytes(study, points),
         timed=timed,
@@ -170,6 +164,13 @@ def plan_points(study: Study, points: Points, timing: bool, recorded: bool, amon
         written_bytes=_written_bytes(study, points),
         most_points=most_points(study),
     )
+
+
+def _cpu_hours(prices: FloatArray, count: int) -> tuple[float, float, float]:
+    """CPU-hours of points by the lower quartile, mean and upper quartile of their prices in seconds."""
+    mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
+    low, high = min(low, mean), max(high, mean)  # a few expensive points raise the mean above most costs
+    return float(low * count / 3600), float(mean * count / 3600), float(high * count / 3600)
 
 
 def _blocks(fixed: int | None, points: int, seconds: float) -> int:

@@ -24,7 +24,7 @@ from tripod_doe.model_interface import (
     model_notes,
 )
 from tripod_doe.quantities import plain_json
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.execution.task import Task, run_task
 from tripod_doe.study.memory import refuse_too_many_points
 

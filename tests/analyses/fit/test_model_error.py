@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_doe.analyses.fit.model_error import Needles, model_error
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 
 SIMULATOR = load_simulator("joint")
 ORDERS = [2, 3]

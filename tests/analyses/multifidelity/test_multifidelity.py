@@ -21,7 +21,7 @@ from tripod_doe.analyses.multifidelity.split import find_split, within
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.joint.model_candidates import JOINT_CANDIDATES
+from tripod_doe.joint.models.candidates import JOINT_CANDIDATES
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.main_outputs import OutputPart
 from tripod_doe.study.definition.study_file import parse_study

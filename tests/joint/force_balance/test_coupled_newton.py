@@ -8,12 +8,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from tripod_doe.joint import models
 from tripod_doe.joint.force_balance import coupled_newton, equilibrium
 from tripod_doe.joint.force_balance.coupled_newton import settle_together
 from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
 from tripod_doe.joint.force_balance.free_rollers import settle_free
 from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.models import registry
 from tripod_doe.model_interface import Outcome, counted_time
 
 SWITCHES = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
@@ -65,8 +65,8 @@ def test_two_ways_to_the_same_balance(points, monkeypatch, solve):
 @pytest.mark.parametrize(("name", "solve"), [("equilibrium", solve_equilibrium), ("kinetostatic", solve_kinetostatic)])
 def test_every_combination_of_mechanisms_has_an_answer(combinations, name, solve, given):
     """Regression: 17 of 768 combinations of `equilibrium` and 152 of `kinetostatic` had none."""
-    block = combinations(**given, relative_tolerance=models.MODELS[name].methods["newton"]["relative_tolerance"])
-    result = models.MODELS[name].simulate(block, "newton", 360, ("thrust_amplitude",))
+    block = combinations(**given, relative_tolerance=registry.MODELS[name].methods["newton"]["relative_tolerance"])
+    result = registry.MODELS[name].simulate(block, "newton", 360, ("thrust_amplitude",))
     assert [Outcome(outcome).label for outcome in result.outcome] == ["finished"] * 32
     free = block.groove_sliding_friction == 0
     assert (result.outputs["thrust_amplitude"].data[free] == 0).all()
@@ -122,10 +122,10 @@ def test_without_groove_sliding_the_thrust_is_zero_even_where_the_spin_is_open(p
         groove_sliding=0,
         groove_rolling=0,
         needle_rolling=0,
-        relative_tolerance=models.MODELS["kinetostatic"].methods["newton"]["relative_tolerance"],
+        relative_tolerance=registry.MODELS["kinetostatic"].methods["newton"]["relative_tolerance"],
     )
     assert not solve_kinetostatic(given, 360).settled[0]
-    result = models.MODELS["kinetostatic"].simulate(given, "newton", 360, ("thrust", "friction_power_w"))
+    result = registry.MODELS["kinetostatic"].simulate(given, "newton", 360, ("thrust", "friction_power_w"))
     assert Outcome(result.outcome[0]) == Outcome.FINISHED
     assert "friction power is not known" in result.detail[0]
     assert (result.outputs["thrust"].data == 0).all()
@@ -163,7 +163,7 @@ def test_a_straight_joint_has_no_thrust(points):
 def test_an_orbiting_shaft_lifts_rollers_off(internal_points):
     """A failure is recognised and named: 384 N of the orbiting shaft at 152 N a groove."""
     given = internal_points(joint_angle_deg=23, torque_n_m=9, speed_rpm=2700, relative_tolerance=1e-6)
-    result = models.MODELS["kinetostatic"].simulate(given, "newton", 120, ("thrust_amplitude",))
+    result = registry.MODELS["kinetostatic"].simulate(given, "newton", 120, ("thrust_amplitude",))
     assert Outcome(result.outcome[0]) is Outcome.OUT_OF_RANGE
     assert "lifts off" in result.detail[0]
     assert result.force_evaluations[0] <= 40, "what no balance can hold costs no search for one"

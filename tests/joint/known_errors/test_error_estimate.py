@@ -14,7 +14,7 @@ from tripod_doe.joint.derived_constants.load_zone import bearing_load_zone
 from tripod_doe.joint.known_errors import error_estimate
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED, known_errors, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import operating_ratios
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.model_interface import Accuracy, Quantity, model_notes
 from tripod_doe.study.definition.study_file import load_study

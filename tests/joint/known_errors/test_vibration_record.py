@@ -9,7 +9,7 @@ from operating_points import points
 from tripod_doe.joint.known_errors import vibration_record
 from tripod_doe.joint.known_errors.error_estimate import WITHOUT_VIBRATION, known_errors, similar_errors
 from tripod_doe.joint.known_errors.vibration_record import SHARE, may_vibrate, vibration_errors, vibration_share
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.model_interface import Accuracy, Quantity, model_notes
 

@@ -57,7 +57,7 @@ def test_neither_words_count_nor_what_is_no_code_of_mechanics_or_joint(package):
     """Exact: what is kept in the cache is what the sources give, all of that changed."""
     before = source_hashes()
     reword(package)
-    (package / "joint" / "prices.toml").write_text("[rollers]")
+    (package / "joint" / "models" / "prices.toml").write_text("[rollers]")
     path = package / "page_parts" / "tables.py"
     path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
     assert hash_sources(package) == before

@@ -26,7 +26,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs import annotations, processes
-from tripod_doe.service.runs.result_directory import ending_of, remove_report
+from tripod_doe.service.runs.run_end import ending_of, remove_report
 from tripod_doe.service.runs.run_table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.settings import Settings

@@ -13,7 +13,7 @@ import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import BlockResult
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points

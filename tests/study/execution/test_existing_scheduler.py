@@ -21,7 +21,7 @@ from distributed.security import Security
 import tripod_doe as td
 from started import Process
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.study.definition.scenes import load_simulator, matching_simulator
+from tripod_doe.study.definition.simulators import load_simulator, matching_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution import dask_executor, dask_workers
 from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler, TlsFiles

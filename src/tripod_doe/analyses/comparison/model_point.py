@@ -20,7 +20,7 @@ from tripod_doe.measurements.order_tracking import CELLS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.study.cube.model_records import MODEL_ERROR
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.query.query import query
 
 _UNSURE = ("thrust_amplitude_scatter", "thrust_amplitude_error")

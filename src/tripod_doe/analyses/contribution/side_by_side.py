@@ -7,7 +7,7 @@ import xarray as xr
 
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.analyses.kinds import of_kind
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.page_parts.words import ORDINALS, listed, spoken
 from tripod_doe.quantities import number

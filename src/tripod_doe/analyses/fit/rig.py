@@ -27,7 +27,7 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Simulator, Value, check_parameters
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.typed_numbers import number_or_text
 
 Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, Needles]]

@@ -14,7 +14,7 @@ from tripod_doe.analyses.usable_points import refuse_holes, usable_points
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_tables import DesignTable, StudyFile, parse_file
 from tripod_doe.study.designs import FAMILIES, SAMPLE, factor_groups, random_factors
 

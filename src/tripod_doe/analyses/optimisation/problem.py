@@ -20,7 +20,7 @@ from tripod_doe.joint.outputs import VIBRATES
 from tripod_doe.model_interface import Simulator, Value, check_parameters
 from tripod_doe.study.cube.responses import response_values
 from tripod_doe.study.definition.responses import ERROR
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder

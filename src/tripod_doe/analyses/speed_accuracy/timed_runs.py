@@ -15,7 +15,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome, Simulator
 from tripod_doe.quantities import level
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_tables import parse_file
 
 _SETTINGS = ("step_s", "relative_tolerance", "accuracy")

@@ -29,7 +29,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Flag, Outcome
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_tables import Table, parse_file
 
 _NUMERICS = ("step_s", "relative_tolerance")

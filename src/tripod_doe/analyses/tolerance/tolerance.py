@@ -35,7 +35,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_tables import parse_file
 from tripod_doe.study.designs.correlation import correlated_factors

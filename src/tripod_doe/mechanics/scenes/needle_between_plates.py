@@ -87,19 +87,6 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     if values["needle_crown_um"] > 0:
         depth = _crowned_depth(values, stiffness, count)
     skew, speed = math.radians(values["skew_deg"]), values["plate_speed_mm_s"]
-    mass = values["needle_mass_factor"] * values["density_kg_m3"] * 1e-12 * math.pi * radius**2 * length
-    across = mass * (radius**2 / 4 + length**2 / 12)
-    rolling = (math.cos(skew) * speed * math.cos(skew) / 2, math.sin(skew) * speed * math.cos(skew) / 2, 0.0)
-    turning = speed * math.cos(skew) / 2 / radius
-    needle = parts.Body(
-        "needle",
-        mass,
-        (across, mass * radius**2 / 2, across),
-        position=(0.0, 0.0, radius - depth),
-        attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)),
-        velocity=rolling,
-        angular_velocity=(-math.sin(skew) * turning, math.cos(skew) * turning, 0.0),
-    )
     reversing = 2 * math.pi * values["reversing_frequency_hz"]
     plate = parts.Body(
         "plate B",
@@ -131,7 +118,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
 
     slip = max(abs(speed * math.sin(skew)) / 2, 1e-3 * abs(speed), 1e-3)
     return parts.Scene(
-        (needle, plate, *guides[0]),
+        (_rolling_needle(values, depth), plate, *guides[0]),
         contacts=(
             row(parts.Plane(parts.GROUND), values["friction_a"]),
             row(parts.Plane("plate B", normal=(0.0, 0.0, -1.0)), values["friction_b"]),
@@ -141,6 +128,25 @@ def build(values: Mapping[str, float]) -> parts.Scene:
         rotation_scale=slip / radius,
         time_scale=1 / reversing if reversing else values["duration_s"],
         constraints=guides[1],
+    )
+
+
+def _rolling_needle(values: Mapping[str, float], depth: float) -> parts.Body:
+    """The needle, which rolls on plate A at half the speed of plate B across itself; pressed in by `depth` in mm."""
+    skew, speed = math.radians(values["skew_deg"]), values["plate_speed_mm_s"]
+    length, radius = values["needle_length_mm"], values["needle_diameter_mm"] / 2
+    mass = values["needle_mass_factor"] * values["density_kg_m3"] * 1e-12 * math.pi * radius**2 * length
+    across = mass * (radius**2 / 4 + length**2 / 12)
+    rolling = speed * math.cos(skew) / 2
+    turning = rolling / radius
+    return parts.Body(
+        "needle",
+        mass,
+        (across, mass * radius**2 / 2, across),
+        position=(0.0, 0.0, radius - depth),
+        attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)),
+        velocity=(math.cos(skew) * rolling, math.sin(skew) * rolling, 0.0),
+        angular_velocity=(-math.sin(skew) * turning, math.cos(skew) * turning, 0.0),
     )
 
 

@@ -32,7 +32,7 @@ from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells
 from tripod_doe.service.explorer.view import View
 from tripod_doe.study.cube.file_checks import analysis_files
-from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.simulators import SCENES, load_simulator
 from tripod_doe.study.query.query import records
 
 Items = Sequence[Sequence[str]]

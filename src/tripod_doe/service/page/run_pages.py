@@ -22,7 +22,7 @@ from tripod_doe.service.runs.listing import (
     short_ids,
     tags_of,
 )
-from tripod_doe.service.runs.result_directory import has_report
+from tripod_doe.service.runs.run_end import has_report
 from tripod_doe.service.runs.run_table import Run, State
 from tripod_doe.service.security.tokens import report_key
 from tripod_doe.service.service import Service

@@ -12,7 +12,7 @@ from tripod_doe.errors import InputError, TripodDoeError
 from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
-from tripod_doe.service.runs.result_directory import is_exchanged, page_of
+from tripod_doe.service.runs.run_end import is_exchanged, page_of
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered

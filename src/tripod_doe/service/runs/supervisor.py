@@ -17,12 +17,12 @@ from typing import Any
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.requests.uploads import UPLOAD
-from tripod_doe.service.runs import processes, result_directory
+from tripod_doe.service.runs import processes, run_end
 from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
 from tripod_doe.service.runs.progress import RunProgress
-from tripod_doe.service.runs.result_directory import ending_of, is_directory, remove_report, remove_stages
+from tripod_doe.service.runs.run_end import ending_of, is_directory, remove_report, remove_stages
 from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import journal_path
@@ -112,7 +112,7 @@ class Supervisor:
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
         """Show a directory of the folder that the command line filled, or is filling, perhaps once more."""
-        study = {"state": State.RUNNING, **result_directory.results_in(directory), **_planned(plan)}
+        study = {"state": State.RUNNING, **run_end.results_in(directory), **_planned(plan)}
         with self._lock:
             run = self.by_place().get(directory.name)
             if run is None:
@@ -217,7 +217,7 @@ class Supervisor:
                 raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
             if processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, "another process computes into the directory of this run")
-            result_directory.refuse_exchanged(run, self.directory(run_id))
+            run_end.refuse_exchanged(run, self.directory(run_id))
             self._refuse_full_queue()
             return self._store(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
@@ -246,7 +246,7 @@ class Supervisor:
 
     def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
         """Replace the upload of a run, and queue the run."""
-        result_directory.replace_upload(self.directory(run.id), upload)
+        run_end.replace_upload(self.directory(run.id), upload)
         new = {"counts": replace(run.counts, total=plan["unique"]), "name": plan["name"], "question": plan["question"]}
         return self._store(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
@@ -276,7 +276,7 @@ class Supervisor:
             annotation = annotated(run.annotation, changes)
             if (directory := self.directory(run_id)).is_symlink():
                 raise RefusedError(403, f"{directory.name}: a symbolic link, and nothing is written through it")
-            result_directory.refuse_exchanged(run, directory)
+            run_end.refuse_exchanged(run, directory)
             write_annotation(directory, annotation)
             return self._store(with_annotation(run, annotation))
 
@@ -424,12 +424,12 @@ class Supervisor:
                 self._stop_or_kill(run_id)
             return
         counts, steps = progress.read()
-        doing = result_directory.work_after_points(run, counts, directory) if alive else ""
+        doing = run_end.work_after_points(run, counts, directory) if alive else ""
         with self._lock:
             run = self._runs[run_id]
             if not run.state.alive:
                 return
-            if (known := result_directory.with_results(run, directory)) != run:
+            if (known := run_end.with_results(run, directory)) != run:
                 run = self._store(known)
             if alive:
                 if (counts, steps, doing) != (run.counts, run.steps, run.message):
@@ -451,7 +451,7 @@ class Supervisor:
         for run_id, annotation in files.changed([(run.id, self.directory(run.id)) for run in self.all()]):
             with self._lock:  # `annotate` may have changed it first
                 run, directory = self._runs.get(run_id), self.directory(run_id)
-                if run is None or run.annotation == annotation or result_directory.is_exchanged(run, directory):
+                if run is None or run.annotation == annotation or run_end.is_exchanged(run, directory):
                     continue
                 if files.is_current(run_id, directory):
                     self._store(with_annotation(run, annotation))
@@ -480,7 +480,7 @@ class Supervisor:
 
     def _start(self, run_id: str) -> None:
         run, directory = self._runs[run_id], self.directory(run_id)
-        if result_directory.is_exchanged(run, directory):
+        if run_end.is_exchanged(run, directory):
             self._store(replace(run, state=State.FAILED, message="its directory holds the results of another run"))
             return
         self._store(run.changed(state=State.RUNNING, inode=0))  # before the start, so that a kill is noticed

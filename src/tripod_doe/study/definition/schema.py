@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from tripod_doe.study.definition.accuracy_table import AUTO
-from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.simulators import SCENES, load_simulator
 from tripod_doe.study.definition.study_tables import TABLES, StudyFile
 
 

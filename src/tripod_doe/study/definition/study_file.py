@@ -22,7 +22,7 @@ from tripod_doe.study.definition.design_tables import (
 from tripod_doe.study.definition.factors import Factor, checked_factor, refuse_unread
 from tripod_doe.study.definition.responses import check_responses, stored_outputs
 from tripod_doe.study.definition.retry_plan import check_retries
-from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.study_tables import (

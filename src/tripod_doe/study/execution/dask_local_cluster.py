@@ -27,7 +27,7 @@ from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import TripodDoeError, option
-from tripod_doe.study.definition.scenes import modules_of_scenes
+from tripod_doe.study.definition.simulators import modules_of_scenes
 from tripod_doe.study.execution.child_process import answers, shorten_temporary_folder, start_child
 
 if TYPE_CHECKING:  # this program starts its own children before it imports Dask

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.scenes import matching_simulator
+from tripod_doe.study.definition.simulators import matching_simulator
 from tripod_doe.study.execution.block_answer import Answer
 from tripod_doe.study.execution.task import Task, run_task
 from tripod_doe.study.execution.user_code import UserCode, placed

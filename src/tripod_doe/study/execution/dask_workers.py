@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 import dask
 from distributed import Client
 
-from tripod_doe.study.definition.scenes import matching_simulator
+from tripod_doe.study.definition.simulators import matching_simulator
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.dask_executor import OnDask

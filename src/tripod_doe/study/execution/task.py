@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.model_interface import Accuracy, BlockResult, Value
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan
-from tripod_doe.study.definition.scenes import matching_simulator
+from tripod_doe.study.definition.simulators import matching_simulator
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.retry import simulate_with_retries
 

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.array_types import FloatArray
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
     SEQUENTIAL,
@@ -120,40 +120,14 @@ def _word(value: object) -> str:
 def _blanks(data: xr.Dataset, x: tuple[FloatArray, bool], y: tuple[FloatArray, bool]) -> list[Any]:
     """Hatching and a mark with the reason for each cell without a number."""
     reasons, failed, numbers = blank_reasons(data), is_failed(data).values, point_numbers(data)
-    left, bottom = edges(*x), edges(*y)
     kinds = ((failed, "/", FAILED_COLOUR), ((reasons != "") & ~failed, ".", WAITING_COLOUR))
     traces: list[Any] = []
     for rows, shape, colour in kinds:
-        if not rows.any():
-            continue
-        up, across = np.nonzero(rows)
-        corners = np.full((up.size, 6), np.nan)
-        heights = corners.copy()
-        corners[:, :5] = left[np.stack([across, across + 1, across + 1, across, across], 1)]
-        heights[:, :5] = bottom[np.stack([up, up, up + 1, up + 1, up], 1)]
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "x": packed(corners.ravel()),
-                "y": packed(heights.ravel()),
-                "fill": "toself",
-                "line": {"width": 0, "color": colour},
-                "hoverinfo": "skip",
-                "showlegend": False,
-                "fillpattern": {
-                    "shape": shape,
-                    "fgcolor": colour,
-                    "bgcolor": "rgba(0,0,0,0)",
-                    "size": 6,
-                    "solidity": 0.25,
-                },
-                "fillcolor": colour,
-            }
-        )
-        few = slice(None, _MOST_CROSSES)
-        traces.append(
-            {
+        if rows.any():
+            up, across = np.nonzero(rows)
+            few, line = slice(None, _MOST_CROSSES), {"width": 1.5, "color": colour}
+            symbol, size = "x-thin" if shape == "/" else "circle-open", 5 if up.size > 200 else 8
+            marks = {
                 "type": "scatter",
                 "mode": "markers",
                 "showlegend": False,
@@ -161,13 +135,28 @@ def _blanks(data: xr.Dataset, x: tuple[FloatArray, bool], y: tuple[FloatArray, b
                 "y": packed(y[0][up][few]),
                 "text": reasons[rows].tolist()[few],
                 "customdata": packed(numbers[rows][few]),
-                "marker": {
-                    "symbol": "x-thin" if shape == "/" else "circle-open",
-                    "size": 5 if up.size > 200 else 8,
-                    "color": colour,
-                    "line": {"width": 1.5, "color": colour},
-                },
+                "marker": {"symbol": symbol, "size": size, "color": colour, "line": line},
                 "hovertemplate": "%{text}<extra></extra>",
             }
-        )
+            traces += [_hatching(edges(*x), edges(*y), across, up, shape, colour), marks]
     return traces
+
+
+def _hatching(left: FloatArray, bottom: FloatArray, across: IntArray, up: IntArray, shape: str, colour: str) -> Any:
+    """Outlines of cells, each closed and followed by a gap, filled with a pattern."""
+    corners = np.full((up.size, 6), np.nan)
+    heights = corners.copy()
+    corners[:, :5] = left[np.stack([across, across + 1, across + 1, across, across], 1)]
+    heights[:, :5] = bottom[np.stack([up, up, up + 1, up + 1, up], 1)]
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": packed(corners.ravel()),
+        "y": packed(heights.ravel()),
+        "fill": "toself",
+        "line": {"width": 0, "color": colour},
+        "hoverinfo": "skip",
+        "showlegend": False,
+        "fillpattern": {"shape": shape, "fgcolor": colour, "bgcolor": "rgba(0,0,0,0)", "size": 6, "solidity": 0.25},
+        "fillcolor": colour,
+    }

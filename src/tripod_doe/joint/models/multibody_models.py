@@ -13,7 +13,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
-from tripod_doe.joint.model_record import RATES, SKEWS, Model
+from tripod_doe.joint.models.record import RATES, SKEWS, Model
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -41,8 +41,8 @@ def _simulate_multibody(
     accuracy: OrderAccuracy | None = None,
 ) -> BlockResult:
     """Simulate points one by one: a run costs far more than any work that points could share."""
+    from tripod_doe.joint.models.multibody_run import run_joint
     from tripod_doe.joint.multibody.run_result import Wanted
-    from tripod_doe.joint.multibody_run import run_joint
 
     block = BlockResult.blank(points.torque.size)
     setting, usual = next(iter(_MULTIBODY_METHODS[needles][method].items()))
@@ -76,7 +76,7 @@ def _simulate_multibody(
 def prepare_multibody(point: JointValues[FloatArray], method: str) -> None:
     """Compile the kernels of a run of a point by a method, or load their machine code."""
     with not_counted():  # the modules and the kernels that a first look for vibrations loads within an answer
-        from tripod_doe.joint.multibody_run import compile_joint
+        from tripod_doe.joint.models.multibody_run import compile_joint
 
         compile_joint(point.point(0), method)
 

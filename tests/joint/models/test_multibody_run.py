@@ -8,7 +8,7 @@ from few import CALM, FEW
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome

@@ -16,8 +16,8 @@ from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
-from tripod_doe.joint.model_record import RATES, SKEWS, Model
-from tripod_doe.joint.multibody_models import prepare_multibody
+from tripod_doe.joint.models.multibody_models import prepare_multibody
+from tripod_doe.joint.models.record import RATES, SKEWS, Model
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -60,6 +60,7 @@ _TURN_ON = (
     "the motion of the needles did not become periodic within hundreds of revolutions, so the orders have no settled "
     "value; leave out settled_needles, and give cycles"
 )
+_UNEXPLAINED = "the energy balance does not close; lower relative_tolerance, or use model rollers"
 _UPRIGHT = "the balance did not converge with rollers that yaw on their needles: solved without roller yaw"
 
 _DAMPS = "adaptive-euler"
@@ -113,33 +114,18 @@ def _balance_chunk(
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)
     if solution.needle_skew is not None:
         outputs |= skew_outputs(np.degrees(solution.needle_skew), samples)
-    in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points.groove_stiffness) ** 2  # Eq. 2
     # without sliding friction in the groove there is no thrust, however the rollers turn
     spin_open = ~solution.settled & (points.groove_sliding_friction == 0)
     solution.friction_power[spin_open] = solution.energy_residual[spin_open] = np.nan
+    in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points.groove_stiffness) ** 2  # Eq. 2
     outputs |= {
         "friction_power_w": solution.friction_power / 1e3,
         "largest_penetration_um": 1e3 * np.maximum(in_groove, solution.needle_penetration),
         "energy_residual": solution.energy_residual,
     }
     outputs |= contacts
-    kept = np.zeros(solution.settled.size, bool) if solution.needles_settled is None else ~solution.needles_settled
-    reasons = [
-        (kept, Outcome.FINISHED, _NEEDLES_KEPT),
-        (solution.upright, Outcome.FINISHED, _UPRIGHT),
-        (spin_open, Outcome.FINISHED, _SPIN_OPEN),
-        (
-            ~spin_open & ~(np.abs(solution.unexplained_power) <= energy_limit + _left_by_tolerance(points, solution)),
-            Outcome.INACCURATE,
-            "the energy balance does not close; lower relative_tolerance, or use model rollers",
-        ),
-        (~spin_open & ~solution.settled, Outcome.DIVERGED, _UNSETTLED),
-        (turns_on, Outcome.INACCURATE, _TURN_ON),
-        (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
-        (points.bearing_radial_clearance < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
-    ]
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
-    for failed, kind, text in reasons:
+    for failed, kind, text in _endings(points, solution, energy_limit, spin_open, turns_on):
         block.end(np.flatnonzero(failed), kind, text)
     tests_all, tests_some = vibration_tests(keep)
     # a test costs hundreds of times as much as the equilibrium
@@ -158,11 +144,33 @@ def _balance_chunk(
     return block
 
 
+def _endings(
+    points: JointValues[FloatArray],
+    solution: Equilibrium,
+    energy_limit: float,
+    spin_open: NDArray[np.bool_],
+    turns_on: NDArray[np.bool_],
+) -> list[tuple[NDArray[np.bool_], Outcome, str]]:
+    """Points that end in some way, how and why; later ones replace earlier ones."""
+    kept = np.zeros(solution.settled.size, bool) if solution.needles_settled is None else ~solution.needles_settled
+    explained = np.abs(solution.unexplained_power) <= energy_limit + _left_by_tolerance(points, solution)
+    return [
+        (kept, Outcome.FINISHED, _NEEDLES_KEPT),
+        (solution.upright, Outcome.FINISHED, _UPRIGHT),
+        (spin_open, Outcome.FINISHED, _SPIN_OPEN),
+        (~spin_open & ~explained, Outcome.INACCURATE, _UNEXPLAINED),
+        (~spin_open & ~solution.settled, Outcome.DIVERGED, _UNSETTLED),
+        (turns_on, Outcome.INACCURATE, _TURN_ON),
+        (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
+        (points.bearing_radial_clearance < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
+    ]
+
+
 def _verdicts(
     points: JointValues[FloatArray], block: BlockResult, all_of_them: bool, third: bool
 ) -> dict[str, FloatArray]:
     """Vibration outputs of a block: test all joints, or only those that may vibrate."""
-    from tripod_doe.joint.vibration.balance_verdict import judge_vibrations, rows_to_judge, undecided_rows
+    from tripod_doe.joint.vibration.vibration_verdict import judge_vibrations, rows_to_judge, undecided_rows
 
     rows = rows_to_judge(points, block)
     if not all_of_them:
@@ -173,8 +181,8 @@ def _verdicts(
 
 
 def some_vibrate(columns: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Whether joints vibrate, as `balance_verdict.some_vibrate`; parameters by name, shape (point,) each."""
-    from tripod_doe.joint.vibration.balance_verdict import some_vibrate as verdict_of_some
+    """Whether joints vibrate, as `vibration_verdict.some_vibrate`; parameters by name, shape (point,) each."""
+    from tripod_doe.joint.vibration.vibration_verdict import some_vibrate as verdict_of_some
 
     return verdict_of_some(internal_values(columns))
 

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from tripod_doe.joint.model_candidates import JOINT_CANDIDATES, PRICES
+from tripod_doe.joint.models.candidates import JOINT_CANDIDATES, PRICES
 from tripod_doe.joint.simulator import simulator
 
 

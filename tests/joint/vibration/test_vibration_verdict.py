@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from operating_points import points
 
-from tripod_doe.joint import multibody_models, multibody_run
 from tripod_doe.joint.known_errors.vibration_record import SHARE
+from tripod_doe.joint.models import multibody_models, multibody_run
 from tripod_doe.joint.outputs import VIBRATES, VIBRATION_THIRD, VIBRATION_VERDICT
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.unit_conversion import internal_values
