@@ -90,8 +90,8 @@ def _add_error_answers(app: FastAPI) -> None:
 
     for kind in (RefusedError, InputError, RequestValidationError, HTTPException, *_UNAVAILABLE):
         app.add_exception_handler(kind, refused)
-    for kind in (WorkerFailedError, Exception):
-        app.add_exception_handler(kind, failed)
+    app.add_exception_handler(WorkerFailedError, failed)
+    app.add_exception_handler(Exception, failed)
 
 
 _UNAVAILABLE = (StorageError, AllBusyError, ServerEndsError)
