@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -108,6 +109,37 @@ PLAIN = [
         if path.suffix in (".py", ".html", ".toml", ".js")
     ),
 ]
+
+
+SAID = [
+    path
+    for ending in ("py", "html", "toml")
+    for path in sorted((ROOT / "src" / "tripod_doe").rglob(f"*.{ending}"))
+    if path not in PLAIN
+]
+
+
+def said(path: Path) -> list[str]:
+    """What a file can show to users: texts of Python that are no docstrings, and all lines of other files."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".py":
+        return text.splitlines()
+    tree = ast.parse(text)
+    alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    texts = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    return [node.value for node in texts if id(node) not in alone]
+
+
+def test_sentences_of_all_other_code_are_plain():
+    """Regression: captions, claims and refusals had words that pages and commands were free of."""
+    found = {path.relative_to(ROOT).as_posix(): [text for text in said(path) if STALE.search(text)] for path in SAID}
+    assert {path: texts for path, texts in found.items() if texts} == {}
+
+
+def test_a_stale_sentence_is_seen(tmp_path):
+    path = tmp_path / "code.py"
+    path.write_text('"""Those of a module."""\nX = f"so many {1} points"  # those of a comment\n')
+    assert [text for text in said(path) if STALE.search(text)] == ["so many "]
 
 
 @pytest.mark.parametrize("path", PLAIN, ids=lambda path: f"{path.parent.name}/{path.stem}")

@@ -341,7 +341,7 @@ def test_a_value_that_other_records_have_is_not_assumed(written):
     table = file.with_name("records.csv")
     rows = table.read_text().split()
     for name, message in (
-        ("pitch_radius_mm", r"record_2\.csv: its pitch_radius_mm is not known, but that of other records is"),
+        ("pitch_radius_mm", r"record_2\.csv: its pitch_radius_mm is not known, but other records have one"),
         ("pitch_radus_mm", "pitch_radus_mm would be a label; write pitch_radius_mm"),
     ):
         cells = [name, "20", "", *["22"] * (len(rows) - 3)]

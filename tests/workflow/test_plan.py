@@ -182,7 +182,7 @@ def test_the_price_of_a_pilot_is_told_as_such(tmp_path):
     (tmp_path / "study.toml").write_text(text)
     planned = plan_upload(tmp_path, "study", Limits(), timing=False)
     assert (
-        f"the price is that of the pilot: at most {planned['most_points']:,} points run in all" in planned["warnings"]
+        f"this is the price of the pilot: at most {planned['most_points']:,} points run in all" in planned["warnings"]
     )
     assert any(line.startswith("in all       CPU time at most about") for line in planned["choice"])
 

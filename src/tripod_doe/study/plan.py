@@ -74,7 +74,9 @@ class Plan:
         if self.unique + self.excluded != self.points:
             lines[0] += f" ({self.points - self.unique - self.excluded:,} of them repeated and computed once)"
         if self.most_points:
-            lines[0] += f" of a pilot, then at most {self.most_points:,} in all; the price below is that of the pilot"
+            lines[0] += (
+                f" of a pilot, then at most {self.most_points:,} in all; the price below is the price of the pilot"
+            )
         if self.excluded:
             lines.append(f"excluded     {self.excluded:,} by constraints")
         lines += [f"{f.outcome.label:12} {f.count:,} of {self.unique:,}: {f.reason}" for f in self.foreseen]

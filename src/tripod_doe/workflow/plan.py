@@ -111,7 +111,7 @@ def _with_points_of_input(own: Plan, rows: int) -> Plan:
         most_points=0,
         warnings=(
             *own.warnings,
-            f"at most {rows:,} points, those of the step that it names, at the mean price of its own",
+            f"at most {rows:,} points, all of the step that it names, at the mean price of its own",
         ),
     )
 

@@ -46,7 +46,7 @@ _VARIABLES = {
     "quantity": "quantity that decides the claim",
     "unit": "unit of value, error and limits",
     "value": "value from the cubes",
-    "error": "numerical error of the value, from those of the amplitudes; missing if unknown",
+    "error": "numerical error of the value, from the errors of the amplitudes; missing if unknown",
     "low": "smallest value for which the claim holds; missing if there is no such limit",
     "high": "largest value for which the claim holds; missing if there is no such limit",
     "sure": "1 where value and limits differ by more than the numerical error",

@@ -143,7 +143,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     if has_all_combinations(cube):
         variables |= _cooperation(part, own, mechanisms)
     variables |= _direct(cube, settings, part, own, mechanisms)
-    comment = "shares of the effective value (rms) are those of the amplitude" if settings.phase_name else ""
+    comment = "shares of the effective value (rms) equal the shares of the amplitude" if settings.phase_name else ""
     return xr.Dataset(
         _with_flags(operating, part, variables),
         coords=operating.labels

@@ -86,7 +86,7 @@ def _unknown_values(request: FitRequest, records: Sequence[RigRecord]) -> list[s
     """A complaint for each value that some records have and a record lacks: no other record says what it is there."""
     named = dict.fromkeys(name for record in records for name in record.parameters)
     return [
-        f"{record.name}: its {name} is not known, but that of other records is: give it for all in the table of "
+        f"{record.name}: its {name} is not known, but other records have one: give it for all in the table of "
         "records, or for none"
         for record in records
         for name in named

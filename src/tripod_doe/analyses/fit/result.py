@@ -39,7 +39,7 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
         meaning = _meaning("1", "errors of the model in these records, relative to recorded ones")
         variables["model_error_factor"] = ("order", solution.error_size.of(rig.orders)[0], meaning)
         if error.turning.any() and not solution.problem.misfit.rows.free_phase.all():
-            meaning = _meaning("1", "errors of phases beyond those of amplitudes, relative to recorded ones")
+            meaning = _meaning("1", "errors of phases beyond the errors of amplitudes, relative to recorded ones")
             variables["phase_error_factor"] = ((), solution.error_size.phases, meaning)
     if any(unknown.per != "all" for unknown in layout.unknowns):
         variables |= _by_record(layout, solution)

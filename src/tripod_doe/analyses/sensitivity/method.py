@@ -26,7 +26,7 @@ Answers = dict[str, FloatArray]
 """Estimates by the names of variables, the component last."""
 
 DEPENDENT = (
-    "its index divides the variance among independent factors; those of this study are correlated or constrained"
+    "its index divides the variance among independent factors; factors of this study are correlated or constrained"
 )
 """Why an analysis is refused whose factors depend on each other."""
 

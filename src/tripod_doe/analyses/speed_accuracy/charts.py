@@ -255,7 +255,7 @@ def _model_chart(data: xr.Dataset, scene: str) -> Chart:
         axes.set_ylim(bottom=floor / 3)
         _legend(axes)
     caption = (
-        f"Model and numerical error together: difference of the {data['quantity_meaning'].item()} to that of the "
+        f"Model and numerical error together: difference of the {data['quantity_meaning'].item()} to the "
         f"finest model, {finest} ({cases['reference'].values[-1]}; own error {floor:.2g} %), over price. Points are "
         "all finished runs, with any method and setting."
     )

@@ -78,7 +78,7 @@ def contribution_study(path: str, number_of_point: int) -> Any:
 def _contribution_study(cube: xr.Dataset, point: xr.Dataset, number_of_point: int) -> str:
     head = study_tables(cube).get("study", {})
     if head.get("scene", "joint") != "joint" or head.get("function"):
-        raise InputError("the mechanisms are those of the joint: this is another scene")
+        raise InputError("only the scene joint has these mechanisms: this is another scene")
     switches = [name for name in cube.coords if cube[name].attrs.get("role") == SWITCH_ROLE]
     base = {name: value for name, value in point_values(cube, point).items() if name not in (*switches, "replicate")}
     study = {

@@ -150,7 +150,7 @@ def _described(study: Study, price: Plan) -> dict[str, Any]:
     """A plan as JSON."""
     more = [f"at most {price.confirming:,} points beyond these, which confirm proposals"] if price.confirming else []
     if price.most_points:
-        more.append(f"the price is that of the pilot: at most {price.most_points:,} points run in all")
+        more.append(f"this is the price of the pilot: at most {price.most_points:,} points run in all")
     return {
         "name": study.file.study.name,
         "question": study.file.study.question,

@@ -216,7 +216,7 @@ class _Choice:
             if data.shape[axis] == self.cube.sizes[dim] and dim in self.rows and dim in meets.labels:
                 data = np.take(data, self.rows[dim], axis)
             elif dim in meets.labels and data.shape[axis] != self.cube.sizes[dim]:
-                raise InputError(f"{expression.text!r}: its values are those of some {dim} only: take their max or min")
+                raise InputError(f"{expression.text!r}: it has values at some {dim} only: take their max or min")
         order = [meets.dims.index(dim) for dim in self.target.dims if dim in meets.dims]
         missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in meets.dims)
         return np.broadcast_to(np.expand_dims(data.transpose(order), missing), self.shape)
