@@ -45,6 +45,17 @@ SHARED = ({"served", "chromium"}, {"client", "site"}, {"simulated"})
 """Fixtures of a whole session that cost as much as many tests: a browser and a server, a service, runs of the joint."""
 
 
+DEAR_METHODS = {"implicit-euler", "generalized-alpha"}
+"""Methods that are no default and compile for a quarter of a minute each: their cases of a test of many methods are slow."""
+
+
+def pytest_itemcollected(item):
+    """Mark the cases of `DEAR_METHODS`; the other methods of each kind stay among the fast tests."""
+    values = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    if DEAR_METHODS & {name for each in values if isinstance(name := getattr(each, "method", each), str)}:
+        item.add_marker(pytest.mark.slow)
+
+
 @pytest.hookimpl(trylast=True)  # after tests have been left out
 def pytest_collection_modifyitems(items):
     """One process of a session runs all tests that share such a fixture.

@@ -10,6 +10,8 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 FUNCTIONS = [name for name in td.__all__ if inspect.isfunction(getattr(td, name)) and name != "workflow_schema"]
 WRONG = (object(), -3.5, None, b"bytes", ["a", 1], {"a": object()}, xr.Dataset({"a": ("x", [1.0])}), "no such thing")
 

@@ -13,6 +13,8 @@ from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.errors import InputError
 from tripod_doe.reports.study_report import read_analyses
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 TABLE = "a,b\n" + "".join(f"{k / 4},{(k * k) % 5 + 3 * k / 4}\n" for k in range(20))
 
 

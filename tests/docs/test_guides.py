@@ -31,7 +31,7 @@ def clone(tmp_path_factory):
         patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
         assert main(["init", "--kind", "examples"]) == 0
         assert main(["init", "my_joint"]) == 0
-        assert main(["run", "my_joint.toml", "--out", "results/my_joint"]) == 0
+        assert main(["run", "my_joint.toml", "--out", "results/my_joint", "--workers", "0"]) == 0
     return folder
 
 

@@ -180,7 +180,7 @@ def test_reactions_reach_bodies_that_hang_on_a_constrained_one(method, error):
 def test_a_wrong_turn_is_found_although_its_centre_stays():
     """Implicit Euler is exact for the speed of a rotor under a constant moment, and 10 % wrong for its angle."""
     rotor = Body("rotor", 1.0, (1.0, 1.0, 1.0), moment=(0.0, 0.0, 1.0))
-    result = run(assemble(Scene((rotor,))), "implicit-euler", 1.0, step=0.1)
+    result = run(assemble(Scene((rotor,))), "linearly-implicit-euler", 1.0, step=0.1)
     assert 2 * math.asin(result.positions[-1, 1, 6]) == pytest.approx(0.55, rel=1e-9)  # exact: 0.5
     assert result.outcome == Outcome.INACCURATE
     assert "body rotor" in result.detail

@@ -15,6 +15,8 @@ from tripod_doe.service.runs.found_directories import _is_another_study
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.derived_responses import DERIVED
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 
 @pytest.fixture(scope="module")
 def grown(api):

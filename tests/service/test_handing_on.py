@@ -14,6 +14,8 @@ from tripod_doe.errors import CubeError
 from tripod_doe.service.workers import worker_functions
 from tripod_doe.study.result_directory.annotation import Annotation, write_annotation
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 
 def test_a_run_on_one_page_and_as_a_workbook(api, coast):
     assert api.get(f"/runs/{coast}/summary.pdf").content.startswith(b"%PDF-")

@@ -106,6 +106,7 @@ def test_pages_stand_alone(site, pages):
         assert not re.findall(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", path.read_text(encoding="utf-8")), path
 
 
+@pytest.mark.slow
 def test_links_lead_somewhere(pages):
     """Files and anchors of the site; other hosts are not asked."""
     for path, page in pages.items():
@@ -120,6 +121,7 @@ def test_links_lead_somewhere(pages):
                 assert unquote(parts.fragment) in pages[target].anchors, f"{path}: {address}"
 
 
+@pytest.mark.slow
 def test_every_page_is_in_the_navigation(pages, site):
     index = site / "index.html"
     reached = {(site / urlsplit(link).path).resolve() for link in pages[index].links if not urlsplit(link).scheme}
@@ -127,7 +129,18 @@ def test_every_page_is_in_the_navigation(pages, site):
     assert written <= reached
 
 
-def test_the_service_serves_it_without_a_token(client, site, monkeypatch):
+@pytest.fixture
+def small_site(tmp_path):
+    """Files as the site has them: to build it takes as long as a hundred tests."""
+    (tmp_path / "_static" / "styles").mkdir(parents=True)
+    (tmp_path / "_static" / "styles" / "furo.css").write_text("body {}")
+    (tmp_path / "objects.inv").write_text("names")
+    (tmp_path / "index.html").write_text("<title>Help</title>")
+    return tmp_path
+
+
+def test_the_service_serves_it_without_a_token(client, small_site, monkeypatch):
+    site = small_site
     monkeypatch.setattr(documentation, "_SITE", site)
     answer = client.get("/help/")
     assert answer.text == (site / "index.html").read_text(encoding="utf-8")
@@ -145,12 +158,18 @@ def test_where_it_is_not_built_a_page_says_how_to_get_it(client, tmp_path, monke
     assert documentation.BUILD in capsys.readouterr().err
 
 
-def test_the_command_names_its_first_page(site, monkeypatch, capsys):
-    monkeypatch.setattr(documentation, "_SITE", site)
+def test_the_command_names_its_first_page(small_site, monkeypatch, capsys):
+    monkeypatch.setattr(documentation, "_SITE", small_site)
     assert main(["docs"]) == 0
-    assert Path(capsys.readouterr().out.strip()) == site / "index.html"
+    assert Path(capsys.readouterr().out.strip()) == small_site / "index.html"
 
 
+def test_every_part_of_a_page_has_a_source():
+    for part, address in HELP.items():
+        assert (ROOT / "docs" / address.partition("#")[0]).with_suffix(".md").is_file(), part
+
+
+@pytest.mark.slow
 def test_every_part_of_a_page_leads_to_its_own(pages, site):
     """A page of the site, and an anchor on it where the address names one."""
     for part, address in HELP.items():

@@ -22,6 +22,8 @@ from tripod_doe.service.app import create_app
 from tripod_doe.service.routes import results
 from tripod_doe.service.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 
 def grown(*angles):
     """The study at other angles, with one output: what a run draws takes as long as all the rest of it."""

@@ -25,6 +25,8 @@ from tripod_doe.workflow.fit_plan import evaluations, plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
 from tripod_doe.workflow.steps_file import found_sentences
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 MEASUREMENTS = Path(__file__).parents[2] / "measurements"
 sys.path.append(str(MEASUREMENTS))
 import make_rig  # noqa: E402

@@ -31,6 +31,8 @@ from tripod_doe.workflow.optimise_plan import plan_optimisation
 from tripod_doe.workflow.point_batches import PointBatches
 from tripod_doe.workflow.steps_file import found_sentences
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 ROOT = Path(__file__).parent.parent.parent
 
 FUNCTIONS = """
@@ -94,7 +96,6 @@ def volume(front, names):
     return hypervolume(np.stack([front[name].values for name in names], axis=1), ref=np.full(len(names), 1.1))
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_front_of_zdt1(solve):
     """Published: Zitzler, Deb and Thiele 2000; its front f2 = 1 - sqrt(f1) has the hypervolume 1.21 - 1/3 to (1.1, 1.1)."""
     aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
@@ -103,7 +104,6 @@ def test_the_front_of_zdt1(solve):
     assert (front["f_2"].values >= 1 - np.sqrt(front["f_1"].values) - 1e-12).all()
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_front_of_dtlz2(solve):
     """Published: Deb and others 2002; its front is an octant of the unit sphere. With 10,000 candidates 2 % are left."""
     aims = {f"f_{k}": {"output": f"f{k}"} for k in (1, 2, 3)}
@@ -113,7 +113,6 @@ def test_the_front_of_dtlz2(solve):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_million_joints_by_brute_force(solve):
     """Exact: the global optimum of a grid of 100^3 with many local ones, within 1 % for 0.2 % of its price."""
     i, j, k = (axis / 99 for axis in np.meshgrid(*[np.arange(100)] * 3, indexing="ij"))
@@ -199,7 +198,6 @@ def test_nothing_feasible_says_what_is_nearest(solve):
     assert "The nearest one is x = 0" in summary.lines[1]
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_kill_changes_nothing(solve, monkeypatch):
     """Invariance: a search that was stopped twice ends with the same front, and computes each point once."""
     aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
@@ -223,7 +221,6 @@ def test_a_kill_changes_nothing(solve, monkeypatch):
     assert parts.front.drop_attrs().identical(whole.front.drop_attrs())
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_quantile_of_a_scatter(solve):
     """Exact: scatter about x has its quantile of (x - 1)^2 smallest at x = 1, and s adds 1.645 deviations."""
     summary = solve(
@@ -318,7 +315,6 @@ def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
     assert "pitch_radius_mm at its" not in page
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_limit_that_the_better_model_moves_is_used_up(tmp_path):
     """Brute force by `kinetostatic`, 29 x 17 joints with a cubic between: 71.75 mm. Its pressures are 24 % above those of
     the search. Regression: 3 to 4 % above it, and a pressure of 1,768 to 1,777 MPa."""
@@ -357,7 +353,6 @@ def test_a_limit_that_the_better_model_moves_is_used_up(tmp_path):
     assert best.attrs["confirmed"] <= 6
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_one_confirmed_candidate_leaves_the_whole_search_to_its_own_model(tmp_path):
     """Regression: half of the candidates were kept for a corrected search that one confirmed candidate cannot teach."""
     (tmp_path / "one.toml").write_text("""
@@ -410,7 +405,6 @@ evaluations = 36
 """
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_whole_numbers_a_catalogue_and_a_value_that_follows_by_brute_force(tmp_path):
     """Exact: all 36 joints, and the pitch diameter that follows each; the front and the best one within a limit."""
     joints = [(count, size) for count in range(23, 32) for size in (1.6, 1.8, 2.0, 2.2)]
@@ -448,7 +442,6 @@ def test_whole_numbers_a_catalogue_and_a_value_that_follows_by_brute_force(tmp_p
     assert "No change of a single variable to its next value improves" in " ".join(best.lines)
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_listed_numbers_are_searched_by_size(solve):
     """Regression: the last one of the list, 0.3, was its upper bound, and 0.1 and 0.6 next to each other."""
     best = solve("hole", {"x": {"values": [0.6, 0.1, 0.3]}}, {"s": {"output": "stress"}}, search={"evaluations": 9})
@@ -655,7 +648,6 @@ def test_a_front_that_the_better_judgement_rejects(solve, tmp_path):
     assert "None of 40 candidates is feasible" in (tmp_path / "out" / "report" / "index.html").read_text()
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 @pytest.mark.parametrize("words", [[], ["--format", "pdf"]])
 def test_a_report_of_its_directory_says_what_it_is(solve, tmp_path, capsys, words):
     """Regression: no cube.nc in this directory, run a study."""
@@ -727,7 +719,6 @@ def test_equal_candidates_and_a_single_one_are_called_so(solve):
     assert "2 cannot be built, did not finish or lack a value" in one.lines[-1]
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_front_of_another_search_is_refused(solve, capsys):
     """Regression: copied with its checksums it was read in silence, and check called it whole."""
     mine, other = (
@@ -756,7 +747,6 @@ def test_a_level_changes_by_decibels(solve):
     assert not any("%" in line for line in lines)
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_bent_limit_is_followed(solve):
     """Exact: of all boxes of volume 1 the cube has the shortest edges, 3. Regression: steps of one variable at a time cannot
     leave the limit, and ended far above it."""
@@ -768,7 +758,6 @@ def test_a_bent_limit_is_followed(solve):
     assert float(best.front["filled"][0]) >= 1
 
 
-@pytest.mark.usefixtures("charts_not_drawn")
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_ridge_between_two_bent_limits_is_followed_to_its_end(solve, seed):
     """Exact: along both limits torque grows until rollers overlap at 15.3. Regression: steps along the ridge ended beyond a

@@ -14,6 +14,7 @@ from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.requests import plans
 from tripod_doe.service.requests.plans import plan_upload
+from tripod_doe.study import plan
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.workflow.plan import plan_workflow
@@ -175,8 +176,13 @@ limits = { thrust_amplitude_3 = 13 }
 """
 
 
-def test_the_price_of_a_pilot_is_told_as_such(tmp_path):
-    """Regression: nothing in the plan of the service said that the samples of the split come on top."""
+def test_the_price_of_a_pilot_is_told_as_such(tmp_path, monkeypatch):
+    """Regression: nothing in the plan of the service said that the samples of the split come on top.
+
+    Models were judged at all points that a split may have, for ten seconds, and nobody saw the verdict.
+    """
+    records, judged = plan.model_records, []
+    monkeypatch.setattr(plan, "model_records", lambda *asked: judged.append(int(asked[2].sum())) or records(*asked))
     design = '[design]\nkind = "multifidelity"\nsamples = 24\nseed = 1\n[factors.model]\nvalues = ["equilibrium", "kinetostatic"]\n[keep]\noutputs = ["thrust_amplitude"]'
     text = TOLERANCE.partition("[design]")[0].replace('model = "equilibrium"', "torque_n_m = 50") + design
     (tmp_path / "study.toml").write_text(text)
@@ -185,6 +191,7 @@ def test_the_price_of_a_pilot_is_told_as_such(tmp_path):
         f"this is the price of the pilot: at most {planned['most_points']:,} points run in all" in planned["warnings"]
     )
     assert any(line.startswith("in all       CPU time at most about") for line in planned["choice"])
+    assert max(judged) <= planned["points"] < planned["most_points"]
 
 
 def test_a_cube_beyond_the_limit_is_refused_before_its_points_are_judged(tmp_path, monkeypatch):

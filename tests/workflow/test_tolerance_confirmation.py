@@ -9,6 +9,8 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 FUNCTIONS = """
 def sum_of_two(x, y):
     return {"f": x + y}

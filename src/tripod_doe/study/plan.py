@@ -124,8 +124,10 @@ def plan(
     return plan_points(study, make_points(study), timing, recorded, among)
 
 
-def plan_points(study: Study, points: Points, timing: bool, recorded: bool, among: IntArray | None = None) -> Plan:
-    """Plan a study whose points are known; see `plan`."""
+def plan_points(
+    study: Study, points: Points, timing: bool, recorded: bool, among: IntArray | None = None, judged: bool = True
+) -> Plan:
+    """Plan a study whose points are known; see `plan`. Not `judged`: without verdicts on models, most of its time."""
     excluded = int((~points.allowed).sum())
     if among is not None:
         wanted = np.zeros(points.count, bool)
@@ -148,7 +150,7 @@ def plan_points(study: Study, points: Points, timing: bool, recorded: bool, amon
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, checked, able)
     hours = _cpu_hours(prices, count) if prices.size else None
-    models = model_records(study, checked, able)
+    models = model_records(study, checked, able if judged else np.zeros_like(able))
     return Plan(
         points=points.count,
         unique=unique,

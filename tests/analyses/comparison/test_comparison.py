@@ -21,6 +21,8 @@ from tripod_doe.measurements.order_tracking import resample, track_orders
 from tripod_doe.measurements.tachometer import edge_times, mended
 from tripod_doe.quantities import numbers_in_words
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 KNOWN = {0: (2.0, 0.0), 2: (4.0, 40.0), 3: (14.0, -75.0), 9: (1.3, 120.0)}
 
 
@@ -493,13 +495,13 @@ def test_an_order_that_the_model_does_not_have_is_no_error_of_it(order, why):
     assert int(none["agrees"].sel(order=3)) == 0  # without a torque nothing is known of symmetry
 
 
-@pytest.mark.parametrize("revolutions", [2, 4, 12])
+@pytest.mark.parametrize("revolutions", [2, 12])
 @pytest.mark.parametrize("small", [0.0, 1e-4])
 def test_noise_alone_is_no_difference(revolutions, small):
     """Measured: orders of noise differed in 15 % of cases, where 5 % are meant; in the orders of a record together 5 %."""
     rotation, told = np.arange(0.0, 360 * revolutions, 2.0), []
     known = dict.fromkeys(range(1, 13), (small, 0.0)) | {3: (14.0, -75.0)}
-    for seed in range(150):
+    for seed in range(100):
         noise = np.random.default_rng(seed).standard_normal(rotation.size)
         record = Measurement(rotation, Recorder({3: (14.0, -75.0)}).thrust(rotation) + noise, None, "zero")
         told.append(np.isin(compare(record, model(known), 0.0)["agrees"].values[1:], (0, NONE_IN_MODEL)))

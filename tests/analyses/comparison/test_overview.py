@@ -17,6 +17,8 @@ from tripod_doe.cli import main
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import numbers_in_words
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 STUDY = """
 [study]
 name = "rig"

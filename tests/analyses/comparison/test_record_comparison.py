@@ -13,6 +13,8 @@ from tripod_doe.cli import main
 from tripod_doe.service.explorer.measurements import compare_upload
 from tripod_doe.study.definition.study_folder import StudyFolder
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 STUDY = """
 [study]
 name = "rig"

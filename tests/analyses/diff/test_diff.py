@@ -16,6 +16,8 @@ from tripod_doe.cli import main
 from tripod_doe.study.cube import lazy_dataset
 from tripod_doe.study.result_directory import open_cube
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 GRID = """
 [study]
 name = "grid"

@@ -42,7 +42,9 @@ def drawn(random, second, third, phases=1.0):
     )
 
 
-@pytest.mark.parametrize(("second", "third", "phases"), [(3.0, 0.3, 0.7), (0.3, 0.3, 0.7)])
+@pytest.mark.parametrize(
+    ("second", "third", "phases"), [(3.0, 0.3, 0.7), pytest.param(0.3, 0.3, 0.7, marks=pytest.mark.slow)]
+)
 def test_the_size_of_errors_comes_back_and_intervals_hold(second, third, phases):
     """Exact statistics: within a third, as the prior pulls, and 95 % intervals hold in at least 90 % of 32, as in 98 % of 200."""
     random, used, sizes, held = np.random.default_rng(11), np.ones(RECORDS, bool), [], []

@@ -76,7 +76,7 @@ def rig(tmp_path):
     return fitted
 
 
-@pytest.mark.parametrize("stay", [False, True])
+@pytest.mark.parametrize("stay", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_records_say_whether_needles_turn(rig, stay):
     own, solution, fit = rig(stay)
     assert solution.skews.stay == stay

@@ -116,9 +116,9 @@ def test_curves_and_samples_give_what_salib_gives():
     ("analyse", "settings"), [(pawn_indices, PawnSettings), (borgonovo_delta, SensitivitySettings)]
 )
 def test_an_index_without_honest_intervals_has_none_and_is_tested_against_chance(analyse, settings):
-    """Of factors without effect one in twenty counts as resolved: 3 to 17 of 120 with a probability of 99.8 %."""
+    """Of factors without effect one in twenty counts as resolved: at most 10 of 60 with a probability of 99.9 %."""
     resolved = 0
-    for seed in range(60):
+    for seed in range(30):
         cube = cube_of(
             f'kind = "latin-hypercube"\nsamples = 64\nseed = {seed}', lambda u: np.sin(6 * u[:, :1]) + 0 * u[:, :1]
         )
@@ -127,7 +127,7 @@ def test_an_index_without_honest_intervals_has_none_and_is_tested_against_chance
         flags = answer["resolved"].values.ravel()
         assert flags[0] == 1
         resolved += int(flags[1:].sum())
-    assert 1 <= resolved <= 17
+    assert 1 <= resolved <= 10
 
 
 def test_a_factor_with_levels_and_without_effect_is_not_resolved():

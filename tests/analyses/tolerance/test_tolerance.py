@@ -104,8 +104,7 @@ def test_a_limit_of_nothing_is_refused():
         tolerance(cube, ToleranceSettings(outputs=["y"], limits={"z": 1}))
 
 
-@pytest.mark.parametrize("middle", [-137.0, 179.0, -180.0, 0.0, 95.5])
-@pytest.mark.parametrize("off", [-8.0, 7.0])
+@pytest.mark.parametrize(("middle", "off"), [(-137.0, 7.0), (179.0, -8.0), (179.0, 7.0), (-180.0, -8.0), (0.0, 7.0)])
 def test_a_phase_is_where_the_points_are(middle, off):
     """Exact: a distribution of phases is that of the same numbers without a wrap, turned to where the phases are."""
 
@@ -325,7 +324,7 @@ def test_a_uniform_scatter_is_not_moved_beyond_what_is_known():
     assert np.isnan(moved["shift_to_keep"]).all()
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_noise_is_no_proposal(seed):
     """Exact: factors without any effect gain nothing, whatever few points above a limit make them look like."""
     text = TEXT.replace("4096", "256").replace("seed = 1", f"seed = {seed}").replace("sobol", "latin-hypercube")

@@ -9,6 +9,7 @@ from few import CALM, FEW
 import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.joint.models.registry import MODELS
+from tripod_doe.joint.multibody import thrust_parts
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
@@ -45,6 +46,20 @@ def test_second_order_of_rollers_is_that_of_the_equilibrium(simulated):
         abs(order(simulated(**skews(0.4, -0.4, 0.4), model=model), 2)) for model in ("rollers", "equilibrium")
     )
     assert rollers == pytest.approx(equilibrium, rel=0.03)
+
+
+def test_states_among_more_steps_are_read_by_the_machine_code_of_all_others(monkeypatch):
+    """Regression: as views they had kernels compiled once more, ten seconds in a user's first run."""
+    forces, read = thrust_parts._forces, []
+
+    def look(tables, work, *states):
+        read.extend(states)
+        forces(tables, work, *states)
+
+    monkeypatch.setattr(thrust_parts, "_forces", look)
+    td.simulate(model="rollers", **skews(0.4, -0.4, 0.4))
+    assert read
+    assert all(states.flags.c_contiguous for states in read)
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def test_a_step_of_bdf2_that_does_not_converge_is_made_in_parts(reference):
     """Regression: one needle that rattled ended a revolution, which was followed again in half steps, and all after it."""
     status, rejected, end = _followed(METHODS["bdf2"], 100, correction=1e-9, iterations=4)
     assert (status, 5 < rejected < 50) == (FINISHED, True)
-    first_order = _end(METHODS["implicit-euler"], 100)
+    first_order = _end(METHODS["linearly-implicit-euler"], 100)
     assert np.abs(end - reference).max() < 0.5 * np.abs(first_order - reference).max()
 
 

@@ -177,7 +177,7 @@ def test_an_error_of_one_point_stays_its_own(monkeypatch):
 
 
 def test_evaluation_budget():
-    result = _simulate(method="implicit-euler", evaluation_budget=50)
+    result = _simulate(method="bdf2", evaluation_budget=50)
     assert result.outcome[0] == Outcome.EVALUATION_LIMIT
     assert "force evaluations at t = " in result.detail[0]
     assert 0 < result.simulated_seconds[0] < 0.1

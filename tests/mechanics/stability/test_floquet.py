@@ -73,6 +73,7 @@ def test_growth_beyond_all_numbers_keeps_its_rate(count):
     assert growth.factor == pytest.approx(math.exp(709))
 
 
+@pytest.mark.slow
 def test_an_undamped_run_grows_as_fast_and_a_damping_one_hides_it():
     assembly = block_on_belt(0.8)
     calm = assembly.initial_state()

@@ -23,6 +23,8 @@ from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import FinishedBlock
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 GRID = """
 [study]
 name = "grid"

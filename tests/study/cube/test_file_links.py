@@ -20,6 +20,8 @@ from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
 from tripod_doe.study.cube.netcdf import dataset_of, opened_file, write_dataset
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 SECRET = b"the token of the owner"
 ID = ctypes.c_int64
 LIBRARY = ctypes.CDLL(netCDF4._netCDF4.__file__)

@@ -13,6 +13,8 @@ from tripod_doe.study.cube.model_records import model_records
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 
 @pytest.mark.parametrize("models", [("equilibrium", "kinetostatic"), ("equilibrium", "kinetostatic", "rollers")])
 def test_models_that_only_narrow_intervals_are_not_judged(models):

@@ -15,6 +15,8 @@ import xarray as xr
 
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 READ = """
 import sys, threading
 import tripod_doe as td

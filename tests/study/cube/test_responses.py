@@ -12,6 +12,8 @@ import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study_file import parse_study
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 WAVE = """
 import numpy as np, xarray as xr
 def wave(a, b=0.0):

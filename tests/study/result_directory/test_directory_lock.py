@@ -16,6 +16,8 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 STUDY = '[study]\nname = "h"\n[base]\nmodel = "equilibrium"\n[factors.joint_angle_deg]\nvalues = [2.5, 17]\n'
 
 

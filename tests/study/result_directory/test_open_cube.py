@@ -22,7 +22,7 @@ from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
 from tripod_doe.study.study_points import StudyPoints
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 STUDY = """
 [study]

@@ -9,6 +9,8 @@ from tripod_doe.errors import CubeError
 from tripod_doe.study.cube import writing
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 TEXT = """
 [study]
 name = "table"

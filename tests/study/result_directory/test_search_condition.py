@@ -12,6 +12,8 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.result_directory.search_condition import found_in
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 STUDY = """
 [study]
 name = "map"

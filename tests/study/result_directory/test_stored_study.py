@@ -20,6 +20,8 @@ from tripod_doe.study.journal import Journal, text_digest
 from tripod_doe.study.result_directory import directory
 from tripod_doe.study.result_directory.stored_study import stored_study, texts_of_study
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 FUNCTION = """
 def f(x, scale=0.5, mode="sum", often=3, strict=True):
     return {"y": scale * x * often if mode == "sum" else x, "z": [x, x + 1]}

@@ -12,7 +12,7 @@ from tripod_doe.cli import main
 from tripod_doe.errors import StorageError
 from tripod_doe.study.result_directory.zarr_store import export_zarr
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 STUDY = """
 [study]

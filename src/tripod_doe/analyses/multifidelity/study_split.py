@@ -13,8 +13,8 @@ from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_tables import DesignTable
-from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
-from tripod_doe.study.plan import RECORDED, plan
+from tripod_doe.study.designs import SAMPLE, make_points, most_points, pilot_samples, point_count
+from tripod_doe.study.plan import RECORDED, plan_points
 from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.stored_study import STORED, stored_study
 
@@ -124,7 +124,8 @@ def describe_split(study: Study, directory: Path | None, timing: bool = False) -
         f"split        decided by a pilot of {point_count(study):,} points; {truth} runs {table.samples:,} samples, "
         f"all models together at most {most:,} points (most_points)"
     ]
-    price = plan(_largest_split(study), timing, recorded=True)
+    largest = _largest_split(study)
+    price = plan_points(largest, make_points(largest), timing, recorded=True, judged=False)
     if price.cpu_hours:
         source = f"from {price.timed} timed points" if price.timed else RECORDED
         lines.append(f"in all       CPU time at most about {duration(3600 * price.cpu_hours[1])} ({source})")

@@ -226,7 +226,9 @@ class FollowedJoint:
         times, wanted = result.times[::each], result.times[0] + self._time_of_sample * np.arange(samples + 1)
         if np.abs(times - wanted).max() > _ON_TIME * self._time_of_sample:
             return result
-        return replace(result, times=times, positions=result.positions[::each], velocities=result.velocities[::each])
+        # what reads them would compile once more for a view
+        positions, velocities = (np.ascontiguousarray(all_[::each]) for all_ in (result.positions, result.velocities))
+        return replace(result, times=times, positions=positions, velocities=velocities)
 
     def _pass(self, setting: float, parts: tuple[Run, ...], before: int) -> Pass:
         orders = [self._orders(part, slice(before if part is parts[0] else 0, -1), setting) for part in parts]
