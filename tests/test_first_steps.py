@@ -83,6 +83,8 @@ def test_usual_names_of_the_thrust_are_known(capsys):
     for usual in ("Fx", "GAF", "axial force", "generated axial force", "axial_force"):
         assert closest(usual, outputs) == "; did you mean 'thrust' or 'thrust_amplitude'?", usual
     assert "thrust" not in closest("Fx", load_simulator("joint").parameters)
+    for order in ("F3", "A_2", "order_3", "3rd_order"):
+        assert closest(order, outputs) == "; did you mean 'thrust_amplitude'?", order
     assert main(["simulate", "--variable", "GAF"]) == 2
     assert "did you mean 'thrust' or 'thrust_amplitude'?" in capsys.readouterr().err
 

@@ -10,6 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tripod_doe.quantities import (
+    chance_in_percent,
     count_of,
     digits_apart,
     duration,
@@ -167,3 +168,21 @@ def test_runs_of_numbers_are_written_by_their_ends():
     assert numbers_in_words([12, 1, 4, 5, 6, 6]) == "1, 4 to 6 and 12"
     assert numbers_in_words([2, 3]) == "2 and 3"
     assert numbers_in_words(range(1, 13)) == "1 to 12"
+
+
+@pytest.mark.parametrize(
+    ("chance", "text"),
+    [
+        (0.0, "0"),
+        (0.004, "0.4"),
+        (0.123, "12"),
+        (0.5, "50"),
+        (0.854, "85"),
+        (0.995, "99.5"),
+        (0.99966, "99.966"),
+        (1.0, "100"),
+    ],
+)
+def test_a_chance_below_one_is_not_a_hundred_per_cent(chance, text):
+    """Regression: "100 % (100 %)" of a chance of 0.9997 between 0.998 and 1."""
+    assert chance_in_percent(chance) == text

@@ -1,6 +1,7 @@
 """Tables that people write as CSV files: a header, and rows with a field for each of its columns."""
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -48,8 +49,16 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
     return header, rows
 
 
+def _meant(column: str, parameters: Collection[str]) -> str:
+    """The parameter that a column names but for a letter or two, or without its unit: ``Torque [kNm]``; else empty."""
+    words = re.findall(r"[^\W_]+", re.sub(r"[\[(<].*", "", column).lower())
+    without_unit = re.compile(f"{'_'.join(map(re.escape, words))}(_[a-z]{{1,3}}){{1,3}}")
+    bare = [name for name in parameters if words and column not in parameters and without_unit.fullmatch(name)]
+    return misspelt(column, parameters) or (bare[0] if bare else "")
+
+
 def refuse_misspelt(header: Iterable[str], parameters: Collection[str], where: str) -> None:
-    """Refuse a column whose name is a parameter's but for a letter or two: it would be read as a label.
+    """Refuse a column whose name is a parameter's but for its unit or a letter or two: it would be read as a label.
 
     Args:
         where: The file or key that names the table, for messages.
@@ -58,5 +67,5 @@ def refuse_misspelt(header: Iterable[str], parameters: Collection[str], where: s
         InputError: For the first such column.
     """
     for column in header:
-        if meant := misspelt(column, parameters):
+        if meant := _meant(column, parameters):
             raise InputError(f"{where}: the column {column} would be a label; write {meant}, or another word")

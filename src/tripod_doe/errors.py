@@ -35,6 +35,7 @@ _THRUST = {
     "thrust force",
     "axialkraft",
 }  # usual names of the thrust
+_ORDER = re.compile(r"[afh]_?\d{1,2}|(order|harmonic)_?\d{1,2}|\d[a-z]{2}_order", re.IGNORECASE)  # of the thrust
 _CONTROL = re.compile(
     r"[^\S\n ]|[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]"
 )
@@ -180,6 +181,8 @@ def closest(name: str, known: Iterable[str]) -> str:
     words = set(re.findall(r"[^\W_]+", name))
     if " ".join(re.findall(r"[^\W_]+", name.lower())) in _THRUST:
         near = [other for other in ("thrust", "thrust_amplitude") if other in names] or near
+    if _ORDER.fullmatch(name):
+        near = [other for other in ("thrust_amplitude",) if other in names] or near
     same_words = _with_words(words, names) or _with_words({_SYNONYMS.get(word, word) for word in words}, names)
     by_words = len(words) > 1 and 0 < len(same_words) <= _MOST_MEANT
     meant = longer or (same_words if by_words else near or same_words)

@@ -192,6 +192,14 @@ def with_unit(value: str, unit: str) -> str:
     return f"{value} {unit}" if unit else value
 
 
+def chance_in_percent(chance: float) -> str:
+    """A probability in per cent, to two digits of it or of what it lacks to one: ``0.4``, ``85``, ``99.97``."""
+    lacks = 100 * (1 - chance)
+    if not 0 < lacks < 50:
+        return number(100 * chance, 2)
+    return _without_zeros(f"{100 - lacks:.{max(1 - math.floor(math.log10(lacks)), 0)}f}")
+
+
 def squared(unit: str) -> str:
     """The unit of a square, such as a variance: ``N^2``, ``(N m)^2``; none where there is no unit."""
     return f"{unit}^2" if unit.isalpha() else f"({unit})^2" if unit else ""

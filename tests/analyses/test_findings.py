@@ -584,6 +584,27 @@ def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
     assert f"<p>Of {of}</p>" in page
 
 
+def test_points_of_the_truth_that_failed_are_not_counted(tmp_path):
+    """Regression: "the average of the 60 points" of which 45 had finished; and dropped points that were no total."""
+    (tmp_path / "part.py").write_text(
+        "def f(x, level):\n    if x > 1.5:\n        raise ValueError('no')\n    return {'y': x + (level == 'fine')}\n"
+    )
+    (tmp_path / "part.toml").write_text(
+        '[study]\nname = "part"\nfunction = "part:f"\n[factors]\nx = {low = 0, high = 2}\n'
+        'level = {values = ["rough", "other", "fine"]}\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
+        "samples = 40\nindices = false\nsplit = {rough = 80, other = 40, fine = 40}\n"
+        "[analysis.multifidelity]\nmost_dropped = 0.5\n"
+    )
+    td.run(tmp_path / "part.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out") as cube:
+        total, finished = cube.sizes["point"], int((cube["outcome"].values[cube["level"].values == "fine"] == 0).sum())
+        assert 20 < finished < 40
+        assert any(f"refer to the {finished} finished points by fine, which counts" in told for told in find(cube))
+    with td.open_cube(tmp_path / "out" / "analysis" / "multifidelity.nc") as found:
+        assert found.attrs["points_used"] + found.attrs["points_dropped"] == total == 160
+        assert found.attrs["points_used"] == int(found["samples"].sum())
+
+
 def test_a_quantile_says_how_far_the_points_bound_it():
     """Exact: both ends, one, none; without them a quantile of few points reads as if it were known."""
     ends = {

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
+from combinations import FOLDER
+from test_phases import DESIGN_OF, cube_of
 
 import tripod_doe as td
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
 from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
-from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.registry import ANALYSES, findings_of
 from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
 from tripod_doe.errors import InputError
 from tripod_doe.reports.study_report import read_analyses
@@ -64,22 +67,49 @@ def test_words_and_numbers_in_a_column_are_words(run_table):
         run_table("a,b\n1,2\n,3\n")
 
 
-@pytest.mark.parametrize("angles", [[5, 8, 11, 13], [5, 13, 14, 15]])
-def test_an_output_that_some_points_lack_is_left_out(tmp_path, angles):
-    """Regression: `vibrates`, which kinetostatic looks for at few joints, made finished points "lost"."""
+def test_an_output_that_some_points_lack_is_left_out(tmp_path, capsys):
+    """Regression: such an output made finished points "lost"; each analysis repeated that it is left out."""
+    (tmp_path / "gaps.py").write_text("def gaps(a, b):\n    return {'y': a + b, 'z': a if b > 0.5 else float('nan')}\n")
     (tmp_path / "s.toml").write_text(
-        f'[study]\nname = "t"\n[factors]\njoint_angle_deg.values = {angles}\ntorque_n_m.values = [60, 150]\n'
-        "[analysis.effects]\n"
+        '[study]\nname = "t"\nfunction = "gaps:gaps"\n[factors]\na.values = [0, 1]\nb.values = [0, 0.4, 0.8, 1]\n'
+        "[analysis.effects]\n[analysis.again]\nkind = 'effects'\n"
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0)
+    assert capsys.readouterr().out.count("is left out") <= 1
+    said = "z is left out: 4 of 8 points do not have it"
+    assert (tmp_path / "out" / "report" / "index.html").read_text().count(said) == 1
+    with td.open_cube(tmp_path / "out" / "analysis" / "effects.nc") as found:
+        assert (found.attrs["points_used"], found.attrs["outputs"]) == (8, "y")
+        assert any(said in each for each in find_in_effects(found, "e"))
+
+
+VIBRATING = ("sobol", "morris", "effects", "tolerance", "surrogate", "pawn", "multifidelity")
+
+
+@pytest.mark.parametrize("kind", VIBRATING)
+def test_joints_that_no_balance_looks_at_are_calm_in_every_analysis(kind):
+    """Invariance: a missing `vibrates` of a joint that finished is a zero, and no point is lost for it."""
+    plain = cube_of(DESIGN_OF[kind], 0.0, 0.02)
+    looked = plain["lag_phase_deg"] > plain["lag_phase_deg"].median()
+    values = xr.where(plain["outcome"] == 0, xr.where(looked, 1.0, 0.0), np.nan)
+    row, results = ANALYSES[kind], []
+    for each in (values, values.where(values > 0)):
+        cube = plain.drop_vars("lag_phase_deg").assign(vibrates=each)
+        results.append(row.function({"study": cube}, row.settings(outputs=["vibrates"], most_dropped=0.8), FOLDER))
+    xr.testing.assert_identical(*results)
+    assert results[0].attrs["points_used"] > 0
+
+
+def test_formulas_of_joints_that_no_balance_looks_at(tmp_path):
+    """Regression: a formula had no value at joints that count as calm elsewhere."""
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\n[factors]\njoint_angle_deg.values = [5, 8]\n'
+        '[responses.calm_third]\nformula = "thrust_amplitude[3] * (vibrates < 1)"\n'
     )
     td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
-    with td.open_cube(tmp_path / "out" / "analysis" / "effects.nc") as found:
-        assert found.attrs["points_used"] == 8
-        assert "vibrates" not in found["output"]
-        lacking = int(td.open_cube(tmp_path / "out")["vibrates"].isnull().sum())
-        assert any(
-            f"vibrates is left out: {lacking} of 8 points do not have it" in each
-            for each in find_in_effects(found, "e")
-        )
+    with td.open_cube(tmp_path / "out") as cube:
+        assert cube["vibrates"].isnull().all()
+        assert cube["calm_third"].values.tolist() == cube["thrust_amplitude"].sel(order=3).values.tolist()
 
 
 CORNER = """

@@ -345,6 +345,8 @@ def test_a_value_that_other_records_have_is_not_assumed(written):
     for name, message in (
         ("pitch_radius_mm", r"record_2\.csv: its pitch_radius_mm is not known, but other records have one"),
         ("pitch_radus_mm", "pitch_radus_mm would be a label; write pitch_radius_mm"),
+        ("Torque [kNm]", r"Torque \[kNm\] would be a label; write torque_n_m"),
+        ("speed", "speed would be a label; write speed_rpm"),
     ):
         cells = [name, "20", "", *["22"] * (len(rows) - 3)]
         table.write_text("\n".join(map(",".join, zip(rows, cells, strict=True))))

@@ -614,6 +614,13 @@ order = 3
             ('output = "thrust_amplitude"', 'output = "thrust_phase_deg"'),
             r"thrust_phase_deg': a phase jumps from 180 to -180 deg",
         ),
+        (
+            (
+                'output = "thrust_amplitude"\norder = 3',
+                'output = "lag"\n[responses.lag]\nformula = "thrust_phase_deg[3] - 60"',
+            ),
+            r"lag': a phase jumps from 180 to -180 deg.*as abs\(lag - 30\)",
+        ),
         (("[objectives", f"[base]\njoint_angle_deg = 9\n{SCATTER}[objectives"), "also a base value, which it replaces"),
     ],
 )
@@ -818,3 +825,55 @@ def test_points_so_far_can_be_queried(solve, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         solve("slope", {"x": {"low": 0, "high": 3}}, {"f": {"output": "f"}}, search={"evaluations": 40})
     assert td.query(tmp_path / "out" / "steps" / "points", "f")["f"].size == 20
+
+
+RATIO = """
+[optimisation]
+name = "r"
+[base]
+model = "equilibrium"
+joint_angle_deg = 6
+[variables]
+pitch_radius_mm = {low = 20, high = 22}
+[objectives]
+ratio = {output = "ratio"}
+[responses]
+ratio.formula = "thrust_amplitude[3] / thrust_amplitude[1]"
+[search]
+evaluations = 8
+"""
+
+
+def test_a_ratio_to_rounding_is_no_value(tmp_path):
+    """Regression: orders that three equal trunnions cancel are 1e-14 N, and their quotient was optimised in silence."""
+    (tmp_path / "a.toml").write_text(RATIO)
+    td.optimise(tmp_path / "a.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out" / "candidates.nc") as found:
+        assert set(found["reason"].values.tolist()) == {"ratio: no value there"}
+
+
+def test_an_optimum_has_the_error_of_its_model(tmp_path, capsys):
+    """Regression: optima of 1 mN of an order without a recorded error; and the search did not start at [base]."""
+    text = RATIO.replace('ratio = {output = "ratio"}', 'second = {output = "thrust_amplitude", order = 2}')
+    text = text.replace("[variables]", "pitch_radius_mm = 26\n[variables]")
+    (tmp_path / "a.toml").write_text(text)
+    assert main(["optimise", str(tmp_path / "a.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
+    page = "".join(capsys.readouterr())
+    assert "The search started at pitch radius = 22 mm, not 26 mm as in [base]" in page
+    assert re.search(r"The smallest second of \d+ candidates is 0\S* \+- 0\.\d+ N", page)
+    assert re.search(r"in second than the start, with 0\S* \+- 0\.\d+ N\.", page)
+
+
+def test_a_change_of_sign_has_no_percentage(solve, tmp_path, capsys):
+    """Regression: "(-193 %)" of an angle that went from 15 deg to -14 deg."""
+    solve(
+        "slope",
+        {"x": {"low": 1, "high": 4}},
+        {"a": {"output": "low"}},
+        base={"x": 3},
+        search={"evaluations": 30},
+        responses={"low": {"formula": "f - 2"}},
+    )
+    assert main(["optimise", str(tmp_path / "file.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
+    page = "".join(capsys.readouterr())
+    assert re.search(r"At the start of the search, a is 2; the best is -[12]\.?\d*\.", page)

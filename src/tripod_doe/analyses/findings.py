@@ -20,6 +20,7 @@ from tripod_doe.page_parts.main_results import (
     design_kind,
     factor_names,
     finished,
+    phases_all_round,
     point_columns,
     points_in_words,
     representative_points,
@@ -29,6 +30,7 @@ from tripod_doe.page_parts.main_results import (
 )
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_text, listed
+from tripod_doe.phases import JUMPS
 from tripod_doe.quantities import digits_apart, level, number, text_range, with_unit
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
@@ -96,7 +98,8 @@ def _responses(cube: xr.Dataset) -> list[str]:
             effects = effects_on(response, cube)
             sentences.extend(find_effects(response, cube, effects))
             lost.extend(effects)
-    return sentences + unseparated(cube, lost) + _one_level(cube)
+    round_ = [f"{name}: {JUMPS}; its values lie all round." for name in phases_all_round(cube)]
+    return sentences + round_ + unseparated(cube, lost) + _one_level(cube)
 
 
 def _missing_effects(cube: xr.Dataset) -> list[str]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.phases import around_mean, is_phase, shorter_way
 from tripod_doe.study.cube.dataset import COST_VARIABLES, PHASES, RECORD_ROLE, RESPONSE_ROLE, RESPONSES
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.memory import refuse_too_much_memory
@@ -84,11 +85,15 @@ class OutputTable:
 
     def placed(self, numbers: FloatArray) -> FloatArray:
         """Numbers relative to `centre` as the cube has them, phases above -180 and up to 180 deg."""
-        return wrapped_phases(numbers + self.centre) if self.wraps else numbers
+        return shorter_way(numbers + self.centre) if self.wraps else numbers
 
     def relative(self, numbers: FloatArray) -> FloatArray:
         """Numbers as a user gives them, relative to `centre`: a phase by the shorter way round."""
-        return wrapped_phases(numbers - self.centre) if self.wraps else numbers
+        return shorter_way(numbers - self.centre) if self.wraps else numbers
+
+    def changes(self, differences: FloatArray) -> FloatArray:
+        """Differences of numbers of this output; those of a phase by the shorter way round."""
+        return shorter_way(differences) if self.wraps else differences
 
     def rows(self, chosen: IntArray) -> OutputTable:
         """The same output at some points only."""
@@ -170,10 +175,10 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
     needed = 2 * 8 * math.prod(variable.shape)  # with a copy
     refuse_too_much_memory(needed, f"{name} of {rows.size:,} points", "name fewer outputs in the analysis")
     values = read_positions(cube[name].variable, {"point": rows}).astype(float, copy=False).reshape(rows.size, -1)
-    wraps = "wraps_at" in variable.attrs
+    wraps = is_phase(variable)
     centre = np.zeros(values.shape[1])
     if wraps:
-        values, centre = _around_mean(values)
+        values, centre = around_mean(values)
     error = np.zeros(values.shape[1])
     if f"{name}_error" in cube and cube[f"{name}_error"].dims == variable.dims:
         reported = read_positions(cube[f"{name}_error"].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
@@ -182,22 +187,14 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
     return OutputTable(name, variable, values, centre, wraps, error)
 
 
-def wrapped_phases(degrees: FloatArray) -> FloatArray:
-    """Phases above -180 and up to 180 deg."""
-    return 180 - (180 - degrees) % 360
-
-
-def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles relative to their circular mean, so that the wrap at +-180 deg is no variance, and that mean."""
-    turns = np.exp(1j * np.radians(degrees))
-    mean = turns.mean(axis=0)
-    mean = np.where(mean == 0, 1, mean)
-    return np.degrees(np.angle(turns / mean)), np.degrees(np.angle(mean))
-
-
 def is_level(attributes: Mapping[str, object]) -> bool:
     """Whether an output is a level as in dB: its zero is a reference that somebody chose, so it has no percentages."""
     return str(attributes.get("units", "")).startswith("dB") or "log10(" in str(attributes.get("formula", ""))
+
+
+def without_zero(variable: xr.DataArray) -> bool:
+    """Whether an output has no zero of its own, so that percentages and shares of it mean nothing: level or phase."""
+    return is_level(variable.attrs) or is_phase(variable)
 
 
 def side_by_side(cube: xr.Dataset, names: Sequence[str]) -> list[str]:
@@ -242,7 +239,7 @@ def output_attributes(cube: xr.Dataset, names: Iterable[str]) -> dict[str, str]:
     """Attributes of a result: the outputs that were analysed, and their units by name."""
     units = {name: str(cube[name].attrs.get("units", "1")) for name in names}
     own = [name for name in units if cube[name].attrs.get("role") == RESPONSE_ROLE]
-    phases = [name for name in units if "wraps_at" in cube[name].attrs]
+    phases = [name for name in units if is_phase(cube[name])]
     lists = {RESPONSES: own, PHASES: phases}
     return {"outputs": ", ".join(units), "output_units": json.dumps(units)} | {
         key: ", ".join(those) for key, those in lists.items() if those

@@ -295,6 +295,11 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
     return [*answered_range(data, name), *_of_result(sentences, data, name)] if sentences else []
 
 
+def findings_of_all(results: Mapping[str, xr.Dataset]) -> list[str]:
+    """Findings of the analyses of a study, by their names; what several of them say alike is said once."""
+    return list(dict.fromkeys(sentence for name, result in results.items() for sentence in findings_of(name, result)))
+
+
 def table_of(data: xr.Dataset) -> Table | None:
     """The table of an analysis; None if it has none."""
     row, search = ANALYSES.get(kind_of(data)), _SEARCHES.get(kind_of(data))

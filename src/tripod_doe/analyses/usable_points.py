@@ -16,9 +16,10 @@ from tripod_doe.analyses.output_table import chosen_outputs
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.joint.outputs import VIBRATES
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, VIBRATES
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.cube.dataset import EXCLUDED
+from tripod_doe.study.cube.dataset import EXCLUDED, OF_FUNCTION
+from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.cube.slab_reading import all_finite
 from tripod_doe.study.definition.study_tables import DesignTable, FactorTable, parse_file
 from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
@@ -166,19 +167,20 @@ def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]
     return usable
 
 
-def calm_where_not_looked(cube: xr.Dataset) -> xr.Dataset:
-    """A cube whose joints count as calm where a balance did not look, as no recorded joint of their kind vibrates."""
-    if VIBRATES not in cube:
+def analysed_points(cube: xr.Dataset) -> xr.Dataset:
+    """The points of a cube along ``point``, as an analysis of its outputs takes them; see `Output.if_missing`."""
+    cube = flat_points(cube)
+    if VIBRATES not in cube or cube[VIBRATES].attrs.get("long_name") == OF_FUNCTION:
         return cube
-    finished = cube["outcome"] == Outcome.FINISHED
-    return cube.assign({VIBRATES: cube[VIBRATES].fillna(0).where(finished).assign_attrs(cube[VIBRATES].attrs)})
+    calm = cube[VIBRATES].copy(data=JOINT_OUTPUTS[VIBRATES].given(cube[VIBRATES].values))
+    return cube.assign({VIBRATES: calm.where(cube["outcome"] == Outcome.FINISHED)})
 
 
 def whole_outputs(cube: xr.Dataset, asked: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """The requested outputs, else all results but those of one number a point that some of the finished points lack.
 
-    A model may give an output at some points only, as kinetostatic does `vibrates`: the others are not lost for the
-    rest of the outputs.
+    A model may give an output at some points only, as a balance does the third order with a vibration: the others are
+    not lost for the rest of the outputs.
 
     Returns:
         The outputs, all of them if none of the others is whole; and the attribute ``left_out`` of the result, a line

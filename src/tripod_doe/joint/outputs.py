@@ -92,7 +92,6 @@ _OUTPUTS = [
         "p_k",
         "phase of the rotating orders of the thrust force",
         (ORDER,),
-        angle=True,
         convention=_PHASE,
     ),
     Output(
@@ -165,7 +164,6 @@ _OUTPUTS = [
         "p_k",
         "phase of the rotating orders of the thrust in each groove",
         (GROOVE, ORDER),
-        angle=True,
         convention=_PHASE,
     ),
     Output(
@@ -182,7 +180,6 @@ _OUTPUTS = [
         "p_k",
         "phase of the rotating orders of each mechanism's part of the thrust force",
         (_PART, ORDER),
-        angle=True,
         convention=_PHASE,
     ),
     Output("friction_power_w", "W", "P", "mean power dissipated by each friction mechanism", (_MECHANISM,)),
@@ -219,6 +216,7 @@ _OUTPUTS = [
         "whether the joint vibrates by itself, 1 or 0; where no recorded joint of such an angle and such frictions "
         "vibrates, a balance does not look, and model rollers does",
         optional=True,
+        if_missing=0.0,
     ),
     Output(
         VIBRATION_THIRD,

@@ -65,7 +65,6 @@ _OUTPUTS = [
         "p_k",
         "phase of the rotating orders of the axial force on the groove",
         (ORDER,),
-        angle=True,
     ),
     Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle", (_ROTATION,)),
     Output("needle_drift_mm", "mm", "", "mean shift of the needles along the trunnion since the start", (_ROTATION,)),

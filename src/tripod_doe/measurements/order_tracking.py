@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
+from tripod_doe.phases import PHASE_ATTRIBUTES
 
 CELLS = 360
 """Cells of a resampled revolution, 1 deg each."""
@@ -23,7 +24,6 @@ CELLS = 360
 _UNKNOWNS = 2 * ORDERS.size - 1
 _WIDEST_GAP = 360.0 / _UNKNOWNS  # deg: the spacing that just resolves order 12
 _FEWEST_SAMPLES = 32  # per revolution: more than the 25 unknowns
-_WRAPS = {"wraps_at": "+-180 degree"}
 
 
 def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatArray | None = None) -> xr.Dataset:
@@ -89,7 +89,11 @@ def _labelled(orders: ComplexArray, revolutions: IntArray, samples: NDArray[np.i
     return xr.Dataset(
         {
             "thrust_amplitude": (by_order, amplitude, _meaning("N", "measured amplitude, each revolution")),
-            "thrust_phase_deg": (by_order, phase, _meaning("degree", "measured phase, each revolution") | _WRAPS),
+            "thrust_phase_deg": (
+                by_order,
+                phase,
+                _meaning("degree", "measured phase, each revolution") | PHASE_ATTRIBUTES,
+            ),
             "samples": ("revolution", samples, _meaning("1", "samples in the revolution")),
         },
         coords={

@@ -28,6 +28,20 @@ def cycle_amplitudes(rotation_deg: FloatArray, thrust_n: FloatArray) -> tuple[Fl
     return cycles[FEWEST_CYCLES:], amplitude[FEWEST_CYCLES:]
 
 
+def longest_stop(rotation_deg: FloatArray, force: FloatArray) -> tuple[float, float]:
+    """The longest angle, deg, over which a force has one and the same value, and this value.
+
+    Args:
+        rotation_deg, force: Shape (sample,), NaN at dropouts.
+    """
+    there = np.flatnonzero(np.isfinite(force))
+    values, angle = force[there], rotation_deg[there]
+    starts = np.flatnonzero(np.append(True, np.diff(values) != 0))
+    widths = angle[np.append(starts[1:], values.size) - 1] - angle[starts]
+    at = int(np.argmax(widths))
+    return float(widths[at]), float(values[starts[at]])
+
+
 def refined_peak(
     rotation_deg: FloatArray, thrust_n: FloatArray, cycles: FloatArray, amplitude: FloatArray
 ) -> float | None:

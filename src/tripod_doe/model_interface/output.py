@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 Labels = NDArray[Any]
@@ -49,8 +51,9 @@ class Output:
     meaning: str  # CF long_name
     # dimensions of one point's value, for instance groove and order; empty for a scalar
     dimensions: tuple[Dimension, ...] = ()
-    angle: bool = False  # whether values are angles in degrees that wrap at +-180, so that differences need care
     optional: bool = False  # whether some models cannot compute it: their finished points hold NaN
+    # what a missing value of a point that finished counts as wherever the output is used
+    if_missing: float = math.nan
     on_request: bool = False  # whether it is computed only if a study keeps it by name
     # whether reports show it separately, beside the main results of its simulator; a scalar
     response: bool = False
@@ -65,6 +68,10 @@ class Output:
     def unit_text(self) -> str:
         """The unit for people: empty without one."""
         return {"1": "", "degree": "deg"}.get(self.unit, self.unit)
+
+    def given(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of points that finished, with `if_missing` in place of missing ones."""
+        return values if math.isnan(self.if_missing) else np.where(np.isnan(values), self.if_missing, values)
 
     @property
     def dims(self) -> tuple[str, ...]:

@@ -7,15 +7,14 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
+from tripod_doe.phases import turned_on
 from tripod_doe.quantities import count_of, digits_apart, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import PHASES, RESPONSES
 
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
 _MOST_DIGITS = 6
-_ROUNDING = 1e-9  # deg
 _UNNAMED = "the output"  # of a result that does not say what it was made of
 
 
@@ -73,27 +72,17 @@ def _about_mean(answers: xr.Dataset) -> xr.Dataset:
     chance = np.concatenate([part[dim].values for part, dim in zip(parts, ("probability", "share"), strict=True)])
     phases = np.concatenate([part.values for part in parts])
     by_chance = np.argsort(chance, kind="stable")
-    first = -_turned_on(float(answers["mean"] - phases[by_chance[0]]))
+    first = -turned_on(float(answers["mean"] - phases[by_chance[0]]))
     relative = np.empty_like(phases)
-    relative[by_chance] = first + np.append(0.0, np.cumsum(_turned_on(np.diff(phases[by_chance]))))
+    relative[by_chance] = first + np.append(0.0, np.cumsum(turned_on(np.diff(phases[by_chance]))))
     quantile, distribution = np.split(relative, [parts[0].size])
     low, high = (answers[f"quantile_{end}"] for end in ("low", "high"))
     return answers.assign(
         quantile=("probability", quantile),
         distribution=("share", distribution),
-        quantile_low=("probability", quantile - _turned_on((answers["quantile"] - low).values)),
-        quantile_high=("probability", quantile + _turned_on((high - answers["quantile"]).values)),
+        quantile_low=("probability", quantile - turned_on((answers["quantile"] - low).values)),
+        quantile_high=("probability", quantile + turned_on((high - answers["quantile"]).values)),
     )
-
-
-def _turned_on(degrees: FloatArray | float) -> FloatArray:
-    """Angles from 0 to 360 deg; one that is below 0 by rounding does not become 360."""
-    return np.asarray((degrees + _ROUNDING) % 360 - _ROUNDING)
-
-
-def shorter_way(degrees: xr.DataArray) -> xr.DataArray:
-    """Differences of angles above -180 and up to 180 deg."""
-    return 180 - (180 - degrees) % 360
 
 
 def _words(output: str, order: int | None) -> str:

@@ -13,7 +13,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, mixed_formulas
 from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken
-from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
+from tripod_doe.phases import in_a_row, is_phase
+from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, OF_FUNCTION, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
 
 _REPRESENTATIVE = "representative_points"  # attribute of a part of a cube: describes its points
@@ -124,7 +125,8 @@ def representative_points(cube: xr.Dataset) -> xr.Dataset:
         return cube
     fidelity, truth = truth_of(cube)
     own = np.flatnonzero(cube[fidelity].values == truth)
-    points_text = f"of the {own.size:,} points by {truth}, which counts as the truth"
+    count = int(finished(cube).values[own].sum())
+    points_text = f"of the {count:,} {'finished ' * (count < own.size)}points by {truth}, which counts as the truth"
     return cube.isel(point=own).drop_vars(fidelity).assign_attrs({_REPRESENTATIVE: points_text})
 
 
@@ -183,13 +185,12 @@ def responses(cube: xr.Dataset) -> list[Response]:
 
     Leaves out orders that are small against the largest order, and checks of the numerics; if a pilot chose the models,
     also orders without a requested accuracy, and formulas that may use them: they come from different models at
-    different points.
+    different points. Phases are left out where they lie in no half of the circle.
     """
-    names = [str(name) for name in cube.data_vars]
+    chosen: list[Response] = []
     if "thrust_amplitude" in cube:
         amplitude = cube["thrust_amplitude"]
         largest = float(amplitude.max()) if amplitude.notnull().any() else 0.0
-        chosen = []
         wanted = asked_orders(cube)
         for order in (3, 2, 1) if wanted is None else wanted:
             values = amplitude.sel(order=order, drop=True)
@@ -197,16 +198,33 @@ def responses(cube: xr.Dataset) -> list[Response]:
                 error = _error_of_order(cube, order)
                 zero_at = tuple(str(amplitude.attrs.get(ZERO_AT, "")).split())
                 chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error, zero_at))
+    own = ((name, _values(cube[name])) for name in _own_names(cube))
+    return chosen + [
+        Response(name, _own_label(cube, name), factor_unit(cube, name), values)
+        for name, values in own
+        if values is not None
+    ]
+
+
+def _own_names(cube: xr.Dataset) -> list[str]:
+    """Variables with one number per point: the responses of the joint, or numbers of a function."""
+    names = [str(name) for name in cube.data_vars]
+    if "thrust_amplitude" in cube:
         mixed = mixed_formulas(cube)
-        own = [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE and name not in mixed]
-        return chosen + _point_responses(cube, own)
-    return _point_responses(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
+        return [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE and name not in mixed]
+    return [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN]
 
 
-def _point_responses(cube: xr.Dataset, names: list[str]) -> list[Response]:
-    """Variables with one number per point as responses; an infinite number is no response."""
-    values = {name: cube[name].where(np.isfinite(cube[name])) for name in names}
-    return [Response(name, _own_label(cube, name), factor_unit(cube, name), values[name]) for name in names]
+def _values(variable: xr.DataArray) -> xr.DataArray | None:
+    """The values of a response: no infinite ones, and phases that do not jump at 180 deg; None if they must."""
+    known = variable.where(np.isfinite(variable))
+    row = in_a_row(known.values) if is_phase(variable) else known.values
+    return None if row is None else known.copy(data=row)
+
+
+def phases_all_round(cube: xr.Dataset) -> list[str]:
+    """Responses that `responses` leaves out: phases in no half of the circle, which have no order."""
+    return [name for name in _own_names(cube) if _values(cube[name]) is None]
 
 
 def _error_of_order(cube: xr.Dataset, order: int) -> float:
@@ -225,7 +243,7 @@ def _is_own(cube: xr.Dataset, name: str) -> bool:
 def _own_label(cube: xr.Dataset, name: str) -> str:
     """A variable in words; an output of a user's function, or a response, keeps its name."""
     attrs = cube[name].attrs
-    is_named = attrs.get("role") == RESPONSE_ROLE or attrs.get("long_name") == "output of a user function"
+    is_named = attrs.get("role") == RESPONSE_ROLE or attrs.get("long_name") == OF_FUNCTION
     return name if is_named else spoken(name)
 
 

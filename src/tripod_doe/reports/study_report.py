@@ -19,7 +19,7 @@ from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.kinds import kind_of, of_kind
 from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.analyses.model_choice.charts import model_choice_chart
-from tripod_doe.analyses.registry import findings_of, section_charts, table_of
+from tripod_doe.analyses.registry import findings_of_all, section_charts, table_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
@@ -209,7 +209,7 @@ def _charts_in(content: object) -> Iterator[Chart]:
 def answered(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], findings: Sequence[str] | None = None) -> Answer:
     """Sentences, picture and charts of a cube and its analyses; see `make_page`."""
     part = shown_subset(cube)
-    said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
+    said = findings_of_all(analyses)
     sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
     picture, content = _content(cube, part, representative_points(part), analyses)
     return Answer(sentences, more, picture, content)

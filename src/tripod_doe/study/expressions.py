@@ -8,7 +8,7 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any, Protocol
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.phases import JUMPS, shorter_way
 from tripod_doe.study.named_arrays import NamedArray, Pick, aligned
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -102,21 +103,30 @@ class Expression:
         used: Names that it does use.
         operations: Number of names, numbers and operators in it.
         widest: Values in the largest array that an evaluation made.
+        is_phase: Whether its result is a phase.
 
     Args:
         words: All texts that names have which are flags; a comparison of one with another text is refused.
+        phases: Names that are phases; of a condition, which compares them as they stand in a cube, none.
 
     Raises:
         InputError: If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and
-            labels.
+            labels, or calculates with a phase what depends on where the circle begins.
     """
 
-    def __init__(self, text: str, names: Collection[str], words: Mapping[str, Collection[str]] | None = None) -> None:
+    def __init__(
+        self,
+        text: str,
+        names: Collection[str],
+        words: Mapping[str, Collection[str]] | None = None,
+        phases: Container[str] = (),
+    ) -> None:
         self.text = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
         self.used: set[str] = set()
+        self._divisors = list[ast.expr]()
         self.operations = 0
         self.widest = 1
-        self._whole, self._words = text, words or {}
+        self._whole, self._words, self._phases = text, words or {}, phases
         if len(text) > _LONGEST:
             raise InputError(f"{self.text!r}: {len(text):,} characters; at most {_LONGEST:,} are allowed")
         try:
@@ -128,6 +138,7 @@ class Expression:
         except (RecursionError, MemoryError) as error:
             raise InputError(self._too_deep) from error
         self._check(self._tree, names, 1)
+        self.is_phase = self._turns(self._tree)
 
     @property
     def _too_deep(self) -> str:
@@ -155,6 +166,7 @@ class Expression:
                 pass
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
                 children = [left, right]
+                self._divisors += [right] * isinstance(op, ast.Div)
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
                 children = [operand]
             case ast.BoolOp(values=values):
@@ -172,6 +184,25 @@ class Expression:
                 raise self._wrong(node, f"{wrong!r} is not allowed here; use {_ALLOWED}")
         for child in children:
             self._check(child, names, depth + 1)
+
+    def _turns(self, node: ast.AST) -> bool:
+        """Whether a part of the formula is a phase: a sum or difference with one, or a whole multiple of one."""
+        match node:
+            case ast.Name(id=name):
+                return name in self._phases
+            case ast.Subscript(value=value):
+                return self._turns(value)
+            case ast.Call(func=ast.Name(id="abs"), args=[value]):  # its distance from zero
+                return self._turns(value) and False
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd()) | ast.BinOp(op=ast.Add() | ast.Sub()):
+                return sum(self._turns(each) for each in ast.iter_child_nodes(node)) > 0  # all are checked
+            case ast.BinOp(left=left, op=ast.Mult(), right=right) if _is_whole(left) or _is_whole(right):
+                return self._turns(right if _is_whole(left) else left)
+        for each in ast.iter_child_nodes(node):
+            if self._turns(each) and isinstance(each, ast.expr):
+                what = "sums and differences with it, whole multiples, and abs, its distance from 0"
+                raise self._wrong(each, f"{JUMPS}: formulas may use {what}")
+        return False
 
     def _refuse_other_words(self, node: ast.expr, terms: Sequence[ast.expr]) -> None:
         """Refuse a comparison of a flag with a text that it never has, which no cell would meet."""
@@ -250,12 +281,17 @@ class Expression:
         result = self._evaluated(source)
         if not np.issubdtype(np.asarray(result.data).dtype, np.number) and result.data.dtype != np.bool_:
             raise InputError(f"{self.text!r}: its result is a text, not a number")
-        return NamedArray(result.dims, np.asarray(result.data, np.float64), result.labels)
+        data = np.asarray(result.data, np.float64)
+        return NamedArray(result.dims, shorter_way(data) if self.is_phase else data, result.labels)
 
-    def _evaluated(self, source: Source) -> NamedArray:
+    def divisors(self, source: Source) -> list[NamedArray]:
+        """What the formula divides by; see `numbers`."""
+        return [self._evaluated(source, each) for each in self._divisors]
+
+    def _evaluated(self, source: Source, part: ast.expr | None = None) -> NamedArray:
         try:
             with np.errstate(all="ignore"):
-                return self._value(self._tree, source, False)
+                return self._value(part or self._tree, source, False)
         except TypeError as error:  # numpy's, whose words are about its own types
             raise InputError(f"{self.text!r}: a text cannot be calculated with; texts can only be compared") from error
         except (OverflowError, ValueError) as error:
@@ -307,7 +343,8 @@ class Expression:
         values, dims = self._arguments(node, function, arguments)
         if function in _ONE:
             inner = self._value(values[0], source, whole)
-            return NamedArray(inner.dims, _ONE[function](_number(inner.data)), inner.labels)
+            data = shorter_way(inner.data) if self._turns(values[0]) else _number(inner.data)
+            return NamedArray(inner.dims, _ONE[function](data), inner.labels)
         if len(values) > 1:
             terms = self._aligned(node, [self._value(value, source, whole) for value in values], source)
             data = reduce(_SEVERAL[function], (_number(term.data) for term in terms))
@@ -376,6 +413,11 @@ def _is_exact(value: float) -> bool:
         return int(float(value)) == value or isinstance(value, float)
     except OverflowError:
         return isinstance(value, float)
+
+
+def _is_whole(node: ast.expr) -> bool:
+    """Whether a part of a formula is a whole number."""
+    return isinstance(node, ast.Constant) and isinstance(node.value, int | float) and node.value % 1 == 0
 
 
 def _is_finite(value: float) -> bool:

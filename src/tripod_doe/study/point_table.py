@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.model_interface import Outcome, Values
+from tripod_doe.phases import amplitude_of
 from tripod_doe.quantities import count_of, duration, level, level_or_word, number, value_range, with_unit
 from tripod_doe.study.simulate import SimulatedPoint
 
@@ -92,8 +93,8 @@ def _largest_orders(outputs: Mapping[str, Values]) -> list[str]:
 def _texts(name: str, values: Values, outputs: Mapping[str, Values]) -> NDArray[Any]:
     """Numbers as text; rounding errors become zero, and their phases are omitted."""
     data = np.asarray(values.data, float)
-    amplitude = outputs.get(name.replace("_phase_deg", "_amplitude"))
-    angle = name.endswith("_phase_deg") and amplitude is not None
+    amplitude = outputs.get(amplitude_of(name))
+    angle = amplitude is not None
     size = np.abs(np.asarray(amplitude.data, float)) if angle and amplitude is not None else np.abs(data)
     nothing = size <= _NOTHING * np.nanmax(size, initial=0.0)
     texts = [

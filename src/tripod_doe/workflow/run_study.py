@@ -22,7 +22,7 @@ from tripod_doe.analyses.multifidelity.study_split import (
     stored_split,
     with_samples_so_far,
 )
-from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.registry import findings_of_all
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
@@ -255,7 +255,7 @@ def summary_of(
         findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [found] if found else []
-    answers += [sentence for name, result in read_analyses(path).items() for sentence in findings_of(name, result)]
+    answers += findings_of_all(read_analyses(path))
     del cube, written  # the report opens the cube itself; it must not be in memory twice
     write_report(path, findings)
     return RunSummary(

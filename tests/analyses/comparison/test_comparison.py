@@ -317,6 +317,17 @@ def test_a_dead_channel_is_named_and_not_aligned():
         assert result.attrs["shift_deg"] == 0
 
 
+@pytest.mark.parametrize(("stuck", "told"), [(0.0, False), (0.1, False), (0.35, True)])
+def test_a_sensor_that_is_stuck_is_noticed(stuck, told):
+    """Regression: a record whose force stood still over a third of it was compared without a word."""
+    rotation = np.arange(0, 1080, 1.0)
+    force = 14 * np.cos(3 * np.radians(rotation)) + 5
+    force[rotation < stuck * 1080] = 9.0
+    doubts = compare(Measurement(rotation, force, None, "zero"), model(), 0.0).attrs["doubts"]
+    assert ("Check the force: it stays at exactly 9 N over 35 % of the record" in doubts) is told
+    assert told or "stays at" not in doubts
+
+
 def test_a_run_up_is_compared_with_the_model_at_each_speed(measure):
     """The record's third order grows by a fifth from 300 to 900 rpm, and so does the model's: nothing differs.
 

@@ -33,6 +33,17 @@ torque_n_m = {values = [-90, 140]}
 outputs = ["thrust_amplitude", "thrust_phase_deg"]
 """
 NOT_COMPARED = VERDICTS[-1]
+
+
+def test_a_column_that_names_a_parameter_without_its_unit_is_refused(tmp_path):
+    """Regression: torques under the heading Torque [kNm] were labels, and the record was compared at another point."""
+    (tmp_path / "t.csv").write_text("file,Torque [kNm],joint\na.csv,0.1,left\n")
+    with pytest.raises(InputError, match=r"Torque \[kNm\] would be a label; write torque_n_m"):
+        read_table(tmp_path / "t.csv")
+    (tmp_path / "t.csv").write_text("file,joint\na.csv,left\n")
+    assert len(read_table(tmp_path / "t.csv")) == 1
+
+
 REVOLUTIONS, SAMPLES = 12, 180
 
 

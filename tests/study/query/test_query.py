@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import tripod_doe as td
 from tripod_doe.errors import InputError, speaking_of_options
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.netcdf import write_dataset
@@ -347,3 +348,16 @@ def test_headings_are_escaped_as_values_are():
     columns = {"=HYPERLINK(1)": np.array([1.0]), "a\x1b]0;x\x07": np.array([2.0])}
     assert records_text(columns, "csv").split("\n")[0] == "'=HYPERLINK(1),a\\x1b]0;x\\x07"
     assert "\x1b" not in records_text(columns, "table")
+
+
+def test_an_output_that_the_study_does_not_keep_says_how_to_get_it(tmp_path):
+    """Regression: the most similar names, of an output that the model has."""
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\n[base]\nmodel = "equilibrium"\n[factors]\njoint_angle_deg.values = [5]\n[keep]\noutputs = ["thrust_rms"]\n'
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    for cube in (tmp_path / "out", td.open_cube(tmp_path / "out")):
+        with pytest.raises(InputError, match=r"friction_power_w.*name it in \[keep\] outputs and run the study again"):
+            query(cube, "friction_power_w")
+        with pytest.raises(InputError, match=r"did you mean 'thrust_rms'"):
+            query(cube, "thrust_rm")

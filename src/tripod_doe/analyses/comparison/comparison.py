@@ -34,6 +34,7 @@ from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.order_tracking import CELLS, resample, track_orders
 from tripod_doe.page_parts.chosen_models import models_used
+from tripod_doe.phases import shorter_way
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.typed_numbers import typed_number
@@ -264,7 +265,7 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
     if not (abs(measured[3]) > _NOTHING * np.abs(model).max() and abs(model[3])):
         return 0.0, f"not fitted: no reference angle is given, and {zero} does not follow without a third order"
     third = np.degrees(np.angle(measured[3] / model[3])) / 3
-    candidates = [float((third + turn + 180) % 360 - 180) for turn in (0, 120, 240)]
+    candidates = [float(shorter_way(third + turn)) for turn in (0, 120, 240)]
     residual = [np.abs(measured * np.exp(-1j * np.radians(shift) * ORDERS) - model).sum() for shift in candidates]
     shift = candidates[int(np.argmin(residual))]
     return shift, (

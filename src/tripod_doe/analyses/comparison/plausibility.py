@@ -8,7 +8,7 @@ import numpy as np
 from tripod_doe.array_types import ComplexArray
 from tripod_doe.errors import option
 from tripod_doe.measurements.measurement import Measurement
-from tripod_doe.measurements.spectrum import FEWEST_CYCLES, cycle_amplitudes
+from tripod_doe.measurements.spectrum import FEWEST_CYCLES, cycle_amplitudes, longest_stop
 from tripod_doe.quantities import number
 
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
@@ -17,6 +17,7 @@ _NEAR = 0.04  # relative: how near a ratio must be to the one that explains it
 _REVERSED = 0.6  # part of the difference that is left with the sign of the force reversed, below which it is doubted
 _OPPOSITE = 30.0  # deg: how near half a turn the phase of the third order is where sign or reference angle is doubted
 _SIDEBAND = 0.02  # part of the largest order by which an eccentric encoder may falsify another without a word
+_STUCK = 180.0  # deg: a force that oscillates once per revolution or more does not stay so long the same
 _THOUSAND = (300.0, 3000.0)  # a measurement and a model of the same joint differ by less
 
 
@@ -39,6 +40,13 @@ def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
     strongest, width = float(orders[at]), float(orders[0] / FEWEST_CYCLES)
     own = amplitude[np.abs(orders - order) <= max(2 * width, _NEAR * order)].max(initial=0.0)
     doubts = []
+    stop, level = longest_stop(measurement.rotation_deg, measurement.thrust_n)
+    turned = float(measurement.rotation_deg[-1] - measurement.rotation_deg[0])
+    if stop > _STUCK:
+        doubts.append(
+            f"Check the force: it stays at exactly {number(level)} N over {number(100 * stop / turned, 2)} % of the "
+            "record, as of a sensor that is stuck or at the end of its range."
+        )
     if own < _WEAK * amplitude[at]:
         doubts += _angle_doubts(measurement, strongest, order)
     ratio = float(amplitude[at]) / expected

@@ -32,6 +32,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, chosen_models, models_used
+from tripod_doe.phases import is_phase
 from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.definition.study_tables import Table
 from tripod_doe.study.memory import refuse_too_much_memory
@@ -206,7 +207,7 @@ def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.Da
         if name and name not in numbers:
             raise InputError(f"{key}: {name!r} is not in the cube{near_match(name, numbers)}")
     attributes = cube[settings.output].attrs
-    if is_level(attributes) or ("wraps_at" in attributes and not settings.phase_name):
+    if is_level(attributes) or (is_phase(cube[settings.output]) and not settings.phase_name):
         kind = "a level" if is_level(attributes) else "a phase"
         raise InputError(
             f"output: {settings.output!r} is {kind}, whose zero is arbitrary: mechanisms have no shares of it"

@@ -19,14 +19,15 @@ from tripod_doe.analyses.diff.definitions import (
     study_differences,
 )
 from tripod_doe.analyses.diff.shared_points import shared_points
+from tripod_doe.analyses.output_table import without_zero
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.model_interface import Outcome
+from tripod_doe.phases import amplitude_of, is_phase, shorter_way
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE, RESPONSE_ROLE
 from tripod_doe.study.definition.toml_text import read_text
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
-_FULL_TURN = 360.0
 _AMPLITUDE = "thrust_amplitude"
 _ROUNDING = 1e-12  # part of the largest magnitude of a variable up to which its values count as equal
 NO_PHASE = 1e-3
@@ -41,7 +42,7 @@ class ResultDifference:
     part: dict[str, Any]  # labels of its other dimensions, as ``{"order": 3}``
     unit: str
     difference: float  # of the point where its magnitude is largest
-    relative: float  # the difference over the value in A there; NaN where that is 0
+    relative: float  # the difference over the value in A there; NaN where that is 0, and of phases and levels
     at: dict[str, Any]  # values of the factors there
     a: float
     b: float
@@ -181,8 +182,8 @@ def _by_point(cube: xr.Dataset, name: str, rows: IntArray) -> tuple[FloatArray, 
     others = [str(dim) for dim in cube[name].dims if dim not in design]
     values = cube[name].transpose(*design, *others).values.astype(float)
     flat = values.reshape(cube["outcome"].size, -1)[rows]
-    amplitude = name.replace("_phase_deg", "_amplitude")
-    if amplitude != name and amplitude in cube and cube[amplitude].dims == cube[name].dims:
+    amplitude = amplitude_of(name)
+    if amplitude in cube and cube[amplitude].dims == cube[name].dims:
         sizes, _ = _by_point(cube, amplitude, rows)
         flat = np.where(sizes > NO_PHASE * np.nanmax(sizes, axis=1, keepdims=True, initial=0.0), flat, np.nan)
     labels = [cube[dim].values.tolist() if dim in cube.coords else list(range(cube.sizes[dim])) for dim in others]
@@ -201,7 +202,7 @@ def _parts(
     """Differences of all parts of a variable that both cubes hold; adds those with a number in one study only."""
     first, labels = _by_point(a, name, rows[0])
     second, others = _by_point(b, name, rows[1])
-    is_phase = name.endswith("_phase_deg")
+    wraps = is_phase(a[name])
     column = {tuple(part.items()): k for k, part in enumerate(others)}
     shared = [(k, column[tuple(part.items())]) for k, part in enumerate(labels) if tuple(part.items()) in column]
     largest = float(np.nanmax(np.abs(np.concatenate([first.ravel(), second.ravel()])), initial=0.0))
@@ -209,8 +210,8 @@ def _parts(
     parts = []
     for k, other in shared:
         change = second[:, other] - first[:, k]
-        if is_phase:
-            change = (change + _FULL_TURN / 2) % _FULL_TURN - _FULL_TURN / 2
+        if wraps:
+            change = shorter_way(change)
         known = np.isfinite(change)
         lost = int((np.isfinite(first[:, k]) != np.isfinite(second[:, other])).sum())
         if lost:
@@ -219,7 +220,7 @@ def _parts(
             continue
         row = int(np.nanargmax(np.abs(np.where(known, change, np.nan))))
         old, new, size = float(first[row, k]), float(second[row, other]), float(change[row])
-        relative = size / abs(old) if old and not is_phase else float("nan")
+        relative = size / abs(old) if old and not without_zero(a[name]) else float("nan")
         weight = abs(size) / largest if largest else 0.0
         values = _point(at, row)
         parts.append(

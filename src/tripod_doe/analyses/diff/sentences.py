@@ -12,6 +12,7 @@ from tripod_doe.analyses.diff.definitions import KeyDifference
 from tripod_doe.analyses.diff.diff import NO_PHASE, Diff, EqualVariable, ResultDifference
 from tripod_doe.errors import printable
 from tripod_doe.page_parts.words import unit_text
+from tripod_doe.phases import amplitude_of
 from tripod_doe.quantities import count_of, csv_cell, digits_apart, level, number, plain_json, with_unit
 
 _MOST = 12  # lines of one kind in a text
@@ -64,7 +65,7 @@ def _points_lines(found: Diff) -> list[str]:
 
 
 def _one_sided(variable: str) -> str:
-    if not variable.endswith("_phase_deg"):
+    if not amplitude_of(variable):
         return "a number in one study only"
     return f"a phase of an amplitude above {100 * NO_PHASE:g} % of the largest at its point, in one study only,"
 
@@ -86,7 +87,8 @@ def _result(one: ResultDifference) -> str:
     digits = min(max(digits_apart(one.a, one.b), 3), 12)
     unit = unit_text(one.unit)
     values = f"{number(one.a, digits)} -> {with_unit(number(one.b, digits), unit)}"
-    relative = f" ({'+' * (one.relative > 0)}{number(100 * one.relative, 2)} %)" if math.isfinite(one.relative) else ""
+    told = math.isfinite(one.relative) and one.a * one.b >= 0  # of a change of sign a percentage says nothing
+    relative = f" ({'+' * (one.relative > 0)}{number(100 * one.relative, 2)} %)" if told else ""
     return f"{_named(one.variable, one.part)}: {values}{relative} at {_place(one.at)}"
 
 

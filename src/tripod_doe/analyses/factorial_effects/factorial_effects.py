@@ -29,9 +29,8 @@ from tripod_doe.analyses.output_table import (
     stacked,
 )
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.usable_points import Sample, read_sample, whole_outputs
+from tripod_doe.analyses.usable_points import Sample, analysed_points, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.definition.study_tables import FactorTable
 
 _ALIAS = 1e-8  # part of a column's length that the terms before must leave for it to be a term of its own
@@ -271,7 +270,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
         InputError: If the cube is of another design, or too few points are left.
     """
     settings = settings or EffectsSettings()
-    cube = flat_points(cube)
+    cube = analysed_points(cube)
     names, left_out = whole_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     sampled = sample.design.kind in _SAMPLED

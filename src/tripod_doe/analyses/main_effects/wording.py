@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.main_effects.curve_shape import Shape, extreme_levels, mirror_level
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
-from tripod_doe.analyses.output_table import is_level
+from tripod_doe.analyses.output_table import without_zero
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_results import Response
 from tripod_doe.page_parts.words import factor_label, factor_text, factor_unit, listed
@@ -133,7 +133,9 @@ class EffectWording:
     def _against(self, effect: FactorEffect) -> str:
         """How the values at both signs of the outermost level compare, as those of drive and coast."""
         levels, curve = effect.level.astype(float), effect.mean
-        if not np.isclose(levels[0], -levels[-1]) or not curve[[0, -1]].min() > _INVISIBLE * curve.max():
+        if without_zero(self.response.values) or not np.isclose(levels[0], -levels[-1]):
+            return ""
+        if not curve[[0, -1]].min() > _INVISIBLE * curve.max():
             return ""
         more, less = (0, -1) if curve[0] > curve[-1] else (-1, 0)
         ratio = float(curve[more] / curve[less])
@@ -216,6 +218,7 @@ class EffectWording:
         over = text_range(written(float(levels[0])), written(float(levels[-1])), own) + self.where(effect)
         near_zero = abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max())
         own_r2 = _r2(curve, through * levels)
+        near_zero &= not without_zero(self.response.values)
         proportional = near_zero and own_r2 >= _STRAIGHT and _is_proportion(levels, curve, through)
         r2 = own_r2 if proportional else straight
         exact = r2 > _EXACT
@@ -394,7 +397,7 @@ class EffectWording:
         else:
             bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
             local = max(effect.relative for effect in effects)
-            if local > _OF_VALUE * largest / self.span and not is_level(self.response.values.attrs):
+            if local > _OF_VALUE * largest / self.span and not without_zero(self.response.values):
                 bound += f", and by up to {rounded_up(100 * local, 2)} % of its value there"
             bound += ", not beyond its numerical error" * (largest <= max(effect.error for effect in effects))
             verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"

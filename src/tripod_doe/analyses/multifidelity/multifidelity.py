@@ -21,6 +21,7 @@ from tripod_doe.analyses.output_table import (
     stacked,
 )
 from tripod_doe.analyses.settings import SHARES, PointSettings, Probabilities
+from tripod_doe.analyses.usable_points import analysed_points
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
@@ -203,6 +204,7 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
         InputError: If the cube is of another design, a model lacks an output, or too few samples are left.
     """
     settings = settings or MultifidelitySettings()
+    cube = analysed_points(cube)
     names = outputs_of_all(cube, settings.outputs)
     ladder = read_ladder(cube, settings, names)
     tables = read_outputs(cube, names, np.arange(cube.sizes["point"]))
@@ -221,11 +223,11 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     labels["model"] = [rung.model for rung in models]
     result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
     names = joint + [name for name in names if name not in joint]
-    return _described(result, ladder, output_attributes(cube, names), settings)
+    return _described(result, ladder, output_attributes(cube, names), cube.sizes["point"], settings)
 
 
 def _described(
-    result: xr.Dataset, ladder: Ladder, outputs: dict[str, str], settings: MultifidelitySettings
+    result: xr.Dataset, ladder: Ladder, outputs: dict[str, str], points: int, settings: MultifidelitySettings
 ) -> xr.Dataset:
     """Meanings, units, and what was used."""
     without_unit = ("S1", "ST", "gain", "correlation", "samples")
@@ -234,7 +236,7 @@ def _described(
         unit = {"units": "1"} if name.removesuffix("_conf").endswith(without_unit) else {}
         result[name].attrs = {"long_name": meaning_of(name.removesuffix("_conf"), _MEANINGS) + tail} | unit
     result["price"].attrs["units"] = "s"
-    used = sum(rung.rows.size for rung in ladder.rungs)
+    used = sum(rung.rows.size for rung in (*ladder.rungs, *ladder.aside))
     region = ladder.region.attributes(ladder.outside) if ladder.region else {}
     return result.assign_attrs(
         **outputs,
@@ -242,7 +244,7 @@ def _described(
         samples_dropped=ladder.lost,
         block_size=ladder.block,
         points_used=used,
-        points_dropped=ladder.lost * ladder.block,
+        points_dropped=points - used - (ladder.outside or 0),
         confidence_level=settings.confidence,
         **region,
     )

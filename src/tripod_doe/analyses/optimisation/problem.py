@@ -16,8 +16,10 @@ from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, 
 from tripod_doe.analyses.optimisation.variables import Variables, make_variables
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.joint.outputs import VIBRATES
+from tripod_doe.joint.accuracy import SMALLEST_THIRD
+from tripod_doe.joint.known_errors.other_orders import deviations_of_orders
 from tripod_doe.model_interface import Simulator, Value, check_parameters
+from tripod_doe.phases import JUMPS, is_phase_name
 from tripod_doe.study.cube.responses import response_values
 from tripod_doe.study.definition.responses import ERROR
 from tripod_doe.study.definition.simulators import load_simulator
@@ -27,9 +29,8 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.toml_text import toml_text
 from tripod_doe.study.designs import Points
 
-_THIRD = ("thrust_amplitude", 3)  # the quantity whose error of the model is on record
+_AMPLITUDE, _THIRD = "thrust_amplitude", 3
 _MODEL = "model"
-_ANGLE = "a phase jumps from 180 to -180 deg, so it has no largest value, no mean and no one-sided limit"
 
 Sample = Mapping[str, NDArray[Any]]
 
@@ -159,23 +160,38 @@ class Problem:
         own = {each.response.name: each for each in response_values(study, points, outputs, labels, finished)}
         columns = study.simulator.columns(study.base, points.at(slice(None)), points.count)
         errors = study.simulator.model_errors(columns)
-        model = np.full(points.count, np.nan) if errors is None else errors.expected
         shape = (len(ends.outcome), self.joints(sample), self.operating.count)
         values: dict[tuple[str, int | None], PointValues] = {}
         for name, order in self.quantities:
             value, numerical = self._values(name, order, outputs, labels, own, columns)
             if value is None:
                 value = np.full(points.count, np.nan)
-            elif name == VIBRATES:  # a balance does not look where no recorded joint vibrates
-                value = np.nan_to_num(value)
+            elif name in self.simulator.outputs:
+                value = self.simulator.outputs[name].given(value)
             value = np.where(finished, value, np.nan)
             numerical = np.full(points.count, np.nan) if numerical is None else numerical
-            relative = np.abs(value) * model if (name, order) == _THIRD else np.full(points.count, np.nan)
+            expected = np.full(points.count, np.nan)
+            if name == _AMPLITUDE and order and errors is not None and name in outputs:
+                expected = self._expected(order, np.nan_to_num(outputs[name][1]), columns, errors.expected)
             if name in columns:  # a parameter is exact
-                numerical, relative = np.zeros(points.count), np.zeros(points.count)
-            values[name, order] = PointValues(*(each.reshape(shape) for each in (value, numerical, relative)))
+                numerical, expected = np.zeros(points.count), np.zeros(points.count)
+            values[name, order] = PointValues(*(each.reshape(shape) for each in (value, numerical, expected)))
         quantile = self.request.file.optimisation.quantile
         return judged(self.objectives, self.constraints, values, ends, self.operating.weights, quantile)
+
+    def _expected(
+        self, order: int, amplitude: FloatArray, columns: Mapping[str, NDArray[Any]], third: FloatArray
+    ) -> FloatArray:
+        """Error to expect of an order of the thrust, N: an optimum may be small as parts of it cancel, its error not.
+
+        Args:
+            amplitude: N, shape (point, order).
+            third: Relative error of the third order on record, shape (point,).
+        """
+        if order != _THIRD:
+            return deviations_of_orders(self.simulator, columns, amplitude)[0][:, order]
+        least = SMALLEST_THIRD * np.abs(columns["torque_n_m"]) * 1e3 / columns["pitch_radius_mm"]
+        return np.asarray(third * np.maximum(amplitude[:, order], least))
 
     def _values(
         self,
@@ -278,8 +294,18 @@ def make_problem(request: OptimisationRequest) -> Problem:
     }
     problem = Problem(request, simulator, fixed, start, variables, operating, scatter, model, confirm)
     _check_quantities(problem)
-    problem.study(request.origin, request.folder.path, "points.csv")
+    study = problem.study(request.origin, request.folder.path, "points.csv")
+    _refuse_phases(problem, [response.name for response in study.responses if response.expression.is_phase])
     return problem
+
+
+def _refuse_phases(problem: Problem, formulas: list[str]) -> None:
+    """Refuse objectives and constraints of phases; those formulas are some, too."""
+    for table, entries in (("objectives", problem.objectives), ("constraints", problem.constraints)):
+        for name, entry in entries.items():
+            if is_phase_name(entry.output) or entry.output in formulas:
+                remedy = f"a response with abs, as abs({entry.output} - 30), is its distance from an angle"
+                raise problem.request.fail(f"[{table}.{name}]", f"output = {entry.output!r}: {JUMPS}; {remedy}")
 
 
 def _start_value(name: str, base: Mapping[str, Value], simulator: Simulator, variable: Any) -> Value:
@@ -322,8 +348,6 @@ def _check_quantities(problem: Problem) -> None:
                 raise request.fail(where, f"output = {entry.output!r}: unknown{near_match(entry.output, known)}")
             if entry.output in simulator.outputs:
                 dims = simulator.outputs[entry.output].dims
-                if simulator.outputs[entry.output].angle:
-                    raise request.fail(where, f"output = {entry.output!r}: {_ANGLE}")
                 if dims != (() if entry.order is None else ("order",)):
                     raise request.fail(where, f"output = {entry.output!r}: {_not_one_number(entry.order, dims)}")
                 labels = simulator.labels([entry.output], {}) if dims else {}

@@ -19,8 +19,8 @@ from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.words import listed
-from tripod_doe.quantities import count_of, number
+from tripod_doe.page_parts.words import listed, unit_text
+from tripod_doe.quantities import count_of, level_or_word, number, with_unit
 
 _LAST = 0.01  # part of the objective that counts as the last per cent
 
@@ -34,6 +34,7 @@ def find_in_optimisation(problem: Problem, solved: Solved) -> list[str]:
         *sentences,
         *_improvable(problem, solved),
         *_confirmation(problem, solved),
+        *_moved_start(problem),
         *_scatter(problem, solved),
         *_left_out(solved),
     ]
@@ -108,7 +109,7 @@ def _last_gain(problem: Problem, course: FloatArray) -> str:
         return (
             f"none of the last {last:,} is better than earlier ones, but a better joint may exist nearby or elsewhere"
         )
-    if objective_is_level(problem, 0) or before == 0:
+    if objective_is_level(problem, 0) or before * final <= 0:
         change = objective_change(problem, 0, final - before)
     else:
         change = f"{change_text(100 * (final - before) / abs(before))} %"
@@ -140,19 +141,35 @@ def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
     if not np.isfinite(start):
         return [f"The joint at the start of the search has no {name}: {solved.start.reasons[0]}."]
     values = solved.front.judged.objectives[:, at]
-    best = float(values[np.argmin(values * problem.signs[at])])
+    row = int(np.argmin(values * problem.signs[at]))
+    best = float(values[row])
+    errors = float(solved.start.objective_errors[0, at]), float(solved.front.judged.objective_errors[row, at])
+    texts = [  # a value within its error is not stated without it
+        aim_text(problem, at, value, error if error > abs(value) else np.nan)
+        for value, error in zip((start, best), errors, strict=True)
+    ]
     keeps = "" if solved.start.feasible[0] else f", where limits are violated ({solved.start.reasons[0]})"
     if solved.start.feasible[0] and best == start:
-        return [f"No candidate is better in {name} than the start, with {aim_text(problem, at, start)}."]
+        return [f"No candidate is better in {name} than the start, with {texts[0]}."]
     change = ""
     if objective_is_level(problem, at):
         change = f" ({objective_change(problem, at, best - start)})"
-    elif start > 0 and best != start:
+    elif start > 0 and best != start and best >= 0 and not errors[0] > start:
         change = f" ({change_text(100 * (best / start - 1))} %)"
-    return [
-        f"At the start of the search, {name} is {aim_text(problem, at, start)}{keeps}; "
-        f"the best is {aim_text(problem, at, best)}{change}."
-    ]
+    return [f"At the start of the search, {name} is {texts[0]}{keeps}; the best is {texts[1]}{change}."]
+
+
+def _moved_start(problem: Problem) -> list[str]:
+    """The variables that [base] sets to values that they may not take, from which the search cannot start."""
+    moved = []
+    for each in problem.variables.chosen:
+        given, unit = problem.request.file.base.get(each.name), unit_text(problem.simulator.parameters[each.name].unit)
+        own = each.values(np.array([each.unit(problem.start[each.name])])).tolist()[0]
+        apart = isinstance(given, str) or isinstance(own, str) or not np.isclose(float(given or 0), float(own))
+        if given is not None and apart and given != own:
+            wanted, taken = (with_unit(level_or_word(value), unit) for value in (given, own))
+            moved.append(f"{spoken_name(problem, each.name)} = {taken}, not {wanted} as in [base]")
+    return [f"The search started at {listed(moved)}, which is no value of the variable."] * bool(moved)
 
 
 def _several(problem: Problem, solved: Solved) -> list[str]:

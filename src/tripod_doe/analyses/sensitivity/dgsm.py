@@ -11,7 +11,7 @@ from tripod_doe.analyses.bootstrap import bootstrap_weights, half_width
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
-from tripod_doe.analyses.sensitivity.morris import shorter_way, values_in_blocks
+from tripod_doe.analyses.sensitivity.morris import values_in_blocks
 from tripod_doe.analyses.settings import Precision, SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import IntArray
@@ -34,7 +34,7 @@ def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: Se
     variance = weights @ base**2 - (weights @ base) ** 2
     squares, flat = [], np.zeros(components.size, bool)
     for at in range(len(sample.tables)):
-        change = shorter_way(values[:, 1 + at] - values[:, 0], table.wraps)
+        change = table.changes(values[:, 1 + at] - values[:, 0])
         slope = change / (unit[:, 1 + at, at] - unit[:, 0, at])[:, None]
         squares.append(weights @ slope**2)
         still = np.abs(slope) <= _STILL * np.abs(slope).max(axis=0)

@@ -16,11 +16,10 @@ from tripod_doe.analyses.bootstrap import FEWEST_DECIDING, deciding
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable, answered_in_parts, output_attributes, side_by_side, stacked
 from tripod_doe.analyses.settings import SensitivitySettings
-from tripod_doe.analyses.usable_points import Sample, read_sample, whole_outputs
+from tripod_doe.analyses.usable_points import Sample, analysed_points, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import cf_flags
-from tripod_doe.study.cube.lazy_dataset import flat_points
 
 Answers = dict[str, FloatArray]
 """Estimates by the names of variables, the component last."""
@@ -68,7 +67,7 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     Raises:
         InputError: If the cube is of another design, or too few complete blocks are left.
     """
-    cube = flat_points(cube)
+    cube = analysed_points(cube)
     names, left_out = whole_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and not sample.independent:

@@ -32,11 +32,6 @@ def values_in_blocks(sample: Sample, table: OutputTable, components: IntArray) -
     return table.values[:, components].reshape(sample.blocks, sample.block, components.size)
 
 
-def shorter_way(difference: FloatArray, wraps: bool) -> FloatArray:
-    """Differences of phases by the shorter way."""
-    return (difference + 180) % 360 - 180 if wraps else difference
-
-
 def _places(sample: Sample, name: str) -> FloatArray:
     """Values of a factor as parts of its whole range, shape (point,): of a list by their numbers, else on its scale."""
     table, column = sample.tables[name], sample.columns.get(name)
@@ -54,7 +49,7 @@ def _places(sample: Sample, name: str) -> FloatArray:
 
 
 def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
-    steps = shorter_way(np.diff(values_in_blocks(sample, table, components), axis=1), table.wraps)
+    steps = table.changes(np.diff(values_in_blocks(sample, table, components), axis=1))
     every, names = np.arange(sample.blocks), list(sample.tables)
     moves = np.diff(sample.unit.reshape(sample.blocks, sample.block, -1), axis=1)
     weights = bootstrap_weights(sample.blocks, max(settings.resamples, _RESAMPLES), settings.seed)

@@ -29,7 +29,9 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.method_interface import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Flag, Outcome
+from tripod_doe.phases import JUMPS, is_phase
 from tripod_doe.study.definition.simulators import load_simulator
+
 from tripod_doe.study.definition.study_tables import Table, parse_file
 
 _NUMERICS = ("step_s", "relative_tolerance")
@@ -217,6 +219,8 @@ def _output(cube: xr.Dataset, settings: StabilitySettings) -> FloatArray:
         known = [str(name) for name in cube.data_vars]
         raise InputError(f"output = {settings.output!r}: not in the cube{near_match(settings.output, known)}")
     values = cube[settings.output]
+    if is_phase(values):
+        raise InputError(f"output = {settings.output!r}: {JUMPS}")
     for dim, label in settings.select.items():
         if dim not in values.dims or label not in values[dim].values:
             raise InputError(f"select: {dim} = {label:g} is not in {settings.output}")

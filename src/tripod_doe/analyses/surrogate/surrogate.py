@@ -21,10 +21,9 @@ from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.surrogate.gaussian_process import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.zeros_and_symmetries import Foreknown, foreknown
-from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, read_sample
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, analysed_points, read_sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
-from tripod_doe.study.cube.lazy_dataset import flat_points
 
 SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-composite", "box-behnken", "table")
 """Designs whose points a surrogate can learn from."""
@@ -79,7 +78,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         InputError: If the cube is of another design, or too few points are left.
     """
     settings = settings or SurrogateSettings()
-    cube = flat_points(cube)
+    cube = analysed_points(cube)
     names = usual_outputs(cube, settings.outputs, "outputs" in settings.model_fields_set)
     sample = read_sample(cube, settings, SURROGATE_DESIGNS, names)
     settings_of_factors = np.stack([as_numbers(column) for column in sample.columns.values()])

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
-from tripod_doe.analyses.output_table import wrapped_phases
 from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.words import ORDINALS, listed, spoken, unit_text
+from tripod_doe.phases import shorter_way
 from tripod_doe.quantities import interval, number, with_unit
 
 _COVERED = 0.95  # part of the unseen points that a band holds
@@ -62,7 +62,7 @@ class Quantity:
         """Numbers as they are shown: amplitudes are not negative, phases lie between -180 and 180 deg."""
         if len(self.parts) == 2:
             return np.maximum(numbers, 0.0)
-        return wrapped_phases(numbers) if self.wraps else numbers
+        return shorter_way(numbers) if self.wraps else numbers
 
     def unwrapped(self, components: FloatArray) -> FloatArray:
         """The number, a phase beyond 180 deg where others lie near."""

@@ -6,9 +6,10 @@ import xarray as xr
 
 from tripod_doe.analyses.tolerance.sentences import tolerance_parts
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
-from tripod_doe.page_parts.main_outputs import OutputPart, shorter_way
+from tripod_doe.page_parts.main_outputs import OutputPart
 from tripod_doe.page_parts.words import spoken
-from tripod_doe.quantities import number
+from tripod_doe.phases import shorter_way
+from tripod_doe.quantities import chance_in_percent
 
 
 def tolerance_charts(result: xr.Dataset, name: str) -> list[Chart]:
@@ -50,7 +51,7 @@ def quantile_chart(key: str, name: str, output: OutputPart) -> Chart:
         axes.set_xlabel(f"{what.removeprefix('the ')}{relative}{f' ({unit})' if unit else ''}")
         axes.set_ylabel("share of the joints (%)")
         legend_above(axes, 2)
-    chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if limited else ""
+    chance = f" {chance_in_percent(float(part['exceedance']))} % exceed the limit." if limited else ""
     level = f"{100 * float(part.attrs['confidence_level']):g} %"
     text = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
     return Chart(key, f"Distribution of {what}", text + chance, figure, data)

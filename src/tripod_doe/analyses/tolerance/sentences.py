@@ -13,7 +13,7 @@ from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_t
 from tripod_doe.analyses.tolerance.narrower_scatter import together
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.page_parts.words import listed, spoken, unit_text
-from tripod_doe.quantities import count_of, duration, interval, number, text_range, with_unit
+from tripod_doe.quantities import chance_in_percent, count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable
 
@@ -101,7 +101,7 @@ def _of_model(part: xr.Dataset) -> str:
     own, wide = (abs(ends[1][at] - ends[0][at]) for at in (0, 1))
     if not wide > _WIDER * own:
         return ""
-    low, high = (number(100 * end[1], 2) for end in ends)
+    low, high = (chance_in_percent(end[1]) for end in ends)
     usual = number(100 * float(part.attrs["model_error_usual"]), 2)
     return (
         f" by this model, and between {low} and {high} % if the model is off at each point by its 90th percentile "
@@ -111,8 +111,8 @@ def _of_model(part: xr.Dataset) -> str:
 
 def _chance(part: xr.Dataset, key: str) -> str:
     """A chance in per cent with its interval: ``0.4 % (0.2 to 0.8 %)``."""
-    low, value, high = (100 * float(part[name]) for name in (f"{key}_low", key, f"{key}_high"))
-    return f"{number(value, 2)} % ({text_range(number(low, 2), number(high, 2))} %)"
+    low, value, high = (chance_in_percent(float(part[name])) for name in (f"{key}_low", key, f"{key}_high"))
+    return f"{value} % ({text_range(low, high)} %)"
 
 
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
@@ -150,7 +150,7 @@ def _exceedance_if_halved(one: xr.Dataset, unit: str) -> str:
     if not float(one["exceedance_if_halved_high"]) < float(one["exceedance_low"]):
         return ""
     limit = with_unit(number(float(one["limit"])), unit)
-    now = number(100 * float(one["exceedance"]), 2)
+    now = chance_in_percent(float(one["exceedance"]))
     return f", and the probability to exceed {limit} falls from {now} % to {_chance(one, 'exceedance_if_halved')}"
 
 

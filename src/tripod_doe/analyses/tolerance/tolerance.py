@@ -30,10 +30,9 @@ from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySetti
 from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
 from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep
 from tripod_doe.analyses.tolerance.narrower_scatter import cheapest_to_keep, own_scatter, scale_to_keep, scaled_weights
-from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, calm_where_not_looked, read_sample
+from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, analysed_points, read_sample
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study import Study
@@ -283,7 +282,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         InputError: If the cube is of another design, a limit is of no output, or too few points are left.
     """
     settings = settings or ToleranceSettings()
-    cube = calm_where_not_looked(flat_points(cube))
+    cube = analysed_points(cube)
     names = usual_outputs(cube, settings.outputs, "outputs" in settings.model_fields_set)
     sample = read_sample(cube, settings, SAMPLED_DESIGNS, names)
     names = [name for name in names if not is_course(cube, name)]

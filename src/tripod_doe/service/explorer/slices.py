@@ -10,6 +10,7 @@ import xarray as xr
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.words import listed
+from tripod_doe.phases import is_phase, shorter_way
 from tripod_doe.quantities import count_of
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
 from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, plain, shown
@@ -189,8 +190,8 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     if first.dims != second.dims:
         raise InputError("minus: the other run has other dimensions than this one")
     change = first - second
-    if "wraps_at" in variable.attrs:
-        change = (change + 180) % 360 - 180
+    if is_phase(variable):
+        change = shorter_way(change)
     changed = change.assign_coords(variable.coords).assign_attrs(variable.attrs).rename(variable.name)
     lost = data["outcome"].where(other["outcome"] == Outcome.FINISHED, other["outcome"]).astype(np.int8)
     kept = [name for name in data.data_vars if name in ("outcome_detail",)]

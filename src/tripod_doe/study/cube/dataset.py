@@ -24,6 +24,7 @@ from tripod_doe.model_interface import (
     cf_flags,
     common_unit,
 )
+from tripod_doe.phases import PHASE_ATTRIBUTES, is_phase_name
 from tripod_doe.study.cube.model_records import TRUST, ModelRecords
 from tripod_doe.study.cube.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
@@ -60,6 +61,9 @@ PHASES = "phases"
 """Attribute of a result: which of its outputs are angles on a circle."""
 RESPONSES = "responses"
 """Attribute of the result of an analysis: which of its outputs are responses."""
+
+OF_FUNCTION = "output of a user function"
+"""Meaning of a variable that a user's function returned."""
 
 THIS_STUDY = "this study"
 """Source of a value that the study sets, instead of the paper or an assumption."""
@@ -116,7 +120,7 @@ def part_of_cube(
     labels = {dim: values for dim, values in table.coordinates.items() if dim in along}
     cube = xr.Dataset(
         {
-            name: _variable(study.simulator.outputs.get(name), dims, data, points, table.units[name])
+            name: _variable(name, study.simulator.outputs.get(name), dims, data, points, table.units[name])
             for name, (dims, data) in kept.items()
         }
         | _response_variables(own, points)
@@ -206,15 +210,13 @@ def _shaped(points: Points, dims: tuple[str, ...], data: NDArray[Any], attrs: Ma
 
 
 def _variable(
-    output: Output | None, dims: tuple[str, ...], data: NDArray[Any], points: Points, unit: str
+    name: str, output: Output | None, dims: tuple[str, ...], data: NDArray[Any], points: Points, unit: str
 ) -> xr.Variable:
-    attrs = {"units": unit or "1", "long_name": "output of a user function"}
+    attrs = {"units": unit or ("degree" if is_phase_name(name) else "1"), "long_name": OF_FUNCTION}
     if output:
         attrs = {"units": output.unit, "long_name": output.meaning}
         if output.symbol:
             attrs["symbol"] = output.symbol
-        if output.angle:
-            attrs["wraps_at"] = "+-180 degree"
         if output.convention:
             attrs["comment"] = output.convention
         if output.response:
@@ -222,6 +224,8 @@ def _variable(
         for key, names in ((ZERO_AT, output.zero_at), (MIRRORED_BY, output.mirrored_by)):
             if names:
                 attrs[key] = " ".join(names)
+    if is_phase_name(name):
+        attrs |= PHASE_ATTRIBUTES
     return _shaped(points, dims, data, attrs)
 
 

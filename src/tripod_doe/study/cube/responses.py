@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.definition.responses import ERROR, POINT, Response, evaluated, numeric_parameters
+from tripod_doe.phases import PHASE_ATTRIBUTES
+from tripod_doe.study.definition.responses import (
+    ERROR,
+    POINT,
+    Response,
+    divides_by_rounding,
+    evaluated,
+    numeric_parameters,
+)
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.named_arrays import NamedArray
@@ -28,7 +36,8 @@ class ResponseValues:
 
     response: Response
     dims: tuple[str, ...]  # dimensions of a point's value
-    values: FloatArray  # shape (point, *dims); NaN where a point did not finish, or an output has no value
+    # shape (point, *dims); NaN where a point did not finish, an output has no value, or it divides by rounding
+    values: FloatArray
     error: FloatArray | None  # numerical error, of the same shape; None where it is not known
 
     @property
@@ -39,7 +48,9 @@ class ResponseValues:
             "units": self.response.unit,
             "long_name": self.response.meaning,
             "formula": self.response.formula,
-            "comment": f"numerical error: {numerical}; error of the model: not known for a formula",
+            "comment": f"numerical error: {numerical}; error of the model: not known for a formula; no value where it "
+            "divides by rounding",
+            **(PHASE_ATTRIBUTES if self.response.expression.is_phase else {}),
         }
 
     @property
@@ -64,8 +75,13 @@ def response_values(
     if not study.responses or not finished.any():
         return
     refuse_unknown_outputs(study, outputs)
+    outputs = {
+        name: (dims, study.simulator.outputs[name].given(data) if name in study.simulator.outputs else data)
+        for name, (dims, data) in outputs.items()
+    }
     known = tuple(response for response in study.responses if _is_given(response, study.responses, outputs))
     parts: dict[str, list[tuple[NamedArray, NDArray[Any] | None]]] = {response.name: [] for response in known}
+    rounding = {response.name: np.zeros(points.count, bool) for response in known}
     parameters = _parameters(study, points)
     together = _points_together(known, outputs)
     for start in range(0, points.count, together):
@@ -83,6 +99,9 @@ def response_values(
         try:
             for response, value, wrong in evaluated(known, arrays, errors):
                 parts[response.name].append((value, wrong))
+                inherited = [rounding[other][rows] for other in response.responses]
+                rounding[response.name][rows] = np.any([divides_by_rounding(response, arrays), *inherited], axis=0)
+                arrays[response.name] = value
         except InputError as refused:
             raise _wrong(study, refused) from refused
     for response in known:
@@ -91,7 +110,7 @@ def response_values(
             np.concatenate([value.data for value, _ in own]),
             [wrong for _, wrong in own if wrong is not None],
         )
-        without = ~finished | _without_value(response, study.responses, outputs)
+        without = ~finished | rounding[response.name] | _without_value(response, study.responses, outputs)
         values[without] = np.nan
         error = np.concatenate(errs) if len(errs) == len(own) else None
         if error is not None:

@@ -38,7 +38,7 @@ def sources_of(module: str) -> dict[str, bytes]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        for path in (f"{name.replace('.', '/')}/__init__.py", f"{name.replace('.', '/')}.py"):
+        for path in module_paths(name):
             if path not in found and (root / path).is_file():
                 found[path] = (root / path).read_bytes()
                 package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
@@ -53,6 +53,12 @@ def _is_installed(root: Path) -> bool:
 def import_root(module: str, file: str) -> Path:
     """The folder from which a module is imported, whose file is known."""
     return Path(file).parents[module.count(".") + (Path(file).name == "__init__.py")]
+
+
+def module_paths(name: str) -> tuple[str, str]:
+    """The paths that a module may have below the folder from which it is imported: of a package, of a single file."""
+    stem = name.replace(".", "/")
+    return f"{stem}/__init__.py", f"{stem}.py"
 
 
 def module_names(paths: Iterable[str]) -> set[str]:

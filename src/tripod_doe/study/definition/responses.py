@@ -2,7 +2,7 @@
 
 import keyword
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import WORK, Simulator, Value
 from tripod_doe.names import check_identifier
+from tripod_doe.phases import is_phase_name, shorter_way
 from tripod_doe.study.definition.study_tables import ResponseTable
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.named_arrays import NamedArray
@@ -24,6 +25,7 @@ POINT = "point"
 _MOST_RESPONSES = 200
 _MOST_WORK = 2e7  # operations of a formula for a point, which take some 20 ms
 
+_ROUNDING = 1e-9  # of the largest value of an output at a point: what is smaller is rounding
 _TAKEN = ("_used", "_error_estimate", ERROR)  # ends of names that cubes give
 _FUNCTIONS = frozenset(("abs", "min", "max", "mean", "sum", "sqrt", "log10"))
 _LABELS = frozenset(("point", "sample", "varied", "row", "excluded", "selected"))
@@ -78,6 +80,13 @@ class _AnyName(tuple[str, ...]):
         return True
 
 
+class _Phases(tuple[str, ...]):
+    """Names of phases: those of formulas, and all that are named so."""
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or is_phase_name(str(name))
+
+
 def numeric_parameters(simulator: Simulator) -> list[str]:
     """Names of the parameters that a formula may use: all but choices."""
     return [name for name, parameter in simulator.parameters.items() if parameter.kind != "choice"]
@@ -124,7 +133,7 @@ def _response(
     """A response, and its value at the point of NaN."""
     earlier, parameters = [other.name for other in before], numeric_parameters(simulator)
     known = [*simulator.outputs, *earlier, *parameters] if simulator.outputs else _AnyName((*earlier, *parameters))
-    expression = Expression(table.formula, known)
+    expression = Expression(table.formula, known, phases=_Phases(one.name for one in before if one.expression.is_phase))
     own = sorted(expression.used.difference(earlier, parameters))
     if not expression.used:
         names = f"name one, for instance {_examples(simulator)}"
@@ -138,7 +147,7 @@ def _response(
         name,
         expression,
         table.formula,
-        table.unit or "1",
+        "degree" if expression.is_phase and table.unit in ("", "1") else table.unit or "1",
         table.meaning or table.formula,
         tuple(own),
         tuple(_among(earlier, expression)),
@@ -239,6 +248,33 @@ def evaluated(
         yield response, value, error
 
 
+def divides_by_rounding(response: Response, arrays: Mapping[str, NamedArray]) -> NDArray[np.bool_]:
+    """Points at which a formula divides by a number that is rounding beside the largest of its output, shape (point,).
+
+    Args:
+        arrays: See `evaluated`.
+    """
+    found = np.zeros(next(iter(arrays.values())).data.shape[0], bool)
+    divisors = response.expression.divisors(Arrays(arrays))
+    if not divisors:
+        return found
+    largest = {name: arrays[name] for name in response.expression.used}
+    for name, array in largest.items():
+        largest[name] = replace(array, data=np.broadcast_to(_largest(array.data), array.data.shape))
+    for one, most in zip(divisors, response.expression.divisors(Arrays(largest)), strict=True):
+        if POINT in one.dims:
+            size = np.moveaxis(np.abs(one.data), one.dims.index(POINT), 0)
+            limit = _ROUNDING * np.moveaxis(np.abs(most.data), most.dims.index(POINT), 0)
+            found |= ((size > 0) & (size < limit)).reshape(found.size, -1).all(axis=1)
+    return found
+
+
+def _largest(data: NDArray[Any]) -> NDArray[Any]:
+    """The largest magnitude at each point, NaN where there is none; its other dimensions have the length 1."""
+    known = np.abs(np.where(np.isfinite(data), data, 0.0))
+    return known.max(axis=tuple(range(1, data.ndim)), keepdims=True, initial=0.0)
+
+
 def _with_points(value: NamedArray, known: Mapping[str, NamedArray]) -> NamedArray:
     """A value with the points as first dimension, also if the formula does not depend on them."""
     if POINT not in value.dims:
@@ -265,6 +301,7 @@ def _error(
                 data[at] += sign * error[at]
                 moved = NamedArray(array.dims, data, array.labels)
                 other = _with_points(response.expression.numbers(Arrays({**known, name: moved})), known)
-                changes.append(np.abs(other.data - value.data))
+                change = other.data - value.data
+                changes.append(np.abs(shorter_way(change) if response.expression.is_phase else change))
             total += np.maximum(*changes)
     return total

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tripod_doe.study.definition.function_sources import module_names, sources_of
+from tripod_doe.study.definition.function_sources import module_names, module_paths, sources_of
 
 _OURS = "tripod_doe"
 
@@ -55,9 +55,7 @@ def _path_below(folder: Path, name: str, file: str | None) -> str:
     """The path of a module relative to its import folder; empty for a module from elsewhere."""
     if not file or name.partition(".")[0] == _OURS:
         return ""
-    stem = name.replace(".", "/")
-    paths = (f"{stem}.py", f"{stem}/__init__.py")
-    return next((path for path in paths if Path(file).absolute() == (folder / path).absolute()), "")
+    return next((path for path in module_paths(name) if Path(file).absolute() == (folder / path).absolute()), "")
 
 
 _placed: dict[str, str] = {}

@@ -245,6 +245,18 @@ class _Cells:
         return NamedArray(tuple(map(str, source.dims)), _decoded(read_positions(source, own), _words(source)), labels)
 
 
+def _not_kept(study: str, name: str) -> str:
+    """What to do for an output that the simulator of a study has and the study does not keep; empty for others."""
+    from tripod_doe.study.definition.simulators import load_simulator  # slow to import: every query would wait for them
+    from tripod_doe.study.definition.study_tables import parse_file
+
+    with suppress(InputError):
+        table = parse_file(study, "the study in the cube").study
+        if not table.function and name in load_simulator(table.scene).outputs:
+            return "its study does not keep this output; name it in [keep] outputs and run the study again"
+    return ""
+
+
 def _choose(
     cube: xr.Dataset,
     variable: str,
@@ -257,8 +269,8 @@ def _choose(
         if name not in cube.data_vars:
             failed = "outcome" in cube and bool((cube["outcome"] != Outcome.FINISHED).all())
             without = ", of which no point finished" if failed else ""
-            reasons = left_out(cube)
-            why = f": {reasons[name]}" if name in reasons else near_match(name, map(str, cube.data_vars))
+            known = left_out(cube).get(name) or _not_kept(str(cube.attrs.get("study", "")), name)
+            why = f": {known}" if known else near_match(name, map(str, cube.data_vars))
             raise InputError(f"{option('variable', name)}: not in this cube{without}{why}")
     variable = max(names, key=lambda name: len(cube.variables[name].dims))
     dims = set(cube.variables[variable].dims)
