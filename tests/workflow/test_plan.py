@@ -112,7 +112,7 @@ def test_a_step_with_the_points_of_another_is_counted_by_these(chain):
     (chain.parent / "alone.toml").write_text(CHAIN.replace("coast.toml", "two.toml"))
     alone = plan_workflow(chain.parent / "alone.toml", timing=False).steps["coast"]
     assert steps["of_study"].cpu_hours == pytest.approx([6 * hours for hours in alone.cpu_hours])
-    assert "at most 12 points, those of the step that it names" in steps["of_study"].warnings[-1]
+    assert "at most 12 points, all of the step that it names" in steps["of_study"].warnings[-1]
 
 
 CHOSEN = """
