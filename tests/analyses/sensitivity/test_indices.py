@@ -156,10 +156,10 @@ def test_shapley_effects_of_correlated_factors():
     assert (np.abs(found["shapley"] - exact) <= 1.5 * found["shapley_conf"] + 0.01).all()
     assert found["resolved"].sel(factor="speed_rpm").values.tolist() == [0, 1]
     correlated = cube_of(f'kind = "sobol"\nsamples = 64\n{pairs}', outputs)
-    with pytest.raises(InputError, match="independent factors; those of this study are correlated or"):
+    with pytest.raises(InputError, match="independent factors; factors of this study are correlated or"):
         rbd_fast_indices(correlated)
     constrained = cube_of('kind = "sobol"\nsamples = 64\nconstraints = ["torque_n_m < joint_angle_deg"]', outputs)
-    with pytest.raises(InputError, match="those of this study are correlated or constrained"):
+    with pytest.raises(InputError, match="factors of this study are correlated or constrained"):
         rbd_fast_indices(constrained)
 
 
