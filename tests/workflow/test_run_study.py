@@ -149,15 +149,18 @@ def test_a_point_that_kills_its_worker_costs_only_itself(write_study, tmp_path):
     assert int(cube["outcome"].sel(x=3)) == td.Outcome.WORKER_LOST
 
 
-def test_a_point_that_asks_python_to_exit_costs_only_itself_in_this_process(write_study, tmp_path):
-    (tmp_path / "leaving.py").write_text("def f(x):\n    if x == 3:\n        exit(9)\n    return {'y': 2 * x}\n")
+@pytest.mark.parametrize(
+    ("end", "said"), [("exit(9)", "asked Python to exit (9)"), ("raise KeyboardInterrupt", "raised KeyboardInterrupt")]
+)
+def test_a_point_that_asks_python_to_exit_costs_only_itself_in_this_process(write_study, tmp_path, end, said):
+    (tmp_path / "leaving.py").write_text(f"def f(x):\n    if x == 3:\n        {end}\n    return {{'y': 2 * x}}\n")
     study = write_study(
         '[study]\nname = "leaving"\nfunction = "leaving:f"\n[factors.x]\nvalues = [1, 2, 3, 4]\n[run]\nblock = 2\n'
     )
     assert run(study, tmp_path / "out", workers=0).failed == {"worker_lost": 1}
     cube = td.open_cube(tmp_path / "out")
     assert cube["y"].sel(x=[1, 2, 4]).values.tolist() == [2, 4, 8]
-    assert "asked Python to exit (9)" in str(cube["outcome_detail"].sel(x=3).values)
+    assert said in str(cube["outcome_detail"].sel(x=3).values)
 
 
 def test_a_study_whose_process_died_goes_on_with_worker_processes(write_study, tmp_path, monkeypatch):

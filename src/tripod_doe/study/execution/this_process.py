@@ -69,5 +69,7 @@ def _run(task: Task) -> Answer | Lost | Exception:
         return Answer(*run_task(task), NAME)
     except SystemExit as error:
         return Lost(f"the function asked Python to exit ({error.code})")
+    except KeyboardInterrupt:  # its own: Python interrupts the main thread alone
+        return Lost("the function raised KeyboardInterrupt")
     except Exception as error:
         return error
