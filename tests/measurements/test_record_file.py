@@ -233,6 +233,9 @@ def test_a_table_of_very_many_columns_is_refused_before_it_is_taken_apart(read):
         ("axial_force_kN_filt", 1e3),
         ("Thrust-kN", 1e3),
         ("Thrust {lbf}", 4.4482216152605),
+        ("kN Axial force", 1e3),
+        ("[kN] Axial force", 1e3),
+        ("(lbf) Axial force", 4.4482216152605),
         ("Axial force (left)", 1),
         ("Axial force (Kanal 3)", 1),
         ("Axialkraft (Kraftmessdose 2)", 1),
@@ -281,6 +284,16 @@ def test_a_unit_within_a_heading_counts(heading, role, factor):
 def test_a_unit_that_is_not_known_is_refused(read, heading):
     """Each was read as newtons."""
     with pytest.raises(InputError, match=r"the unit of .* is not known; .* names another one"):
+        read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n")
+    assert read(f"{heading},rotation_deg\n1.25,0.5\n", {"thrust_n": f"{heading} [kN]"}).columns["thrust_n"] == 1250
+
+
+@pytest.mark.parametrize(
+    "heading", ["Axial force [N] / 1000", "Axial force N x 100", "Thrust 10^3 N", "Thrust [N]*10", "Thrust/1000"]
+)
+def test_a_factor_beside_the_unit_is_refused(read, heading):
+    """Each was read as newtons."""
+    with pytest.raises(InputError, match=r"may be a factor of the values; .* names the unit"):
         read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n")
     assert read(f"{heading},rotation_deg\n1.25,0.5\n", {"thrust_n": f"{heading} [kN]"}).columns["thrust_n"] == 1250
 

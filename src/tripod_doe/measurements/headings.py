@@ -103,6 +103,8 @@ _OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
 _COMPOUND = 7  # least letters of a name recognised within a longer word, as in Antriebsdrehmoment
 _OPENING = {"]": "[", ">": "<", ")": "("}
 _PIECES, _LONGEST_UNIT = 4, 15  # of a unit within a heading: pieces, as in hh:mm:ss, and characters
+_SCALED = re.compile(r"(?:[/*×·]|\bx)\s*10+\b|\b10\s*\^")
+"""A factor beside a unit, as in ``Force [N] / 1000``."""
 _APART = re.compile(r"\s+in\s+|[\s/,;:_\[\](){}<>|=-]+")
 
 
@@ -154,7 +156,7 @@ def name_and_unit(role: str, heading: str) -> tuple[str, str]:
     """Name and unit of a heading for a role; no unit if the heading has none.
 
     Text in brackets is a unit, unless round ones hold the number of a channel or a side. Text at the end is a unit if
-    the role knows it, or if it can be nothing else; else text before it, as in ``Force [kN] filtered``.
+    the role knows it, or if it can be nothing else; else text before it, as in ``Force [kN] filtered`` or ``kN force``.
     """
     name, opening, text = in_brackets(heading)
     if opening == "(" and is_no_unit(text):
@@ -163,10 +165,10 @@ def name_and_unit(role: str, heading: str) -> tuple[str, str]:
     if opening:
         return name, text
     known = ROLES[role].units.keys() | _NOT_CONVERTED
-    places = [apart.span() for apart in _APART.finditer(heading) if apart.start()]
+    places = [(0, 0), *(apart.span() for apart in _APART.finditer(heading))]
     ends = [*places, (len(heading), len(heading))]
     units = [  # the last counts, the longest of those with the same end
-        (stop, -begin, f"{heading[:start]} {heading[after:]}".rstrip())
+        (stop, -begin, f"{heading[:start]} {heading[after:]}".strip())
         for at, (start, begin) in enumerate(places)
         for stop, after in ends[at + 1 : at + 1 + _PIECES]
         if stop - begin <= _LONGEST_UNIT and unit_key(heading[begin:stop]) in known
@@ -184,7 +186,7 @@ def unit_factor(role: str, heading: str) -> float:
     """Factor for the values under a heading: 1 if the heading has no unit.
 
     Raises:
-        InputError: If the heading has a unit that the role does not know.
+        InputError: If the heading has a unit that the role does not know, or a factor beside it.
     """
     units = ROLES[role].units
     if not units or heading == role:
@@ -195,6 +197,11 @@ def unit_factor(role: str, heading: str) -> float:
         raise InputError(
             f"the unit of {heading!r} is not known; known are {', '.join(units)}; "
             f"{option('column', f'{role}={heading} [UNIT]')} names another one"
+        )
+    if (scaled := _SCALED.search(heading)) and not in_brackets(heading)[1]:  # a unit at the end is the last word
+        raise InputError(
+            f"{heading!r}: {scaled[0]!r} may be a factor of the values; "
+            f"{option('column', f'{role}={heading} [UNIT]')} names the unit of the values as they stand in the file"
         )
     return factor
 
