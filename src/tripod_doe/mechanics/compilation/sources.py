@@ -39,7 +39,7 @@ class SourceHashes:
 def cache_root() -> Path:
     """Folder of compiled kernels: NUMBA_CACHE_DIR if set, else the user's cache, else a temporary folder of the user.
 
-    Machine code and templates are loaded from it as they are, so others must not be able to write there.
+    Machine code is loaded from it as it is, so others must not be able to write there.
     """
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(chosen)
