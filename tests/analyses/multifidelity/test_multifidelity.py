@@ -319,7 +319,7 @@ def test_a_study_runs_its_pilot_takes_the_split_and_grows(study, tmp_path, capsy
     """Exact: run again nothing is computed; with more samples every point that is there is used again."""
     out = tmp_path / "out"
     assert main(["plan", str(study(24)), "--no-timing"]) == 0
-    assert "2 gets 24 samples in any case" in capsys.readouterr().out
+    assert "2 runs 24 samples" in capsys.readouterr().out
     first = td.run(study(24), out, workers=0, progress=False)
     assert first.good
     result = td.open_cube(out)
