@@ -421,7 +421,8 @@ def check(sentence: str, truth: Truth) -> str:
         check_region(sentence, truth)
         return "region"
     if re.search(
-        r"resolves? no |does not separate|too few points for|do not finish|did not finish|No trend|None of|Only points", sentence
+        r"resolves? no |does not separate|too few points for|do not finish|did not finish|No trend|None of|Only points",
+        sentence,
     ):
         return "unknown"
     check_curve(sentence, truth, named[0])

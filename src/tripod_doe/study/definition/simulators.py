@@ -3,6 +3,7 @@
 import importlib
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +90,12 @@ def _search_first(folder: str, module: str) -> None:
 
 
 def _unload(names: Iterable[str]) -> None:
+    """Forget modules, and their bytecode, which Python takes for that of any text of one size within a second."""
     for name in names:
-        sys.modules.pop(name, None)
+        module = sys.modules.pop(name, None)
+        if bytecode := getattr(getattr(module, "__spec__", None), "cached", None):
+            with suppress(OSError):
+                Path(bytecode).unlink()
     importlib.invalidate_caches()
 
 
