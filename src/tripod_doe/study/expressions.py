@@ -193,7 +193,8 @@ class Expression:
             case ast.Subscript(value=value):
                 return self._turns(value)
             case ast.Call(func=ast.Name(id="abs"), args=[value]):  # its distance from zero
-                return self._turns(value) and False
+                self._turns(value)  # checked, too
+                return False
             case ast.UnaryOp(op=ast.USub() | ast.UAdd()) | ast.BinOp(op=ast.Add() | ast.Sub()):
                 return sum(self._turns(each) for each in ast.iter_child_nodes(node)) > 0  # all are checked
             case ast.BinOp(left=left, op=ast.Mult(), right=right) if _is_whole(left) or _is_whole(right):

@@ -55,7 +55,8 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
     Args:
         ladder: From `of_one_ladder`.
     """
-    rest, of_paper = 100 - sum(PAPER_SHARES.values()), all(e.attrs.get("unlike_paper") == "{}" for e in ladder.values())
+    rest = 100 - sum(PAPER_SHARES.values())
+    of_paper = all(each.attrs.get("unlike_paper") == "{}" for each in ladder.values())
     rows = []
     for order in _ORDERS:
         rows.append([f"{ORDINALS[order]} (N)", *(number(value) for value in _amplitudes(ladder, order)), ""])

@@ -87,8 +87,8 @@ def _result(one: ResultDifference) -> str:
     digits = min(max(digits_apart(one.a, one.b), 3), 12)
     unit = unit_text(one.unit)
     values = f"{number(one.a, digits)} -> {with_unit(number(one.b, digits), unit)}"
-    told = math.isfinite(one.relative) and one.a * one.b >= 0  # of a change of sign a percentage says nothing
-    relative = f" ({'+' * (one.relative > 0)}{number(100 * one.relative, 2)} %)" if told else ""
+    in_percent = math.isfinite(one.relative) and one.a * one.b >= 0  # of a change of sign a percentage says nothing
+    relative = f" ({'+' * (one.relative > 0)}{number(100 * one.relative, 2)} %)" if in_percent else ""
     return f"{_named(one.variable, one.part)}: {values}{relative} at {_place(one.at)}"
 
 

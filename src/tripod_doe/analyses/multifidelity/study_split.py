@@ -142,9 +142,9 @@ def _largest_split(study: Study) -> Study:
         return study.simulator.recorded_price({**study.base, table.fidelity: model}) or 0.0
 
     *others, truth = models
-    dearest = max(reversed(others), key=price)
+    most_expensive = max(reversed(others), key=price)
     split = dict.fromkeys(map(str, others), pilot) | {str(truth): samples}
-    split[str(dearest)] += whole - sum(split.values())
+    split[str(most_expensive)] += whole - sum(split.values())
     return _with_split(study, table.model_copy(update={"split": split}))
 
 

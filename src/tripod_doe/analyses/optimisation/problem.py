@@ -358,7 +358,7 @@ def _check_quantities(problem: Problem) -> None:
 
 
 def confirmed_base(base: Mapping[str, Value], model: str, confirm: str) -> dict[str, Value]:
-    """[base] of a file, with the model that confirms in place of that of the search."""
+    """[base] of a file, with the confirming model in place of the one of the search."""
     return {**base, **({_MODEL: confirm} if confirm != model else {})}
 
 

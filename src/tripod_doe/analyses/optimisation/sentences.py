@@ -163,10 +163,13 @@ def _moved_start(problem: Problem) -> list[str]:
     """The variables that [base] sets to values that they may not take, from which the search cannot start."""
     moved = []
     for each in problem.variables.chosen:
-        given, unit = problem.request.file.base.get(each.name), unit_text(problem.simulator.parameters[each.name].unit)
+        given = problem.request.file.base.get(each.name)
+        if given is None:
+            continue
         own = each.values(np.array([each.unit(problem.start[each.name])])).tolist()[0]
-        apart = isinstance(given, str) or isinstance(own, str) or not np.isclose(float(given or 0), float(own))
-        if given is not None and apart and given != own:
+        apart = isinstance(given, str) or isinstance(own, str) or not np.isclose(float(given), float(own))
+        if apart and given != own:
+            unit = unit_text(problem.simulator.parameters[each.name].unit)
             wanted, taken = (with_unit(level_or_word(value), unit) for value in (given, own))
             moved.append(f"{spoken_name(problem, each.name)} = {taken}, not {wanted} as in [base]")
     return [f"The search started at {listed(moved)}, which is no value of the variable."] * bool(moved)

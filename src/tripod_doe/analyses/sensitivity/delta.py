@@ -56,7 +56,7 @@ def _distribution(values: FloatArray, place: IntArray, places: int, at: FloatArr
 
 
 def _indices(values: FloatArray, factors: FloatArray) -> FloatArray:
-    """Half the mean distance of the distribution in a class to that of all points, shape (factor, component).
+    """Half the mean distance of the distribution in a class to the one of all points, shape (factor, component).
 
     A value of many points has no density: it counts with its chance.
     """

@@ -17,7 +17,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 _RBD_HARMONICS = 10  # of the ordered output that count as the factor's, as in SALib
 _MOST_LEVELS = (
     2 * _RBD_HARMONICS + 1
-)  # of a factor whose index is that of the means at its levels: harmonics miss jumps
+)  # of a factor whose index comes from the means at its levels: harmonics miss jumps
 
 FEWEST = 60
 """Points that it needs: halves of fewer are hardly more than the numbers that describe a factor."""
@@ -69,7 +69,7 @@ def _power(centred: FloatArray, order: IntArray) -> FloatArray:
     """Power of the harmonics of an output over a factor by which its points are ordered, shape (harmonic, component).
 
     The points go up along a factor by every second one and down by the others, so that the output is periodic (Plischke
-    2010). Power is taken by products with cosines and sines, that of all harmonics as the variance (Parseval).
+    2010). Power is taken by products with cosines and sines; all harmonics together have the variance (Parseval).
     """
     count = centred.shape[1]
     turns = 2 * np.pi / count * np.arange(count)[:, None] * np.arange(1, 2 * _RBD_HARMONICS + 1)
