@@ -321,10 +321,8 @@ def _equations(
                 raise InputError(f"{where}: reference_a {joint.reference_a} is not across axis_a {joint.axis_a}")
             # across the reference: zero if b's reference is at the angle
             vectors = {"direction_a": _cross(axis, ahead), "turned_a": -ahead}
-            reference, motion = (
-                _checked_direction(where, joint.reference_b),
-                (joint.angle, joint.rate, joint.acceleration),
-            )
+            reference = _checked_direction(where, joint.reference_b)
+            motion = joint.angle, joint.rate, joint.acceleration
             yield PERPENDICULAR, {**vectors, "direction_b": reference, "motion": motion}
         case parts.Fixed():
             turn_a, turn_b = _rotation(place_a[3:]), _rotation(place_b[3:])

@@ -51,7 +51,9 @@ def point_values(cube: xr.Dataset, point: xr.Dataset) -> dict[str, Any]:
         values["model"] = answering[0]
     if "attempt" in point and int(point["attempt"]) > 0:
         used = {str(name): each for name, each in point.data_vars.items() if each.attrs.get("role") == RECORD_ROLE}
-        values |= {name[:-5]: words_of(each).item() for name, each in used.items() if name.endswith("_used")}
+        values |= {
+            name.removesuffix("_used"): words_of(each).item() for name, each in used.items() if name.endswith("_used")
+        }
     return {name: value for name, value in values.items() if value not in ("", "none") and value == value}
 
 
