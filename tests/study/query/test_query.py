@@ -361,3 +361,14 @@ def test_an_output_that_the_study_does_not_keep_says_how_to_get_it(tmp_path):
             query(cube, "friction_power_w")
         with pytest.raises(InputError, match=r"did you mean 'thrust_rms'"):
             query(cube, "thrust_rm")
+
+
+def test_a_label_with_a_comma_is_selected_alone():
+    """Regression: its parts were selected too, and blanks at its ends were lost."""
+    labels = ["a", "b", "a, b", " c", "d "]
+    cube = xr.Dataset({"f": ("point", np.arange(5.0))}, {"kind": ("point", np.array(labels, object))})
+    chosen = {"a, b": [2], "a,b": [0, 1], "a , b": [0, 1], " c": [3], "a, c": [0, 3], "d ,b": [1, 4]}
+    for written, found in chosen.items():
+        assert query(cube, "f", [f"kind={written}"])["f"].values.tolist() == found
+    with pytest.raises(InputError, match="no label is x"):
+        query(cube, "f", ["kind=a,x"])

@@ -1,7 +1,7 @@
 """Selections of labels of a coordinate, and the positions of these labels."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,7 +30,7 @@ class Selection:
     low: float = -math.inf
     high: float = math.inf
     texts: tuple[str, ...] = ()  # allowed text labels: the parts of the selection
-    written: str = ""  # all of it as written, another text label; empty where Python code selects
+    written: str = ""  # all of it as written, perhaps one label; empty where Python code selects
 
 
 def parse_selection(text: str) -> Selection:
@@ -103,6 +103,9 @@ def taken(labels: xr.Variable, left: IntArray | None, selection: Selection, near
     """
     own = np.arange(labels.size) if left is None else left
     values = labels.values[own]
+    if labels.dtype.kind not in "fiub":
+        known = labels.values.astype(str)
+        return own[np.isin(known[own], _text_labels(selection, set(known.tolist())))]
     if nearest:
         nearest_ones = tuple(_nearest(wanted, values) for wanted in selection.values)
         selection = replace(selection, values=selection.values + nearest_ones)
@@ -117,25 +120,32 @@ def refuse_unmatched(labels: xr.Variable, selection: Selection, nearest: bool) -
     """
     if len(selection.values) < 2:
         return
-    missing = dict(zip(selection.texts, selection.values, strict=True))
     known = np.unique(labels.values)
     if known.dtype.kind in "fiub":
-        met = {text for text in missing if nearest or _matching(known, Selection("", (missing[text],))).any()}
+        wanted = zip(selection.texts, selection.values, strict=True)
+        missing = [t for t, value in wanted if not (nearest or _matching(known, Selection("", (value,))).any())]
     else:
         texts = set(known.astype(str).tolist())
-        met = {text for text in missing if text in texts or selection.written in texts}
-    missing = {text: value for text, value in missing.items() if text not in met}
+        missing = [text for text in _text_labels(selection, texts) if text not in texts]
     if missing:
         meant = " or ".join(f"{value:.12g}" for value in readings(selection.written))
         raise InputError(
-            f"{option('select', selection.name)}: no label is {' or '.join([*missing][:_LISTED])}; {selection.name} "
+            f"{option('select', selection.name)}: no label is {' or '.join(missing[:_LISTED])}; {selection.name} "
             f"{labels_text(labels)}" + f"; write {meant} with a decimal point, and no comma" * bool(meant)
         )
 
 
+def _text_labels(selection: Selection, known: Container[str]) -> list[str]:
+    """The labels that are meant: all that is written where it is one, else its parts, with their blanks if known so."""
+    if selection.written in known:
+        return [selection.written]
+    parts = selection.written.split(",") if selection.written else selection.texts
+    return [part if part in known else part.strip() for part in parts]
+
+
 def _nearest(wanted: float | str, values: NDArray[Any]) -> float | str:
     """The first label nearest to a number; a text is returned unchanged."""
-    if isinstance(wanted, str) or values.dtype.kind not in "fiub" or not math.isfinite(wanted):
+    if isinstance(wanted, str) or not math.isfinite(wanted):
         return wanted
     if not np.isfinite(values).any():
         return wanted
@@ -143,9 +153,7 @@ def _nearest(wanted: float | str, values: NDArray[Any]) -> float | str:
 
 
 def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
-    """Labels that meet a selection."""
-    if values.dtype.kind not in "fiub":
-        return np.isin(values.astype(str), [*selection.texts, *filter(None, [selection.written])])
+    """Numbers that meet a selection."""
     _refuse_impossible(selection)
     if not selection.values:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
