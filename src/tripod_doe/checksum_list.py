@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import json
 import os
 import re
 import secrets
@@ -22,7 +23,7 @@ from collections.abc import Iterator, Set
 from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tripod_doe.atomic_files import refuse_links, replace_file, replace_text
 from tripod_doe.errors import CubeError, InputError, StorageError, option
@@ -282,6 +283,15 @@ def is_changed(path: Path, unlisted: bool = False) -> bool:
             return False
         if _version(path) == version or time.monotonic() > end:
             return True
+
+
+def listed_json(path: Path, most_bytes: int) -> Any:
+    """What a listed file holds as JSON; None where it is missing, damaged or larger."""
+    try:
+        text = read_regular(path, most_bytes)  # before its checksum, which reads all of it
+        return None if is_changed(path) else json.loads(text)
+    except (OSError, ValueError, RecursionError, InputError):
+        return None
 
 
 def _digest(path: Path, links: bool = True) -> str:

@@ -462,3 +462,29 @@ def test_two_runs_are_compared_as_by_the_command(api, coast, settings):
     assert api.get(f"/runs/{coast}/diff/none").status_code == 404
     assert api.get(f"/runs/{coast}/diff/{other}", params={"variable": "thrust"}).status_code == 422
     api.delete(f"/runs/{other}")
+
+
+def test_a_run_says_why_an_analysis_was_not_made(api):
+    """Regression: it had finished, and its page said no word of it."""
+    study = """
+        [study]
+        name = "few"
+        [base]
+        model = "equilibrium"
+        [factors.joint_angle_deg]
+        low = 2
+        high = 10
+        [design]
+        kind = "latin-hypercube"
+        samples = 4
+        seed = 1
+        [keep]
+        outputs = ["thrust_rms"]
+        [analysis.surrogate]
+        outputs = ["thrust_rms"]
+        """
+    run = api.wait(api.submit(study), "finished", "failed")
+    reason = "Analysis surrogate was not made: a surrogate needs at least 10 different points, 4 finished."
+    assert (run["state"], run["message"]) == ("finished", reason)
+    assert reason in api.client.get(f"/runs/{run['id']}").text
+    api.delete(f"/runs/{run['id']}")

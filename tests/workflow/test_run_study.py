@@ -333,7 +333,7 @@ def test_where_no_point_finished_an_analysis_says_so(write_study, tmp_path):
     summary = td.run(write_study(text), out=tmp_path / "out", workers=0, progress=False)
     assert summary.analyses == {"contribution": "no point finished: there is nothing to analyse"}
     page = td.write_report(tmp_path / "out").read_text()
-    assert "Analysis contribution was not made: run the study again with the same --out to read why." in page
+    assert "Analysis contribution was not made: no point finished: there is nothing to analyse." in page
 
 
 def test_a_study_whose_parts_fit_nowhere_is_refused_before_anything_is_written(write_study, tmp_path):

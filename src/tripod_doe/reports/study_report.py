@@ -59,6 +59,7 @@ from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_study
+from tripod_doe.study.result_directory.search_condition import failed_analyses
 
 _MOST_FAILED = 50
 _SECTIONS = {
@@ -108,8 +109,9 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
     files += [f"analysis/{name}.nc" for name in analyses]
     with opened_study(directory) as cube:
         named = study_tables(cube).get("analysis", {}) if complete else {}
+        failed = failed_analyses(directory)
         missing = [
-            f"Analysis {name} was not made: run the study again with the same --out to read why."
+            f"Analysis {name} was not made: {failed.get(name, 'run the study again with the same --out to read why')}."
             for name in named
             if name not in analyses
         ]

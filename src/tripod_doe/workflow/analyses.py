@@ -1,5 +1,6 @@
 """Analyses that a study requests: checked before anything runs, then computed from its cube."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.analyses.sensitivity.method import DEPENDENT
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, check_tolerance
+from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
@@ -17,6 +19,7 @@ from tripod_doe.study.cube.netcdf import results_in_history, stamp_history, writ
 from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.toml_text import shown
+from tripod_doe.study.result_directory.search_condition import FAILED
 
 _KEPT = ("Conventions", "institution", "source", "references", "study_hash")
 """Attributes of a cube that its analyses have, too."""
@@ -128,4 +131,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
         result = stamp_history(result, f"analysis {name}", results_in_history(cube.attrs.get("history")))
         write_dataset(result, path_within(directory, "analysis", f"{name}.nc"))
         reasons[name] = ""
+    failed = {name: reason for name, reason in reasons.items() if reason}
+    if failed or (directory / FAILED).exists():
+        write_listed(directory / FAILED, json.dumps(failed))
     return reasons

@@ -7,10 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import is_changed, remove_listed, remove_pages, write_listed
-from tripod_doe.errors import InputError, StorageError, printable
-from tripod_doe.regular_files import read_regular
-from tripod_doe.study.result_directory.search_condition import FOUND, found_in
+from tripod_doe.checksum_list import listed_json, remove_listed, remove_pages, write_listed
+from tripod_doe.errors import StorageError, printable
+from tripod_doe.study.result_directory.search_condition import FOUND, failed_analyses, found_in
 
 STEPS = "steps.json"
 """File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs.
@@ -30,12 +29,7 @@ def write_steps(directory: Path, steps: Iterable[dict[str, Any]]) -> None:
 
 def read_steps(directory: Path) -> list[dict[str, Any]]:
     """Read the states of the steps; empty where they are missing, damaged or too large to be ours."""
-    path = directory / STEPS
-    try:
-        text = read_regular(path, _MOST_BYTES)  # before its checksum, which reads all of it
-        steps = [] if is_changed(path) else json.loads(text)
-    except (OSError, ValueError, RecursionError, InputError):
-        return []
+    steps = listed_json(directory / STEPS, _MOST_BYTES)
     return steps if isinstance(steps, list) else []
 
 
@@ -98,12 +92,13 @@ class Stages:
 
 
 def found_sentences(directory: Path) -> str:
-    """The sentence on what the latest run of a directory looked for; a sentence for each study of a workflow.
+    """The sentences on what the latest run of a directory looked for, and on its analyses that failed.
 
-    Empty if the run looked for nothing.
+    A sentence for each study of a workflow; empty if the run looked for nothing, and no analysis failed.
     """
-    if sentence := found_in(directory):
-        return sentence
+    failed = [f"Analysis {name} was not made: {reason}." for name, reason in failed_analyses(directory).items()]
+    if sentences := list(filter(None, [found_in(directory), *failed])):
+        return " ".join(sentences)[:_LONGEST]
     try:
         steps = read_steps(directory)
         return printable(" ".join(step[FOUND] for step in steps if step.get(FOUND)))[:_LONGEST]
