@@ -167,17 +167,30 @@ def test_a_formula_of_phases_is_one_in_the_cube(make_cube, folder):
     cube = make_cube(
         '[study]\nname = "p"\nfunction = "phase_functions:f"\n[factors.x]\nvalues = [100, 170]\n'
         '[responses.twice]\nformula = "2 * lag_phase_deg"\n[responses.later]\nformula = "twice + 30"\n'
-        '[responses.far]\nformula = "abs(twice - 170)"\n'
+        '[responses.far]\nformula = "abs(twice - 170)"\n[responses.own_phase_deg]\nformula = "6 * x * size"\n'
     )
     assert [is_phase(cube[name]) for name in ("lag_phase_deg", "twice", "later", "far", "size")] == [True] * 3 + [
         False
     ] * 2
     assert cube["twice"].values.tolist() == [-160, -20]
-    assert cube["twice"].attrs["units"] == "degree"
+    assert cube["twice"].attrs["units"] == cube["own_phase_deg"].attrs["units"] == "degree"
     assert cube["later"].values.tolist() == [-130, 10]
     assert cube["far"].values.tolist() == [30, 170]
     assert without_zero(cube["later"])
     assert not without_zero(cube["far"])
+
+
+def test_conditions_take_differences_of_phases_by_the_shorter_way():
+    """Regression: 10 deg from 175 to -175 deg counted as 350; a phase alone is compared as it stands."""
+    columns = {"lag_phase_deg": np.array([175.0, -60]), "other_phase_deg": np.array([-175.0, -50]), "x": np.zeros(2)}
+    for text, met in {
+        "other_phase_deg - lag_phase_deg < 20": [True, True],
+        "abs(lag_phase_deg - other_phase_deg) > 20 or x > 1": [False, False],
+        "lag_phase_deg > 100": [True, False],
+        "lag_phase_deg * 0.5 > 50": [True, False],
+    }.items():
+        condition = Expression(text, NAMES, phases=NAMES[:2], is_condition=True)
+        assert condition(columns).tolist() == met
 
 
 def test_means_of_phases():

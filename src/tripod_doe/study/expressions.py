@@ -107,7 +107,8 @@ class Expression:
 
     Args:
         words: All texts that names have which are flags; a comparison of one with another text is refused.
-        phases: Names that are phases; of a condition, which compares them as they stand in a cube, none.
+        phases: Names that are phases.
+        is_condition: Whether it may compare phases as they stand in a cube, and their differences by the shorter way.
 
     Raises:
         InputError: If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and
@@ -120,13 +121,14 @@ class Expression:
         names: Collection[str],
         words: Mapping[str, Collection[str]] | None = None,
         phases: Container[str] = (),
+        is_condition: bool = False,
     ) -> None:
         self.text = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
         self.used: set[str] = set()
         self._divisors = list[ast.expr]()
         self.operations = 0
         self.widest = 1
-        self._whole, self._words, self._phases = text, words or {}, phases
+        self._whole, self._words, self._phases, self._is_condition = text, words or {}, phases, is_condition
         if len(text) > _LONGEST:
             raise InputError(f"{self.text!r}: {len(text):,} characters; at most {_LONGEST:,} are allowed")
         try:
@@ -200,7 +202,7 @@ class Expression:
             case ast.BinOp(left=left, op=ast.Mult(), right=right) if _is_whole(left) or _is_whole(right):
                 return self._turns(right if _is_whole(left) else left)
         for each in ast.iter_child_nodes(node):
-            if self._turns(each) and isinstance(each, ast.expr):
+            if self._turns(each) and isinstance(each, ast.expr) and not self._is_condition:
                 what = "sums and differences with it, whole multiples, and abs, its distance from 0"
                 raise self._wrong(each, f"{JUMPS}: formulas may use {what}")
         return False
@@ -379,6 +381,8 @@ class Expression:
                 return NamedArray(dims, np.asarray(reduce(combine, map(_truth, terms))), labels)
             case ast.Compare(ops=ops):
                 self._refuse_mixed(terms)
+                turned = [isinstance(part, ast.BinOp) and self._turns(part) for part in parts]
+                terms = [shorter_way(term) if turns else term for term, turns in zip(terms, turned, strict=True)]
                 links = [np.asarray(_COMPARE[type(op)](terms[i], terms[i + 1])) for i, op in enumerate(ops)]
                 return NamedArray(dims, np.asarray(reduce(np.logical_and, links)), labels)
         raise AssertionError(node)

@@ -147,7 +147,7 @@ def _response(
         name,
         expression,
         table.formula,
-        "degree" if expression.is_phase and table.unit in ("", "1") else table.unit or "1",
+        "degree" if (expression.is_phase or is_phase_name(name)) and table.unit in ("", "1") else table.unit or "1",
         table.meaning or table.formula,
         tuple(own),
         tuple(_among(earlier, expression)),

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import CubeError, InputError, near_match, option, printable
 from tripod_doe.model_interface import Outcome
+from tripod_doe.phases import is_phase, is_phase_name
 from tripod_doe.quantities import csv_cell, plain_json
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.slab_reading import read_positions
@@ -190,7 +191,8 @@ class _Choice:
         known = [str(name) for name, other in self.cube.data_vars.items() if {*design}.intersection(other.dims) <= dims]
         words: dict[str, Collection[str]] = {name: list(_words(self._source(name)).values()) for name in known}
         words |= {name: _texts(labels) for name, labels in self.coordinates.items() if name in where}
-        expression = Expression(where, [*self.coordinates, *known], words)
+        phases = [name for name in known if is_phase_name(name) or is_phase(self._source(name))]
+        expression = Expression(where, [*self.coordinates, *known], words, phases, is_condition=True)
         used = [self._source(name).dims for name in expression.used]
         beside = math.prod({dim: self.cube.sizes[dim] for of in used for dim in of if dim not in dims}.values())
         if beside == 1 or math.prod(self.shape) * beside <= _SLAB_CELLS:
