@@ -19,6 +19,8 @@ from scipy.stats import qmc
 import tripod_doe as td
 from tripod_doe.analyses.optimisation.candidates import base_of
 from tripod_doe.analyses.optimisation.confirmation import largest_gains
+from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
+from tripod_doe.analyses.optimisation.problem import make_problem
 from tripod_doe.analyses.optimisation.search import first_generation
 from tripod_doe.analyses.optimisation.variables import Variable, Variables
 from tripod_doe.checksum_list import LIST
@@ -621,7 +623,6 @@ order = 3
             ),
             r"lag': a phase jumps from 180 to -180 deg.*as abs\(lag - 30\)",
         ),
-        (("[objectives", f"[base]\njoint_angle_deg = 9\n{SCATTER}[objectives"), "also a base value, which it replaces"),
     ],
 )
 def test_a_wrong_file_is_refused_before_anything_runs(tmp_path, change, message):
@@ -631,6 +632,18 @@ def test_a_wrong_file_is_refused_before_anything_runs(tmp_path, change, message)
         td.optimise(tmp_path / "a.toml", tmp_path / "out", progress=False)
     assert "a.toml" in str(refused.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_scatter_takes_the_place_of_a_base_value(tmp_path):
+    """Regression: the line had to be removed from the base.toml of a fit that was pasted."""
+    columns = []
+    for base in ("", "[base]\njoint_angle_deg = 9\n"):
+        (tmp_path / "a.toml").write_text(JOINT.replace("[objectives", f"{base}{SCATTER}[objectives"))
+        problem = make_problem(load_optimisation(tmp_path / "a.toml"))
+        assert "joint_angle_deg" not in problem.base
+        columns.append(problem.columns(np.array([[0.5]]), problem.samples(8, 0), problem.model))
+    assert columns[0]["joint_angle_deg"].tolist() == columns[1]["joint_angle_deg"].tolist()
+    assert columns[0]["joint_angle_deg"].std() > 0
 
 
 def test_a_joint_that_no_balance_looks_at_keeps_a_limit_on_vibration(tmp_path):

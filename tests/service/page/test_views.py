@@ -17,7 +17,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.service.explorer import exports
+from tripod_doe.service.explorer import analysis_tables, exports
 from tripod_doe.service.explorer.analysis_tables import view_behind
 from tripod_doe.service.explorer.axes import drawn_view, full_view
 from tripod_doe.service.explorer.explorer_functions import explore, extremes, failures, figure, numbers, point
@@ -267,7 +267,9 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
     items = [part.split("=", 1) for part in f"{view}&minus=torque_n_m=-40".split("&")]
     asked = td.query(td.open_cube(path), "thrust_amplitude", ["order=3", "bearing_radial_clearance_mm=0.02"])
     wanted = asked["thrust_amplitude"].sel(torque_n_m=90) - asked["thrust_amplitude"].sel(torque_n_m=-40)
-    drawn = json.loads(figure(path, items, None))["data"][1]
+    whole = json.loads(figure(path, items, None))
+    drawn = whole["data"][1]
+    assert whole["layout"]["yaxis"]["title"]["text"] == "difference of thrust amplitude (N)"  # it read as the amplitude
     assert np.array_equal(values(drawn["y"]), wanted.values.ravel())
     assert values(drawn["customdata"]).tolist() == [3, 7, 11]  # the points at 90 N m
     rows = numbers(path, items)["rows"]
@@ -279,6 +281,18 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
         InputError, match="torque_n_m is an axis of this figure"
     ):  # the plain values came as a difference
         figure(path, along, None)
+
+
+def test_numbers_like_an_output_have_its_unit(tmp_path):
+    """Regression: means and quantiles of an analysis had none."""
+    values = {"mean": ("output", [8.25, 3.5]), "share_of": ("output", [0.5, 0.25]), "limit": ("output", [np.nan, 4])}
+    attributes = {"analysis_kind": "tolerance", "output_units": json.dumps({"pull": "N", "penetration": "um"})}
+    result = xr.Dataset(values, {"output": ["pull", "penetration"]}, attributes)
+    (table,) = analysis_tables._tables(result, None)
+    assert [[text for _, _, text in row["cells"]] for row in table["rows"]] == [
+        ["8.25 N", "0.5", "\N{EN DASH}"],
+        ["3.5 um", "0.25", "4 um"],
+    ]
 
 
 def test_phases_are_subtracted_by_the_shorter_way(folders):

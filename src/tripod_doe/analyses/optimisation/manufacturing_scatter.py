@@ -61,7 +61,8 @@ def make_scatter(
 ) -> Scatter:
     """The scatter of a file.
 
-    Without a mean, a normal distribution is about the value of the candidate, or about the base value.
+    Without a mean, a normal distribution is about the value of the candidate, or about the base value. Any other one
+    takes the place of a base value, so that the [base] of a fit needs no change.
 
     Raises:
         InputError: If a parameter is unknown, or a distribution wrong.
@@ -73,8 +74,6 @@ def make_scatter(
         if name not in parameters:
             raise request.fail(where, f"unknown parameter{near_match(name, parameters)}")
         parameter, about_base = parameters[name], table.sampled_as in _ABOUT and table.mean is None
-        if name in base and name not in relative and not about_base:
-            raise request.fail(where, f"{name} is also a base value, which it replaces; remove it from [base]")
         if parameter.kind not in ("number", "argument"):
             raise request.fail(where, f"only a number scatters, and {name} is {parameter.range_text}")
         if about_base:

@@ -1,5 +1,6 @@
 """Results of analyses for a page: sentences, tables of numbers, and a view of the points behind each number."""
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -22,6 +23,12 @@ from tripod_doe.study.cube.lazy_dataset import read_dataset
 _MOST_ROWS = 200
 _SIDE_NUMBERS = ("_conf", "_low", "_high", "_error", "_flag")  # endings of numbers shown beside another, or not at all
 _OF_METHOD = ("samples", "resolved", "samples_needed")  # describe the method of the analysis, not the joint
+
+_LIKE_OUTPUT = (
+    *("mean", "std", "quantile", "distribution", "limit", "effect", "coefficient", "mu", "mu_star", "sigma"),
+    *("error_rms", "error_largest"),
+)
+"""Names, or ends of names, of numbers in the unit of the output."""
 
 
 def results(paths: Mapping[str, str], order: int | None) -> Any:
@@ -81,6 +88,18 @@ def _row(result: xr.Dataset, dims: Sequence[str], names: Sequence[str], row: int
     return {"labels": labels, "cells": [(name, cell, _number(result, name, at)) for name in names]}
 
 
+def _output_unit(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
+    """The unit of the output that a number is of, where its variable has none; empty where it is of no output."""
+    own = [key for key in _LIKE_OUTPUT if f"_{name}".endswith(f"_{key}") and "units" not in result[name].attrs]
+    units = json.loads(str(result.attrs.get("output_units", "{}")))
+    if not own or not units:
+        return ""
+    output = name.removesuffix(f"_{own[0]}") if name not in own else next(iter(units))
+    if "output" in at:
+        output = str(result["output"].values[at["output"]])
+    return unit_text(units.get(output, "1"))
+
+
 def _label(coordinate: xr.DataArray) -> str:
     value = coordinate.item()
     if isinstance(value, str):
@@ -89,7 +108,7 @@ def _label(coordinate: xr.DataArray) -> str:
 
 
 def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
-    """A number with its error, if known; a dash for a missing number."""
+    """A number with its error, if known, and with the unit of its output; a dash for a missing number."""
     errors = {
         ending: float(result[name + ending].isel({dim: at[str(dim)] for dim in result[name + ending].dims}))
         for ending in ("_conf", "_error", "_low", "_high")
@@ -98,12 +117,13 @@ def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
     value = float(result[name].isel(at))
     if not np.isfinite(value):
         return "\N{EN DASH}"
+    unit = _output_unit(result, name, at)
     for ending in ("_conf", "_error"):
         if np.isfinite(errors.get(ending, np.nan)):
-            return f"{number(value)} \N{PLUS-MINUS SIGN} {number(errors[ending])}"
+            return with_unit(f"{number(value)} \N{PLUS-MINUS SIGN} {number(errors[ending])}", unit)
     if {"_low", "_high"} <= errors.keys() and np.isfinite(errors["_low"] + errors["_high"]):
-        return value_with_ends(value, errors["_low"], errors["_high"])
-    return number(value)
+        return value_with_ends(value, errors["_low"], errors["_high"], unit)
+    return with_unit(number(value), unit)
 
 
 def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> Any:

@@ -13,7 +13,16 @@ from tripod_doe.page_parts.words import listed
 from tripod_doe.phases import is_phase, shorter_way
 from tripod_doe.quantities import count_of
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
-from tripod_doe.service.explorer.figures.elements import NUMBER, Figure, is_failed, label_of, packed, plain, shown
+from tripod_doe.service.explorer.figures.elements import (
+    IS_DIFFERENCE,
+    NUMBER,
+    Figure,
+    is_failed,
+    label_of,
+    packed,
+    plain,
+    shown,
+)
 from tripod_doe.service.explorer.figures.heat_map import heat_map
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
@@ -192,7 +201,8 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     change = first - second
     if is_phase(variable):
         change = shorter_way(change)
-    changed = change.assign_coords(variable.coords).assign_attrs(variable.attrs).rename(variable.name)
+    attributes = variable.attrs | {IS_DIFFERENCE: "yes"}
+    changed = change.assign_coords(variable.coords).assign_attrs(attributes).rename(variable.name)
     lost = data["outcome"].where(other["outcome"] == Outcome.FINISHED, other["outcome"]).astype(np.int8)
     kept = [name for name in data.data_vars if name in ("outcome_detail",)]
     return xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)}).assign(

@@ -19,6 +19,9 @@ Figure = dict[str, Any]
 NUMBER = "point_number"
 """Coordinate over the dimensions of the design: the number of each point, in the order of the cube."""
 
+IS_DIFFERENCE = "is_difference"
+"""Attribute of a variable from which another one is subtracted, so that labels say so."""
+
 FAILED_COLOUR, WAITING_COLOUR = "#b5532a", "#8b96a3"
 """Readable on light and on dark paper."""
 
@@ -68,7 +71,8 @@ def label_of(variable: xr.DataArray) -> str:
     """A variable or a coordinate with its unit, as an axis label; names from a user's function get no unit."""
     name, attrs = str(variable.name), variable.attrs
     own = "user function" in (attrs.get("source"), str(attrs.get("long_name", "")).removeprefix("output of a "))
-    return with_brackets(name if own else spoken(name), unit_text(str(attrs.get("units", "1"))))
+    words = ("difference of " if IS_DIFFERENCE in attrs else "") + (name if own else spoken(name))
+    return with_brackets(words, unit_text(str(attrs.get("units", "1"))))
 
 
 def with_brackets(words: str, unit: str) -> str:
