@@ -147,3 +147,15 @@ def test_a_run_with_a_large_numerical_error_is_sent_to_the_finest_model():
     outputs = {"thrust_amplitude": np.full((1, 13), 10.0), "thrust_amplitude_error": np.full((1, 13), 2.0)}
     sentence, *_ = model_notes(simulator, columns, outputs)
     assert sentence.endswith('above 5 %; check it with model = "needles".')
+
+
+def test_a_verdict_does_not_contradict_the_reason_of_an_unknown_error():
+    """Regression: "no similar points were compared", beside "for most of the similar points ... did not finish"."""
+    models, unknown = (
+        np.array(["coarse"], object),
+        np.array(["for most of the similar points one did not finish"], object),
+    )
+    summary = ModelSummary()
+    summary.add(ModelErrors("third order", "fine", models, np.array([np.nan]), np.array([np.nan]), unknown))
+    assert "doubtful, since the error of its model is not known there; check it" in summary.texts[0]
+    assert "no similar" not in " ".join(summary.texts)

@@ -66,7 +66,7 @@ def verdicts(errors: ModelErrors, numerical: FloatArray | None = None) -> Verdic
         f"one in ten similar points was off by more than {_NOTABLE}",
         f"one in ten similar points was off by more than {_LARGE}",
         f"half of the similar points were off by more than {_NOTABLE}",
-        "no similar points were compared with a finer model",
+        "the error of its model is not known there",
         f"the run reports a numerical error of the {what} above {_NOTABLE}",
         "its value is known exactly",
     ]
