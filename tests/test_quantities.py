@@ -114,6 +114,7 @@ def test_intervals_keep_the_digits_that_are_known():
     assert interval(7e-6, 0.014) == "0 +- 0.014"
     assert interval(0.0016, 0.014) == "0.002 +- 0.014"
     assert interval(14.1234, 0.0) == "14.1"
+    assert interval(-2.0, 1.5e-15) == "-2"  # rounding
     assert interval(14.1234, math.nan) == "14.1"
 
 

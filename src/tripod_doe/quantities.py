@@ -14,6 +14,7 @@ from typing import Any
 from tripod_doe.errors import printable
 
 _DIGITS = 3
+_ROUNDING = 1e-12  # part of a number up to which the half width of its interval is rounding
 _MOST_APART = 6  # digits by which the ends of a range differ, beyond which they are alike
 _GIVEN_DIGITS = 6  # of a value that a user wrote: enough to recognise it
 _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
@@ -117,11 +118,9 @@ def rounded_down(value: float, digits: int = 2) -> str:
 def interval(value: float, half: float) -> str:
     """A number with the half width of its interval, to the digits that this leaves: ``0.7 +- 0.05``.
 
-    The number alone where no interval is known, or where it is exact.
+    The number alone where no interval is known, or where it is exact but for rounding.
     """
-    if not math.isfinite(half) or not math.isfinite(value):
-        return number(value)
-    if half == 0:
+    if not math.isfinite(half) or not math.isfinite(value) or half <= _ROUNDING * abs(value):
         return number(value)
     if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(abs(half))) - 1):  # beyond the digits that are left
         return f"0 +- {number(half, 2)}"

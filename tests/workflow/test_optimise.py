@@ -862,7 +862,9 @@ def test_a_ratio_to_rounding_is_no_value(tmp_path):
     (tmp_path / "a.toml").write_text(RATIO)
     td.optimise(tmp_path / "a.toml", tmp_path / "out", workers=0, progress=False)
     with td.open_cube(tmp_path / "out" / "candidates.nc") as found:
-        assert set(found["reason"].values.tolist()) == {"ratio: no value there"}
+        assert set(found["reason"].values.tolist()) == {
+            "ratio: no value there, as where its formula divides by rounding"
+        }
 
 
 def test_an_optimum_has_the_error_of_its_model(tmp_path, capsys):
@@ -874,6 +876,7 @@ def test_an_optimum_has_the_error_of_its_model(tmp_path, capsys):
     page = "".join(capsys.readouterr())
     assert "The search started at pitch radius = 22 mm, not 26 mm as in [base]" in page
     assert re.search(r"The smallest second of \d+ candidates is 0\S* \+- 0\.\d+ N", page)
+    assert re.search(r"candidate 0: second 0\S* \+- 0\.\d+; ", page)  # regression: second 3.93e-15
     assert re.search(r"in second than the start, with 0\S* \+- 0\.\d+ N\.", page)
 
 

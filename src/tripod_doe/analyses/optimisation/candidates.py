@@ -10,7 +10,7 @@ from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import confirmed_base, pasted
 from tripod_doe.errors import CubeError, InputError
 from tripod_doe.page_parts.words import unit_text
-from tripod_doe.quantities import number
+from tripod_doe.quantities import interval, number
 from tripod_doe.study.definition.toml_text import parse_toml
 
 FINDINGS = "findings"
@@ -90,7 +90,10 @@ def front_lines(front: xr.Dataset) -> list[str]:
     lines = [] if count <= _MOST_LINES else [f"{len(shown)} of the {count:,} candidates of the front:"]
     for at in shown:
         one = front.isel(candidate=at)
-        aims = ", ".join(f"{name} {number(float(one[name]), 4)}" for name in objectives)
+        errors = [float(one[f"{name}_error"]) if f"{name}_error" in one else 0.0 for name in objectives]
+        values = [(float(one[name]), error) for name, error in zip(objectives, errors, strict=True)]
+        texts = [interval(value, error) if error > 0 else number(value, 4) for value, error in values]
+        aims = ", ".join(f"{name} {text}" for name, text in zip(objectives, texts, strict=True))
         chosen = ", ".join(f"{name} {value_text(one[name].item())}" for name in variables)
         lines.append(f"candidate {at}: {aims}; {chosen}")
     return lines

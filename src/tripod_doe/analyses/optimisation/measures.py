@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,6 +116,7 @@ def judged(
     ends: Ends,
     weights: FloatArray,
     quantile: float,
+    quotients: Container[str] = (),
 ) -> Judged:
     """Judge candidates.
 
@@ -124,6 +125,7 @@ def judged(
         weights: Of the operating points; they add up to one.
         quantile: Share of the joints of a sample for which a value must hold; points that failed count as the worst of
             them.
+        quotients: Names of responses that divide.
     """
     aims = [_of_objective(values[table.output, table.order], table, weights, quantile) for table in objectives.values()]
     limits = [
@@ -136,7 +138,7 @@ def judged(
     violation = np.stack([far for _, _, far in limits], axis=1) if limits else none
     failed = ends.failed.mean(axis=1)
     reasons = [
-        _reason(why, [*objectives], objective[row], kept[row], violation[row], constraints)
+        _reason(why, objectives, objective[row], kept[row], violation[row], constraints, quotients)
         for row, why in enumerate(ends.reasons())
     ]
     return Judged(
@@ -152,16 +154,18 @@ def judged(
 
 def _reason(
     why: str,
-    aims: list[str],
+    aims: Mapping[str, ObjectiveTable],
     objectives: FloatArray,
     kept: FloatArray,
     violation: FloatArray,
     constraints: Mapping[str, ConstraintTable],
+    quotients: Container[str],
 ) -> str:
     """The reason why a candidate is not feasible; empty where it is."""
     judged = dict(zip([*aims, *constraints], [*objectives, *kept], strict=True))
     if missing := [name for name, value in judged.items() if not np.isfinite(value)]:
-        return why or f"{', '.join(missing)}: no value there"
+        divides = any((aims.get(name) or constraints[name]).output in quotients for name in missing)
+        return why or f"{', '.join(missing)}: no value there" + ", as where its formula divides by rounding" * divides
     texts = []
     for (name, table), value, far in zip(constraints.items(), kept, violation, strict=True):
         if far > 0:

@@ -177,7 +177,8 @@ class Problem:
                 numerical, expected = np.zeros(points.count), np.zeros(points.count)
             values[name, order] = PointValues(*(each.reshape(shape) for each in (value, numerical, expected)))
         quantile = self.request.file.optimisation.quantile
-        return judged(self.objectives, self.constraints, values, ends, self.operating.weights, quantile)
+        quotients = [each.response.name for each in own.values() if "/" in each.response.formula]
+        return judged(self.objectives, self.constraints, values, ends, self.operating.weights, quantile, quotients)
 
     def _expected(
         self, order: int, amplitude: FloatArray, columns: Mapping[str, NDArray[Any]], third: FloatArray
