@@ -30,7 +30,7 @@ from tripod_doe.service.explorer.view import View
 from tripod_doe.service.explorer.what_if import contribution_study, price_of_point
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.page.rendering import part
-from tripod_doe.service.requests.gallery import gallery, gallery_upload
+from tripod_doe.service.requests.gallery import gallery, gallery_upload, study_of_joint
 from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.service.requests.study_form import changed_text, study_form
 from tripod_doe.service.requests.uploads import main_file, upload_texts, write_upload
@@ -513,6 +513,24 @@ def test_a_long_field_is_kept_whole():
     assert tomllib.loads(text)["factors"]["torque_n_m"]["values"] == levels
     with pytest.raises(InputError, match="more than 1,000 values"):
         changed_text(GRID, "parameter.torque_n_m", "1, " * 20_000)
+
+
+def test_a_study_of_a_joint_is_at_the_operating_points_of_its_search():
+    """Regression: it had the angles 4, 8 and 12 deg whatever the search was for."""
+    base = '[base]\nmodel = "equilibrium"\njoint_angle_deg = 9\n'
+    at = {"torque_n_m": {"values": [50, 60.5]}, "weights": [1, 2]}
+    for search, factors in (
+        ({"at": at}, {"torque_n_m": {"values": [50, 60.5]}}),
+        ({"at": {"table": "values.csv"}}, {"joint_angle_deg": {"values": [9]}}),
+    ):
+        text = study_of_joint("j", base, 3, search)
+        assert tomllib.loads(text)["factors"] == factors
+        assert parse_study(text).file.study.name == "j, candidate 3"
+    assert tomllib.loads(study_of_joint("j", "[base]\n", None, {}))["factors"]["joint_angle_deg"]["values"] == [
+        4,
+        8,
+        12,
+    ]
 
 
 def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):

@@ -7,7 +7,9 @@ from starlette.responses import HTMLResponse
 
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.requests.gallery import gallery, gallery_upload, study_of_joint
+from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.service.routes.dependencies import Body, WritingService
+from tripod_doe.study.definition.toml_text import parse_toml
 
 router = APIRouter(include_in_schema=False)
 
@@ -25,10 +27,10 @@ def new(
 ) -> HTMLResponse:
     """Write a study, starting from the gallery, an earlier run, a point's contributions, or the joint of a search."""
     if joint:
-        upload = {
-            "study": study_of_joint(service.runs.find(joint).shown_name, service.base_of(joint, candidate), candidate),
-            "files": {},
-        }
+        search, run = service.upload_of(joint), service.runs.find(joint)
+        file = parse_toml(search.get(run.kind, ""), main_file(run.kind))
+        text = study_of_joint(run.shown_name, service.base_of(joint, candidate), candidate, file)
+        upload = {"study": text, "files": {}}
     elif contributions:
         path = str(service.results(contributions, step))
         study_text = service.ask("explorer.what_if:contribution_study", path=path, number_of_point=point)

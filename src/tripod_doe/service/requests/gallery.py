@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 from tripod_doe.errors import InputError
 from tripod_doe.service.requests.uploads import KINDS
 from tripod_doe.study.definition.template import TEMPLATES, examples_place
+from tripod_doe.study.definition.toml_text import toml_text
 
 _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
@@ -21,6 +23,7 @@ _TEMPLATE_NAMES = {
     "what-if": "A page with sliders",
     "multifidelity": "Several models at once",
 }
+_ANGLE = "joint_angle_deg"
 _NAMED_FILE = re.compile(r'\b(study|table|measurement)(\s*=\s*)"([^"\n]+\.(?:toml|csv))"')
 _RECORD = re.compile(r"^([^,\n]+\.csv)\b", re.MULTILINE)  # first cells of a table of records
 
@@ -102,16 +105,22 @@ def _files() -> dict[str, Path]:
     return studies | {f"{kind}-{path.stem}": path for kind, names in others for path in sorted(place.glob(names))}
 
 
-def study_of_joint(name: str, base: str, candidate: int | None) -> str:
-    """A study of the joint of a search's result, over the joint angle.
+def study_of_joint(name: str, base: str, candidate: int | None, search: Mapping[str, Any]) -> str:
+    """A study of the joint of a search's result at its operating points; over the joint angle where there is none.
 
     Args:
         name: Name of the search's run.
         base: The result's table [base].
+        search: The file of the search.
         candidate: Number on a front; None for the joint of a fit, or at the knee.
     """
     which = "" if candidate is None else f", candidate {candidate}"
     head = json.dumps(f"{name}{which}", ensure_ascii=False)
-    lines = [line for line in base.splitlines() if not line.startswith("joint_angle_deg ")]
-    angles = "[factors.joint_angle_deg]\nvalues = [4, 8, 12]\n"
-    return "\n".join(["[study]", f"name = {head}", "", *lines, "", angles])
+    tables = search.get("at", {}).items()
+    at = {each: table["values"] for each, table in tables if isinstance(table, dict) and "values" in table}
+    if not at:
+        own = tomllib.loads(base)["base"].get(_ANGLE)
+        at = {_ANGLE: [4, 8, 12] if own is None else [own]}
+    lines = [line for line in base.splitlines() if line.partition(" ")[0] not in at]
+    factors = toml_text({"factors": {each: {"values": values} for each, values in at.items()}})
+    return "\n".join(["[study]", f"name = {head}", "", *lines, "", factors])
