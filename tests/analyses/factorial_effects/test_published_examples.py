@@ -229,3 +229,15 @@ def test_the_mean_of_a_phase_is_a_phase():
     result = factorial_effects(cube)
     assert abs(result["mean"].item()) == pytest.approx(180)
     assert result["effect"].item() == pytest.approx(20)
+
+
+def test_a_factor_with_one_value_in_a_grid_has_no_effect(tmp_path):
+    """Regression: settings that repeat for no term ended the analysis with an internal error."""
+    (tmp_path / "one.py").write_text("def f(a, b, c):\n    return {'y': 3 * a + c}\n")
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\nfunction = "one:f"\n[factors]\na.values = [0, 1, 3]\nb.values = [2]\nc.values = [0, 1]\n'
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    effect = factorial_effects(td.open_cube(tmp_path / "out"))["effect"].to_series()
+    assert set(effect.index) == {"a", "c", "a:c", "a^2"}
+    assert effect["a"] == pytest.approx(9)

@@ -48,6 +48,20 @@ def test_a_slope_is_stated_within_the_range_of_its_factor():
     assert any("own decreases with x by 0.00266 N per 0.001 mm (0.011 to 0.019 mm; " in each for each in find(cube))
 
 
+@pytest.mark.parametrize("size", [1e-300, 1.0, 1e300])
+def test_a_line_is_a_line_at_any_size_of_its_values(size):
+    """Regression: the squares of such numbers are zero or infinite, and the report ended with an internal error."""
+    cube = xr.Dataset(
+        {
+            "own": ("x", size * np.array([3.0, 4, 5.1]), {"role": RESPONSE_ROLE, "long_name": "own"}),
+            "outcome": ("x", np.full(3, Outcome.FINISHED, np.int8)),
+        },
+        coords={"x": ("x", [1.0, 2, 3], {"source": "this study"})},
+        attrs={"study": '[study]\nname = "t"\n'},
+    )
+    assert any("own increases with x by" in each and "R2 = 0.9992" in each for each in find(cube))
+
+
 def test_the_end_of_a_class_beside_zero_is_zero():
     """Regression: "in the class -0.0366 to -2.92e-6 deg" of a skew that is sampled from -0.3 to 0.3 deg."""
     random = np.random.default_rng(2)

@@ -138,8 +138,9 @@ def _with_repeats(terms: Terms, columns: Mapping[str, NDArray[np.generic]]) -> T
     repeats = []
     for own in sets:
         at = numbered(codes[name] for name in own)
-        if int(at.max()) + 1 < at.size:
-            repeats.append((at, np.array([bool(each & own) for each in members])))
+        concerned = np.array([bool(each & own) for each in members])
+        if concerned.any() and int(at.max()) + 1 < at.size:
+            repeats.append((at, concerned))
     return replace(terms, repeats=repeats)
 
 

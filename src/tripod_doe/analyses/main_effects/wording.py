@@ -83,6 +83,8 @@ def _class_ends(levels: FloatArray, inside: FloatArray) -> FloatArray:
 
 def _r2(curve: FloatArray, fitted: FloatArray) -> float:
     """Part of the variation that fitted values explain."""
+    scale = np.abs(curve).max()  # squares of numbers such as 1e-200 or 1e200 are no numbers
+    curve, fitted = curve / scale, fitted / scale
     return 1 - float(((curve - fitted) ** 2).sum()) / float(((curve - curve.mean()) ** 2).sum())
 
 
