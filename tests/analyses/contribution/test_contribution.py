@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analyses.contribution.sentences import find_in_contribution
+from tripod_doe.analyses.contribution.sentences import contribution_notes, find_in_contribution
 from tripod_doe.analyses.contribution.shares import contributions
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
@@ -31,6 +31,10 @@ def additive(a, b, c, load=1.0):
     return {"y": load * (5 * a + 4 * b + c)}
 def paired(a, b, c):
     return {"y": 6 * a + 2 * b * c + 2 * c}
+def gate(a, b, c):
+    return {"y": a * (6 + 4 * b)}
+def lonely(a, b, c):
+    return {"y": 6 * a}
 def offset(a, b, c):
     return {"y": 1 + 12 * a - 3 * b}
 def orders(a, b, c, load=1.0):
@@ -133,6 +137,14 @@ def test_a_pair_that_works_only_together_is_split_evenly(ablate):
     assert result["strongest_pair"].item() == "b + c"
     assert float(result["strongest_interaction"]) == pytest.approx(20)
     assert result["interaction"].sel(pair=["a + b", "a + c"]).values == pytest.approx([0, 0])
+
+
+@pytest.mark.parametrize(("function", "said"), [("gate", True), ("lonely", False)])
+def test_a_joint_contribution_is_divided_only_where_there_is_one(ablate, function, said):
+    """Regression: "so the others get about half of their shares", where all others had none."""
+    (part,) = contributions({"c": contribution_shares(ablate(function), ContributionSettings(output="y"))})
+    (note,) = (note for note in contribution_notes(part) if note.startswith("All of y depends on a"))
+    assert ("the others get about half" in note) == said
 
 
 def test_shapley_values_add_up_to_all_less_none_and_an_opponent_is_negative(ablate):

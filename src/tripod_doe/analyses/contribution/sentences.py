@@ -260,8 +260,9 @@ def _halves(part: Contribution, needed: int) -> str:
     if "share_shapley" not in part.shares:
         return ""
     others = np.arange(len(part.mechanisms)) != needed
-    gap = np.abs(part.shares["share_shapley"] - part.shares["share_off"] / 2)[:, others]
-    if not np.isfinite(gap).all() or gap.max(initial=0) > _HALF:
+    half = part.shares["share_off"][:, others] / 2
+    gap = np.abs(part.shares["share_shapley"][:, others] - half)
+    if not np.isfinite(gap).all() or gap.max(initial=0) > _HALF or np.abs(half).max(initial=0) <= _HALF:
         return ""
     return (
         " The Shapley value divides a joint contribution of two mechanisms equally between them, so the others "
