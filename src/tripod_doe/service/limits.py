@@ -50,6 +50,6 @@ MEANINGS = {
     "run_memory_bytes": "address space of each process of a run (bytes)",
     "streams": "event streams open at the same time",
     "connections": "connections open at the same time; fewer where the system allows fewer open files",
-    "bin_days": "days after which a deleted run is removed from the bin, when a server starts",
+    "bin_days": "days after which a deleted run is removed from the bin, once a server has run for an hour",
 }
 """Meaning of each limit."""

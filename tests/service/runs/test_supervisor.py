@@ -275,8 +275,14 @@ def test_the_bin_is_emptied_after_some_weeks(start, settings, tmp_path):
     supervisor.close()
     spoil_table(settings, old, lambda record: record | {"binned": "2020-01-01T00:00:00.000Z"})
     later = start(SLEEP)
+    time.sleep(0.6)
+    assert {run.id for run in later.in_bin()} == {old, new}  # regression: a clock a month ahead emptied it at once
+    later._bin_due = 0.0
+    until = time.monotonic() + 20
+    while len(later.in_bin()) > 1 or (settings.folder / old).exists():
+        assert time.monotonic() < until
+        time.sleep(0.02)
     assert [run.id for run in later.in_bin()] == [new]
-    assert not (settings.folder / old).exists()
     assert (settings.folder / new).is_dir()
 
 
@@ -611,8 +617,14 @@ def test_a_run_that_takes_a_larger_study_takes_nothing_else(start, tmp_path):
     with pytest.raises(StorageError, match="full"):
         supervisor.extend(run_id, upload, PLAN, broken)
     assert supervisor.find(run_id).state is State.FAILED
+    made = [supervisor.directory(run_id) / name for name in ("report/index.html", "analysis/effects.nc", "cube.nc")]
+    for path in made:
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
     assert supervisor.extend(run_id, upload, PLAN, note).state is State.QUEUED
     assert not upload.exists()
+    # regression: while it waited, the analyses of the smaller study were served as its own
+    assert [path.exists() for path in made] == [False, False, True]
 
 
 def test_the_end_of_a_run_is_told_once_and_not_that_of_results_that_were_there(tmp_path):

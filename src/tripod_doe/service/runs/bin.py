@@ -69,10 +69,13 @@ class Bin:
             self._table.remove(run_id)
         remove_tree(doomed)
 
-    def empty(self, days: float) -> None:
-        """Remove runs that were in the bin for more than `days`, and leftovers of removals that a kill interrupted."""
+    def remove_leftovers(self) -> None:
+        """Remove what a kill left of removals."""
         for left in self._folder.glob(f"{_DELETED}*"):
             remove_tree(left)
+
+    def empty(self, days: float) -> None:
+        """Remove runs that were in the bin for more than `days`."""
         oldest = stamp(datetime.now(UTC) - timedelta(days=days))
         for run in [run for run in self.all() if run.binned < oldest]:
             try:

@@ -11,13 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.atomic_files import remove_tree
+from tripod_doe.atomic_files import refuse_links, remove_tree
 from tripod_doe.checksum_list import results_number
-from tripod_doe.errors import CubeError
+from tripod_doe.errors import CubeError, InputError
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
+from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.journal import COMPUTING, Journal, journal_path
 from tripod_doe.study.result_directory.open_cube import is_shown
 from tripod_doe.workflow.steps_file import STEPS, found_sentences
@@ -83,6 +84,14 @@ def remove_report(directory: Path) -> None:
         page_of(directory).unlink()
 
 
+def remove_answers(directory: Path) -> None:
+    """Remove report and analyses of a study that has grown: none is served as that of the study that waits."""
+    with suppress(OSError, InputError):  # the run reports a folder that cannot be written, or is a link
+        refuse_links(directory)
+        for path in (page_of(directory), *analysis_files(directory).values()):
+            path.unlink(missing_ok=True)
+
+
 def remove_stages(directory: Path) -> None:
     """Remove the stages of a search's earlier run: the search starts again, and reuses the stored points."""
     with suppress(OSError):
@@ -135,10 +144,11 @@ def is_exchanged(run: Run, directory: Path) -> bool:
 def refuse_exchanged(run: Run, directory: Path) -> None:
     """Refuse (RefusedError 404) a run whose directory holds other results."""
     if is_exchanged(run, directory):
+        soon = "shown in place of this one within seconds if it can be; else " if run.kind == "study" else ""
         raise RefusedError(
             404,
-            f"{run.id}: its directory holds the results of another run: put its own back, or delete this run, which "
-            "leaves that directory",
+            f"{run.id}: its directory holds the results of another run: {soon}put its own back, or delete this run, "
+            "which leaves that directory",
         )
 
 

@@ -29,6 +29,7 @@ from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.annotation import annotated, write_annotation
 
 _PERIOD = 0.25  # seconds between two checks: a finished point must show within a second
+_BIN_PERIOD = 3600.0  # seconds from the start until the bin is emptied: a clock that is wrong is set right meanwhile
 _FURTHER = "further points, or variables by formula"
 _PATIENCE = 20.0  # seconds that a run has to end in order after a stop
 
@@ -66,6 +67,7 @@ class Supervisor:
         self._stop_by: dict[str, float] = {}
         self._endings: dict[str, tuple[State, str]] = {}  # known endings that a full disk has kept from the table
         self._annotation_files = AnnotationFiles()
+        self._bin_due = time.monotonic() + _BIN_PERIOD
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
@@ -79,7 +81,7 @@ class Supervisor:
             elif not self.settings.read_only:
                 self._table.remove(run.id)
         if not self.settings.read_only:
-            self._bin.empty(self.settings.limits.bin_days)
+            self._bin.remove_leftovers()
         self._thread.start()
 
     def close(self) -> None:
@@ -247,6 +249,7 @@ class Supervisor:
     def _take_upload(self, run: Run, upload: Path, plan: Mapping[str, Any]) -> Run:
         """Replace the upload of a run, and queue the run."""
         run_end.replace_upload(self.directory(run.id), upload)
+        run_end.remove_answers(self.directory(run.id))
         new = {"counts": replace(run.counts, total=plan["unique"]), "name": plan["name"], "question": plan["question"]}
         return self._store(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
@@ -364,6 +367,9 @@ class Supervisor:
                 with _logged("what people write about runs"):
                     self._read_annotations()
                 self._start_waiting()
+                if time.monotonic() > self._bin_due:
+                    self._bin_due += _BIN_PERIOD
+                    self._bin.empty(self.settings.limits.bin_days)
 
     def _for_one(self, run: Run, step: Callable[[str], None]) -> None:
         """Call a step for a run; an error fails this run only, and the others go on."""
