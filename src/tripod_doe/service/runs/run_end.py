@@ -47,7 +47,8 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         return State.STOPPED, ""
     if run.is_left_alone:
         here = "" if run.has_function else "extend it here, or "
-        return State.STOPPED, f"points are missing: {here}run the study again from the command line"
+        missing = "points are missing" if counts.missing else "its report is missing, or being made"
+        return State.STOPPED, f"{missing}: {here}run the study again from the command line"
     if failed:  # of the studies that ended, what they were to look for is known
         return State.FAILED, "; ".join(filter(None, (*failed, found_sentences(directory))))
     return State.FAILED, last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
