@@ -207,7 +207,8 @@ _OUTPUTS = [
         "1",
         "",
         "input less output less friction power, over the friction power (or over a "
-        "thousandth of the transmitted power, where that is larger)",
+        "thousandth of the transmitted power, where that is larger); motion that a method damps instead of resolving "
+        "it counts, as the rattling of needles",
     ),
     Output(
         VIBRATES,

@@ -167,6 +167,19 @@ def test_a_list_of_points_is_filtered_by_ranges_as_by_a_query(folders):
     ]
 
 
+def test_parallel_axes_of_candidates_show_all_objectives(folders):
+    """Regression: the axes held one objective at a time."""
+    cube = td.open_cube(folders["list"])
+    points = cube.assign(
+        second=cube["thrust_amplitude"].sel(order=2, drop=True).assign_attrs(role="objective", units="N"),
+        third=cube["thrust_amplitude"].sel(order=3, drop=True).assign_attrs(role="objective", units="N"),
+    )
+    drawn = draw(points, view_of(points, "variable=third&kind=parallel&where=third > 0"))
+    assert [axis["name"] for axis in drawn["axes"]][-2:] == ["second", "third"]
+    wanted = points["second"].where(points["third"] > 0).values
+    assert np.array_equal(values(drawn["axes"][-2]["values"]), wanted, equal_nan=True)
+
+
 def test_curves_of_a_list_are_one_per_point(folders):
     cube = td.open_cube(folders["list"])
     view = view_of(cube, "variable=thrust&kind=lines")

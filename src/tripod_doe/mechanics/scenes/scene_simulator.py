@@ -42,7 +42,13 @@ PROGRESS = Dimension("progress", PLACES)
 
 RUN_OUTPUTS = (
     Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
-    Output("energy_residual", "1", "", "energy residual over the converted energy"),
+    Output(
+        "energy_residual",
+        "1",
+        "",
+        "energy residual over the converted energy; motion that a method damps instead of resolving it counts, as the "
+        "rattling of needles",
+    ),
 )
 """Outputs of every run."""
 

@@ -68,13 +68,19 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
     cells = narrowed(answer)
     if "selected" in answer and "outcome" in cells and not set(answer["selected"].dims) - set(cells["outcome"].dims):
         cells["outcome"] = cells["outcome"].where(answer["selected"], Outcome.FINISHED).astype(np.int8)
-    for name in (f"{view.variable}_error", "outcome_detail"):
-        if name in cube and set(cube[name].dims) <= set(cube[view.variable].dims):
+    beside = _aims(cube) if view.kind in ("parallel", "matrix") else []
+    for name in (f"{view.variable}_error", "outcome_detail", *beside):
+        if name in cube and name != view.variable and set(cube[name].dims) <= set(cube[view.variable].dims):
             axes = [axis.name for axis in coordinate_axes(cube).values() if axis.dim in cube[name].dims]
             cells[name] = query(cube, name, view.selected(axes))[name]
     keep = {dim for name in (view.x, view.by) if name in cube.variables for dim in cube[name].dims}
     keep |= set(design_of(cube)) if view.kind in OF_POINTS else set()
     return cells.squeeze([dim for dim in cells.dims if cells.sizes[dim] == 1 and dim not in keep], drop=True)
+
+
+def _aims(data: xr.Dataset) -> list[str]:
+    """Objectives and constraints of the candidates of an optimisation."""
+    return [str(name) for name, each in data.data_vars.items() if each.attrs.get("role") in ("objective", "constraint")]
 
 
 def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figure:
@@ -211,13 +217,17 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
 
 
 def parallel_axes(data: xr.Dataset) -> Figure:
-    """Factors and variable of all points, as ``axes`` side by side, with their ``numbers`` and ``outcome``."""
+    """Factors and variable of all points, as ``axes`` side by side, with their ``numbers`` and ``outcome``.
+
+    Between them stand the other objectives and the constraints of candidates.
+    """
     variable, design = shown(data), data["outcome"].dims
     factors = [
         name for name in coordinate_axes(data) if name not in ("point", NUMBER) and set(data[name].dims) <= set(design)
     ]
-    columns = [data[name].broadcast_like(data["outcome"]).transpose(*design) for name in factors]
-    axes = [_parallel_axis(column) for column in (*columns, variable.transpose(*design))]
+    columns = [data[name].broadcast_like(data["outcome"]) for name in factors]
+    aims = [data[name].where(variable.notnull()) for name in _aims(data) if name != variable.name]
+    axes = [_parallel_axis(column.transpose(*design)) for column in (*columns, *aims, variable)]
     return {
         "axes": axes,
         "numbers": packed(data[NUMBER].transpose(*design).values.ravel()),
