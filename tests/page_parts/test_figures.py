@@ -145,6 +145,13 @@ def test_sobol_chart_shows_both_indices_with_their_intervals(data_of):
     assert "90 % confidence" in chart.caption
 
 
+def test_morris_chart_of_effects_without_intervals(data_of):
+    """Regression: a run ended with "Axis limits cannot be NaN or Inf" where no effect varied over the trajectories."""
+    result = indices("morris", mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[np.nan] * 2, sigma=[0.0, 0.0])
+    (chart,) = index_charts(result, "morris")
+    assert data_of(chart)["mu_star"].tolist() == [2, 1]
+
+
 def test_morris_chart_shows_every_factor_in_the_unit_of_the_output(data_of):
     result = indices("morris", mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[0.1, 0.2], sigma=[0.5, 0.0])
     result = result.assign_attrs(outputs="force", output_units='{"force": "N"}')

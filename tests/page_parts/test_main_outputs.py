@@ -25,6 +25,32 @@ def test_an_output_has_its_own_name_and_unit(output, units, words, unit):
     assert (part.output, part.what, part.unit, float(part.answers["mean"])) == (output, words, unit, 3.0)
 
 
+def test_an_answer_at_one_label_of_many_names_it():
+    """Regression: "the friction power of the third order" was the power of sliding in the grooves; w was w at t = 0."""
+    outputs = ["friction_power_w", "groove_thrust_amplitude", "s"]
+    power, thrust = np.array([2.0, 5.0]), np.arange(4.0) + [[1.0], [8.0]]
+    tables = [power[:, None, None] + np.zeros((2, 2, 4)), thrust + np.zeros((2, 2, 4)), np.full((2, 2, 4), 7.0)]
+    result = xr.Dataset(
+        {"mean": (("output", "mechanism", "groove", "order"), tables)},
+        {"output": outputs, "mechanism": ["sliding", "rolling"], "groove": [1, 2], "order": [0, 1, 2, 3]},
+        {"outputs": ", ".join(outputs)},
+    )
+    assert {part.what: float(part.answers["mean"]) for part in main_outputs(result, "mean")} == {
+        "friction_power_w (mechanism sliding)": 2.0,
+        "the groove thrust amplitude of the third order (groove 1)": 4.0,
+        "the groove thrust amplitude of the second order (groove 1)": 3.0,
+        "s": 7.0,
+    }
+    course = xr.Dataset({"mean": ("t", [1.0, 9.0])}, {"t": ("t", [0.0, 5.0], {"units": "s"})}, {"outputs": "w"})
+    assert [part.what for part in main_outputs(course, "mean")] == ["w (t 0 s)"]
+
+
+def test_orders_that_a_result_does_not_have_are_not_asked_for():
+    result = xr.Dataset({"mean": ("order", [1.0, 9.0])}, {"order": [1, 2]}, {"outputs": "w"})
+    assert [part.what for part in main_outputs(result, "mean")] == ["the w of the second order"]
+    assert [part.what for part in main_outputs(result, "mean", orders=(3,))] == ["w (order 1)"]
+
+
 def test_a_quantile_without_an_interval_has_as_many_digits_as_the_others():
     """Regression: "95 % below 18.916 N (18.913 to 18.918), 99 % below 18.9 N (at least 18.9)"."""
     values = {"quantile_low": [18.9132, 18.9171], "quantile": [18.9158, 18.9217], "quantile_high": [18.9176, np.nan]}

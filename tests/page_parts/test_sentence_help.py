@@ -84,6 +84,9 @@ def test_every_sentence_of_the_code_has_an_entry(place):
         ("Measure next at joint angle 4 deg: the interval of x becomes 28 % shorter.", "next-record"),
         ("The smallest third_order of 40 candidates is 16 +- 0.2 N, at pitch radius = 22 mm.", "best"),
         ("Of 40 candidates, 15 violate a limit.", "search-effort"),
+        ("At the start of the search, size is 37 mm; the best is 36 mm (-3 %).", "best"),  # "uncertain shares"
+        ("At the costs given, the cheapest way that these points resolve is: halve it, for 3 of 4.", "keep"),
+        ("At 1 of 6 operating points the third order has no shares, since points did not finish.", "uncertain-shares"),
     ],
 )
 def test_a_sentence_leads_to_its_own_entry(sentence, key):

@@ -25,6 +25,7 @@ from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.cli import main
 from tripod_doe.model_interface import WORK, BlockResult, Values
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.study_points import StudyPoints
 
@@ -254,6 +255,15 @@ def test_a_budget_that_is_too_small_stops_before_the_study(wave):
     with pytest.raises(td.InputError, match=r"budget_cpu_s = 50: pilot and study would take about 57 s of CPU"):
         wave.run(STUDY.replace("y = 0.03", "y = 0.0015") + "budget_cpu_s = 50\n")
     assert not (wave.folder / "out" / "choice.nc").exists()
+
+
+def test_a_pilot_counts_the_points_that_it_can_take():
+    """Regression: "too few points for a pilot, 68 of at least 58", of which 20 had a friction halved."""
+    ablated = JOINT.replace("count = 20", "count = 4") + '[design]\nkind = "ablation"\n'
+    studies = [parse_study(text) for text in (ablated + 'combinations = "single"\nhalved = true\n', JOINT)]
+    few, none = (describe_choice(study, None) for study in studies)
+    assert re.search(r"48 of at least \d+ \(without repeated ones and those with a friction halved\)", few)
+    assert "too few" not in none
 
 
 def test_a_study_of_few_points_runs_the_full_model_without_a_pilot(wave):

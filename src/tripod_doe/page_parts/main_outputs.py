@@ -1,13 +1,13 @@
 """The main outputs of an analysis, each with its name in words and its unit."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Hashable
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
+from tripod_doe.page_parts.words import ORDINALS, place_text, spoken, unit_text
 from tripod_doe.phases import turned_on
 from tripod_doe.quantities import count_of, digits_apart, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import PHASES, RESPONSES
@@ -40,6 +40,8 @@ def main_outputs(
 ) -> list[OutputPart]:
     """Orders of the thrust, usually the third and second, and the responses of the study; of a function, four outputs.
 
+    Of further dimensions they are the answers at the first labels, which they name.
+
     Args:
         key: Name of the answer's variable; parts without a number in it are left out.
         over: Dimensions of the answer that the output does not have.
@@ -54,14 +56,28 @@ def main_outputs(
     parts = []
     for output in outputs[: max(_MOST, len(own))]:
         of_output = result.sel(output=output) if several else result
-        for order in orders if "order" in result.dims and output not in own else (None,):
+        for order in _own_orders(of_output, orders) or (None,):
             part = of_output if order is None else of_output.sel(order=order)
-            part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0))
+            first = dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0)
+            named = {dim: at for dim, at in first.items() if _differ(part, dim)}
+            part, place = part.isel(first), place_text(part, named)
             if part[key].notnull().any():
-                what = _words(output, order)
+                what = _words(output, order) + place
                 own_part = OutputPart(output, what, unit_text(units.get(output, "1")), part)
                 parts.append(own_part._replace(answers=_about_mean(part)) if own_part.is_phase else own_part)
     return parts
+
+
+def _own_orders(answers: xr.Dataset, orders: Collection[int]) -> list[int]:
+    """Those of the orders that an output has; none for one without orders that stands beside others."""
+    known = answers["order"].values.tolist() if "order" in answers.dims and _differ(answers, "order") else []
+    return [order for order in orders if order in known]
+
+
+def _differ(answers: xr.Dataset, dim: Hashable) -> bool:
+    """Whether answers differ along a dimension; beside outputs that have it, those of one without it do not."""
+    along = [answers[name].variable for name in answers.data_vars if dim in answers[name].dims]
+    return any(not each.equals(each.isel({dim: 0}).set_dims(dict(each.sizes))) for each in along)
 
 
 def _about_mean(answers: xr.Dataset) -> xr.Dataset:

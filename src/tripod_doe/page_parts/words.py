@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping
 
 import xarray as xr
 
@@ -73,3 +73,9 @@ def factor_text(cube: xr.Dataset, name: str, value: object, given: Callable[[flo
         return f"{label} not given"
     text = with_unit(given(value) if isinstance(value, int | float) else str(value), factor_unit(cube, name))
     return f"{label}{' =' * label[-1].isdigit()} {text}"
+
+
+def place_text(cube: xr.Dataset, place: Mapping[Hashable, int]) -> str:
+    """Where along its dimensions something is, by their labels: `` (groove 1, rotation 30 deg)``; empty for none."""
+    text = ", ".join(factor_text(cube, str(dim), cube[dim][at].item()) for dim, at in place.items())
+    return f" ({text})" * bool(place)

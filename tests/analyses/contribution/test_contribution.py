@@ -346,6 +346,18 @@ def test_operating_points_that_fill_no_grid_are_listed(ablate):
     assert result["share_off"].values == pytest.approx(np.array([[50, 40, 10], [50, 40, 10]]))
 
 
+def test_operating_points_with_the_same_open_field_are_one(ablate):
+    """Regression: each point with an open field was an operating point of its own, whose shares "did not finish"."""
+    text = CROSSED.format(factors="d = { values = [1, 2] }", load='kind = "zip"', names='["load", "d"]')
+    cube = ablate("listed", more=text)
+    open_fields = cube["d"].variable.copy(data=np.where(cube["d"] == 1, np.nan, cube["d"]))
+    result = contribution_shares(cube.assign_coords(d=open_fields), ContributionSettings(output="y"))
+    assert result["d"].values == pytest.approx([np.nan, 2], nan_ok=True)
+    assert result["share_off"].values == pytest.approx(np.array([[50, 40, 10], [50, 40, 10]]))
+    [part] = contributions({"c": result})
+    assert part.labels == ["load 3, d not given", "load -2, d 2"]
+
+
 def test_the_joint_has_all_its_shares(tmp_path):
     """The effective value's shares are the amplitude's; without groove sliding there is no thrust in this model."""
     text = (

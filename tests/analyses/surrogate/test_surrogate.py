@@ -37,6 +37,14 @@ def test_what_can_be_learnt_is_learnt(learnt):
     assert "Surrogate of y" in find_in_surrogate(learnt.isel(k=0), "s")[0]
 
 
+@pytest.mark.slow
+def test_components_have_the_labels_of_their_output():
+    """Regression: "y 1" was the second label of k, whatever it is."""
+    labelled = cube_of('kind = "latin-hypercube"\nsamples = 60\nseed = 1', outputs).assign_coords(k=[10, 20, 30, 40])
+    components = read_what_if(surrogate(labelled, SETTINGS), "s").components
+    assert [each.label for each in components] == ["y (k 10)", "y (k 20)", "y (k 30)"]
+
+
 def test_few_points_are_refused():
     with pytest.raises(InputError, match="at least 10 different points, 8 finished"):
         surrogate(cube_of('kind = "latin-hypercube"\nsamples = 8', lambda x: x[:, 0]), SETTINGS)

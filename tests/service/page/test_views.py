@@ -327,6 +327,18 @@ def test_extremes_are_those_of_the_order(folders):
         number = point(str(folders["grid"]), found[end]["number"])["number"]
         own = cube["thrust_amplitude"].sel(order=6).values.ravel()[number]
         assert own == float(at)
+    assert found["label"] == "thrust amplitude (N), order 6"
+
+
+@pytest.mark.parametrize("outputs", [["thrust"], ["friction_power_w"], ["needle_skew_deg"]])
+def test_results_with_many_values_at_a_point_have_no_extremes(tmp_path, outputs):
+    """Regression: the thrust at rotation 0 was told as the extremes of "thrust (N), order 3"."""
+    text = GRID.replace("values = [-0.03, 0.02]", "values = [0.02]")
+    (tmp_path / "a.toml").write_text(text.replace('["thrust", "thrust_amplitude"]', json.dumps(outputs)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
+        td.run(tmp_path / "a.toml", out=tmp_path / "out", workers=0)
+    assert extremes(str(tmp_path / "out"), 3) is None
 
 
 def test_the_price_of_a_point_names_what_is_wrong_or_will_fail():
@@ -345,6 +357,18 @@ def test_the_study_of_contributions_keeps_the_point(folders):
     assert {"joint_angle_deg": 7, "torque_n_m": -40, "bearing_radial_clearance_mm": 0.02}.items() <= study.base.items()
     assert study.base["initial_skew_2_deg"] == 0.3
     assert make_points(study).count == 32
+
+
+def test_the_study_of_contributions_leaves_off_what_is_off(tmp_path):
+    """Regression: "groove_rolling is both a base value and a factor; remove it from [base]"."""
+    text = GRID.replace("[base]", "[base]\ngroove_rolling = 0\nneedle_rolling = 1")
+    (tmp_path / "a.toml").write_text(text.replace("values = [-0.03, 0.02]", "values = [0.02]"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
+        td.run(tmp_path / "a.toml", out=tmp_path / "out", workers=0)
+    study = parse_study(contribution_study(str(tmp_path / "out"), 1))
+    assert study.base["groove_rolling"] == 0
+    assert set(study.switches) == {"groove_sliding", "groove_spinning", "needle_sliding", "needle_rolling"}
 
 
 def analysed(dims, coords, **attrs):

@@ -123,9 +123,14 @@ def switches_and_points(cube: xr.Dataset) -> tuple[list[str], OperatingPoints]:
     return switches, _points_of(cube, [name for name in factors if name not in switches])
 
 
+def _one_nan(value: Any) -> Any:
+    """A value of a factor, where it is an open field always the same NaN: two of them are equal as keys."""
+    return math.nan if isinstance(value, float) and math.isnan(value) else value
+
+
 def _points_of(cube: xr.Dataset, factors: list[str]) -> OperatingPoints:
     """Operating points: one dimension per factor if they fill a grid, else one dimension for all."""
-    columns = [cube[name].values.tolist() for name in factors]
+    columns = [[_one_nan(value) for value in cube[name].values.tolist()] for name in factors]
     levels = [list(dict.fromkeys(column)) for column in columns]
     shape = tuple(len(values) for values in levels)
     rows = list(zip(*columns, strict=True)) if factors else [()] * cube.sizes["point"]

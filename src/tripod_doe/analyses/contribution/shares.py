@@ -14,7 +14,7 @@ from tripod_doe.analyses.contribution.contribution import PAPER_POINT, PAPER_SHA
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
-from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_unit, spoken, unit_text
+from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken, unit_text
 from tripod_doe.quantities import count_of, level_or_word, number, text_range, with_unit
 
 DEFINITIONS = {
@@ -238,12 +238,13 @@ def _labels(points: xr.Dataset, factors: list[str]) -> list[str]:
     """Operating points in words, by the factors that vary."""
     columns = []
     for name in factors:
-        values = points[name].values.tolist()
+        values, unit = points[name].values.tolist(), factor_unit(points, name)
         if len(set(values)) > 1:
-            texts = list(map(level_or_word, values))
-            unit = factor_unit(points, name)
             columns.append(
-                [with_unit(text, unit) if unit else f"{factor_label(points, name)} {text}" for text in texts]
+                [
+                    with_unit(level_or_word(each), unit) if unit and each == each else factor_text(points, name, each)
+                    for each in values
+                ]
             )
     return [", ".join(parts) for parts in zip(*columns, strict=True)] if columns else [""] * points.sizes["at"]
 

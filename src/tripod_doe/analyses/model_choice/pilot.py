@@ -70,13 +70,8 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     larger of what the confidence needs and four per factor plus one; none where that would be more than half of the
     study.
     """
-    columns = points.columns
-    places = in_unit_cube(columns, columns)
-    halved = [column == HALF for name, column in columns.items() if name in study.switches]  # of an ablation alone
-    usable = np.flatnonzero(points.allowed & ~np.any([np.zeros(points.count, bool), *halved], axis=0))
-    _, first = np.unique(places[usable], axis=0, return_index=True)
-    usable = usable[np.sort(first)]
-    wanted = count or _wanted(study, columns)
+    places, usable = in_unit_cube(points.columns, points.columns), usable_points(study, points)
+    wanted = count or _wanted(study, points.columns)
     if 2 * wanted > usable.size:
         return np.array([], np.int64)
     chosen = [int(usable[np.argmin(((places[usable] - 0.5) ** 2).sum(axis=1))])]
@@ -87,8 +82,17 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     return np.array(sorted(chosen))
 
 
+def usable_points(study: Study, points: Points) -> IntArray:
+    """Indices of the points from which a pilot is taken: all different ones, without those with a friction halved."""
+    columns = points.columns
+    halved = [column == HALF for name, column in columns.items() if name in study.switches]  # of an ablation alone
+    usable = np.flatnonzero(points.allowed & ~np.any([np.zeros(points.count, bool), *halved], axis=0))
+    _, first = np.unique(in_unit_cube(columns, columns)[usable], axis=0, return_index=True)
+    return usable[np.sort(first)]
+
+
 def least_points(study: Study, points: Points) -> int:
-    """Points that a study must have for a pilot without a record."""
+    """Usable points that a study must have for a pilot without a record."""
     return 2 * _wanted(study, points.columns)
 
 

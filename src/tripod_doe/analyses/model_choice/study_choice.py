@@ -12,7 +12,7 @@ import xarray as xr
 
 from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
-from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points, pilot_study
+from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points, pilot_study, usable_points
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
 from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import InputError
@@ -143,8 +143,10 @@ def describe_choice(study: Study, directory: Path | None, timing: bool = False) 
     candidates, count = _first_stage(study, points, record)
     if not count:
         full, count = full_candidates(auto_model_of(study))[0], int(points.allowed.sum())
+        usable, least = usable_points(study, points).size, least_points(study, points)
+        without = " (without repeated ones and those with a friction halved)" * (usable < count)
         return (
-            f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
+            f"choice       too few points for a pilot, {usable} of at least {least}{without}: "
             f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
         )
     timed = [_timed(study, points, each, count) if timing else None for each in candidates]

@@ -155,7 +155,8 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
 def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, unit: str) -> Chart:
     data = _frame(part, ("mu_star", "mu_star_conf", "mu", "sigma"))
     with drawing(5.0, 3.6) as (figure, axes):
-        top = 1.15 * max(float((data["mu_star"] + data["mu_star_conf"]).max()), float(data["sigma"].max()))
+        ends = data["mu_star"] + data["mu_star_conf"].fillna(0.0)  # without an interval the value itself
+        top = 1.15 * max(float(ends.max()), float(data["sigma"].max()))
         axes.plot([0, top], [0, top], ":", color=MUTED, lw=1)
         axes.annotate(
             "σ = μ*",

@@ -22,6 +22,7 @@ from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
+from tripod_doe.page_parts.words import place_text
 
 ATTRIBUTE = "what_if"
 """Attribute of a result that holds all that is no array."""
@@ -306,7 +307,7 @@ def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> 
     most = len(components) + _MOST_COMPONENTS
     for table in sorted(tables, key=lambda table: table.values.shape[1]):  # single numbers, as of responses, first
         unit = str(table.variable.attrs.get("units", "1"))
-        labels = table.keys[1:] if len(table.keys) - 1 == table.values.shape[1] else _numbered(table)
+        labels = table.keys[1:] if len(table.keys) - 1 == table.values.shape[1] else _placed(table)
         for at in sorted(np.flatnonzero(table.varies).tolist(), key=lambda at: _component_rank(table, at)):
             attrs = table.variable.attrs
             known = ZERO_AT in attrs, int(MIRRORED_BY in attrs)  # amplitudes stay as they are in a mirror
@@ -321,6 +322,9 @@ def _component_rank(table: OutputTable, at: int) -> int:
     return _FIRST.index(order) - len(_FIRST) if order in _FIRST else at
 
 
-def _numbered(table: OutputTable) -> list[str]:
-    count = table.values.shape[1]
-    return [table.name] if count == 1 else [f"{table.name} {at}" for at in range(count)]
+def _placed(table: OutputTable) -> list[str]:
+    """The components of an output by their labels: ``friction_power_w (mechanism groove_sliding)``."""
+    dims, shape = table.variable.dims[1:], table.variable.shape[1:]
+    places = [dict(zip(dims, place, strict=True)) for place in np.ndindex(shape)]
+    labels = table.variable.to_dataset(name=table.name)
+    return [table.name + place_text(labels, place) for place in places]

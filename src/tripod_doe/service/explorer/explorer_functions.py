@@ -151,18 +151,22 @@ def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def extremes(path: str, order: int) -> Any:
-    """Smallest and largest value of the first result at an order, with the numbers of their points; None if none."""
+    """Smallest and largest value of the first result at an order, with the numbers of their points; None if none.
+
+    None also for a result with further dimensions, such as a waveform: a point has many values of it.
+    """
     with opened(path) as cube:
         view = full_view(cube, View(kind="points", select=(f"order={order}",) if "order" in cube.coords else ()))
+        chosen = [text for text in view.select if text != f"order={order}"]
         values = seen(cube, view)
         drawn = shown(values)
-        if set(drawn.dims) != set(values["outcome"].dims) or not bool(drawn.notnull().any()):
+        if chosen or set(drawn.dims) != set(values["outcome"].dims) or not bool(drawn.notnull().any()):
             return None
         numbers, flat = values[NUMBER].transpose(*drawn.dims).values.ravel(), drawn.values.ravel()
         least, largest = int(np.nanargmin(flat)), int(np.nanargmax(flat))
         unit = unit_text(str(drawn.attrs.get("units", "1")))
         return {
-            "label": label_of(drawn),
+            "label": label_of(drawn) + f", order {order}" * bool(view.select),
             **{
                 end: {"text": with_unit(number(float(flat[at])), unit), "number": int(numbers[at])}
                 for end, at in (("least", least), ("largest", largest))

@@ -8,6 +8,7 @@ import tomlkit
 import xarray as xr
 
 from tripod_doe.errors import InputError
+from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.model_interface import Outcome, check_parameters
 from tripod_doe.page_parts.main_results import study_tables
 from tripod_doe.service.explorer.exports import point_values
@@ -79,15 +80,17 @@ def _contribution_study(cube: xr.Dataset, point: xr.Dataset, number_of_point: in
     head = study_tables(cube).get("study", {})
     if head.get("scene", "joint") != "joint" or head.get("function"):
         raise InputError("only the scene joint has these mechanisms: this is another scene")
-    switches = [name for name in cube.coords if cube[name].attrs.get("role") == SWITCH_ROLE]
-    base = {name: value for name, value in point_values(cube, point).items() if name not in (*switches, "replicate")}
+    values = point_values(cube, point)
+    ablated = [name for name in cube.coords if cube[name].attrs.get("role") == SWITCH_ROLE]
+    switched = [name for name in MECHANISMS if name in ablated or values.get(name) != 0]  # others are off for good
+    base = {name: value for name, value in values.items() if name not in (*switched, "replicate")}
     study = {
         "study": {
             "name": f"{head.get('name', 'study')}: contributions at point {number_of_point}",
             "question": "Which friction mechanism causes which share of the thrust force at this point?",
         },
         "base": base,
-        "design": {"kind": "ablation"},
+        "design": {"kind": "ablation", "factors": switched},
         "keep": {"outputs": ["thrust_amplitude", "thrust_phase_deg"]},
         "analysis": {"contribution": {}},
     }
