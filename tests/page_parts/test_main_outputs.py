@@ -28,7 +28,7 @@ def test_an_output_has_its_own_name_and_unit(output, units, words, unit):
 def test_an_answer_at_one_label_of_many_names_it():
     """Regression: "the friction power of the third order" was the power of sliding in the grooves; w was w at t = 0."""
     outputs = ["friction_power_w", "groove_thrust_amplitude", "s"]
-    power, thrust = np.array([2.0, 5.0]), np.arange(4.0) + [[1.0], [8.0]]
+    power, thrust = np.array([2.0, 5.0]), np.array([[1.0], [8.0]]) + np.arange(4.0)
     tables = [power[:, None, None] + np.zeros((2, 2, 4)), thrust + np.zeros((2, 2, 4)), np.full((2, 2, 4), 7.0)]
     result = xr.Dataset(
         {"mean": (("output", "mechanism", "groove", "order"), tables)},

@@ -24,8 +24,8 @@ from tripod_doe.analyses.model_choice.pilot import pilot_points, pilot_results, 
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.cli import main
 from tripod_doe.model_interface import WORK, BlockResult, Values
-from tripod_doe.study.designs import make_points
 from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.designs import make_points
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.study_points import StudyPoints
 

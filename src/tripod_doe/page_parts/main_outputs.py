@@ -76,8 +76,8 @@ def _own_orders(answers: xr.Dataset, orders: Collection[int]) -> list[int]:
 
 def _differ(answers: xr.Dataset, dim: Hashable) -> bool:
     """Whether answers differ along a dimension; beside outputs that have it, those of one without it do not."""
-    along = [answers[name].variable for name in answers.data_vars if dim in answers[name].dims]
-    return any(not each.equals(each.isel({dim: 0}).set_dims(dict(each.sizes))) for each in along)
+    along = [(each, each.isel({dim: 0}, drop=True)) for each in answers.data_vars.values() if dim in each.dims]
+    return not all(bool(((each == first) | (each.isnull() & first.isnull())).all()) for each, first in along)
 
 
 def _about_mean(answers: xr.Dataset) -> xr.Dataset:

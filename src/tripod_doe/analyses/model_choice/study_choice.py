@@ -12,7 +12,13 @@ import xarray as xr
 
 from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
 from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
-from tripod_doe.analyses.model_choice.pilot import finished_in_pilot, least_points, pilot_points, pilot_study, usable_points
+from tripod_doe.analyses.model_choice.pilot import (
+    finished_in_pilot,
+    least_points,
+    pilot_points,
+    pilot_study,
+    usable_points,
+)
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
 from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import InputError
