@@ -69,13 +69,13 @@ def main_outputs(
 
 
 def _own_orders(answers: xr.Dataset, orders: Collection[int]) -> list[int]:
-    """Those of the orders that an output has; none for one without orders that stands beside others."""
+    """Those of the orders that an output has; none for an output without orders in a table of several."""
     known = answers["order"].values.tolist() if "order" in answers.dims and _differ(answers, "order") else []
     return [order for order in orders if order in known]
 
 
 def _differ(answers: xr.Dataset, dim: Hashable) -> bool:
-    """Whether answers differ along a dimension; beside outputs that have it, those of one without it do not."""
+    """Whether answers differ along a dimension; in a table of several outputs, one without it repeats its answers."""
     along = [(each, each.isel({dim: 0}, drop=True)) for each in answers.data_vars.values() if dim in each.dims]
     return not all(bool(((each == first) | (each.isnull() & first.isnull())).all()) for each, first in along)
 
