@@ -69,7 +69,7 @@ def main_outputs(
 
 
 def _own_orders(answers: xr.Dataset, orders: Collection[int]) -> list[int]:
-    """Those of the orders that an output has; none for an output without orders in a table of several."""
+    """The wanted orders that an output has; none for an output without orders in a table of several."""
     known = answers["order"].values.tolist() if "order" in answers.dims and _differ(answers, "order") else []
     return [order for order in orders if order in known]
 
