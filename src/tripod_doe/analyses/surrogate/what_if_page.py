@@ -306,9 +306,14 @@ def _order_label(order: int) -> str:
 
 
 def _factor(error: FloatArray, local: FloatArray) -> float:
-    """The factor on the local errors with which a band holds its part of the unseen points."""
-    known = local > 0
-    return float(np.quantile(error[known] / local[known], _COVERED)) if known.any() else 1.0
+    """The factor on the local errors with which a band holds its part of the unseen points.
+
+    Of n errors it is the one that a further error exceeds with the probability left: at the level (n + 1)/n of the
+    part (split conformal prediction, Lei et al. 2018), since the plain quantile of 20 errors holds in 90 % only.
+    """
+    ratios = error[local > 0] / local[local > 0]
+    share = min(_COVERED * (1 + 1 / max(ratios.size, 1)), 1.0)
+    return float(np.quantile(ratios, share, method="higher")) if ratios.size else 1.0
 
 
 def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> IntArray:
