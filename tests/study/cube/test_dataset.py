@@ -212,7 +212,7 @@ def test_notes_on_the_models_of_an_ablation_are_those_with_all_mechanisms_on():
     study = parse_study(ABLATION.replace("[5, 10]", "[5, 10, 12, 35]"))
     points = make_points(study)
     cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
-    (message,) = [note for note in cube.attrs["model_notes"].splitlines() if "not known" in note]
+    (message,) = [note for note in cube.attrs["model_notes"].splitlines() if "error not known" in note]
     assert message.startswith("Model kinetostatic with all mechanisms on: typical error of the third order")
     assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in message
 
