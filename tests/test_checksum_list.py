@@ -1,5 +1,6 @@
 """Text files of results: their checksums are written with them, and held before anything reads or delivers them."""
 
+import fcntl
 import itertools
 import json
 import os
@@ -170,3 +171,17 @@ def test_writers_of_one_folder_wait_for_each_other(tmp_path):
         list(pool.map(write, "abcd"))
     assert sorted(checksums(tmp_path)) == list("abcd")
     assert not any(is_changed(tmp_path / name) for name in "abcd")
+
+
+def test_who_may_only_read_a_folder_holds_no_writer_up(tmp_path):
+    """Regression: another user's lock on the folder of a report stopped `report` and `run` for ever, without a word."""
+    place = os.open(tmp_path, os.O_RDONLY)
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX)
+        writer = threading.Thread(target=write_listed, args=(tmp_path / "index.html", "text"), daemon=True)
+        writer.start()
+        writer.join(10)
+        assert not writer.is_alive()
+    finally:
+        os.close(place)
+    assert sorted(os.listdir(tmp_path)) == [LIST, "index.html"]

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 from tripod_doe.atomic_files import refuse_links, replace_file, replace_text
 from tripod_doe.errors import CubeError, InputError, StorageError, option
-from tripod_doe.regular_files import opened_regular, read_regular
+from tripod_doe.regular_files import open_locked, opened_regular, read_regular
 
 LIST = "checksums.sha256"
 """File of a folder of results."""
@@ -39,6 +39,7 @@ MOST_RESULTS = 2**31 - 1
 """Largest number of results."""
 
 _NEXT = f".{LIST}.next"  # the list that takes its place
+_LOCK = f".{LIST}.lock"
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\n/]+)")
 _FIRST = re.compile(r"# results ([0-9]{1,10}) of directory ([0-9]{1,10})")
 _NUMBER_AT = 60  # place of the number of the results in the header of a journal
@@ -206,18 +207,28 @@ def remove_pages(directory: Path) -> None:
 
 @contextmanager
 def _one_writer(folder: Path) -> Iterator[None]:
-    """Wait until no other process or thread writes listed files of a folder; the lock ends with its process."""
+    """Wait until no other process or thread writes listed files of a folder; the lock ends with its process.
+
+    It is on a file of this user alone: who may only read the folder could hold a lock on the folder itself.
+    """
+    path = folder / _LOCK
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        while True:
+            place = open_locked(path, os.O_CREAT | os.O_RDWR)
+            with suppress(OSError):  # a network filesystem without locks: one writer is the rule
+                fcntl.flock(place, fcntl.LOCK_EX)
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.stat(path), os.fstat(place)):
+                    break
+            os.close(place)  # the writer before removed it
     except OSError:  # writing the file states the reason
         yield
         return
     try:
-        with suppress(OSError):  # a network filesystem without locks: one writer is the rule
-            fcntl.flock(place, fcntl.LOCK_EX)
         yield
     finally:
+        path.unlink(missing_ok=True)
         os.close(place)
 
 

@@ -10,6 +10,7 @@ import pytest
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.tables import cost_rows, fixed_rows
+from tripod_doe.reports import study_report
 from tripod_doe.reports.study_report import make_page, write_report
 from tripod_doe.study.cube.netcdf import write_dataset
 
@@ -275,4 +276,19 @@ def test_missing_and_damaged_results_are_said_to_be_so(line_cube, tmp_path):
     (tmp_path / "analysis" / "sobol.nc").write_bytes(b"not netCDF")
     with pytest.raises(CubeError, match=r"sobol\.nc"):
         write_report(tmp_path)
+    assert not (tmp_path / "report").exists()
+
+
+def test_a_report_of_results_that_changed_meanwhile_is_not_written(line_cube, tmp_path, monkeypatch):
+    """Regression: `report` that began before a run ended wrote its page of the earlier results over the run's."""
+    make, stored_there = study_report.make_page, stored(line_cube, tmp_path)
+
+    def make_while_a_run_ends(*arguments):
+        page = make(*arguments)
+        stored(line_cube.assign_attrs(title="grown"), tmp_path)
+        return page
+
+    monkeypatch.setattr(study_report, "make_page", make_while_a_run_ends)
+    with pytest.raises(InputError, match="another command changed these results"):
+        write_report(stored_there)
     assert not (tmp_path / "report").exists()

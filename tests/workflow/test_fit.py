@@ -21,6 +21,8 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.simulators import load_simulator
+from tripod_doe.study.result_directory.directory import ResultDirectory
+from tripod_doe.workflow import fit as fit_module
 from tripod_doe.workflow.fit_plan import evaluations, plan_fit
 from tripod_doe.workflow.point_batches import PointBatches
 from tripod_doe.workflow.steps_file import found_sentences
@@ -257,6 +259,14 @@ def test_a_kill_loses_no_point_and_changes_nothing(fitted, rig, tmp_path, monkey
         with pytest.raises(KeyboardInterrupt):
             td.fit(rig / "again.toml", tmp_path / "out", workers=0, progress=False)
     assert not (tmp_path / "out" / "fit.nc").exists()
+    page = fit_module.write_fit_page
+
+    def written_while_held(directory, result):
+        with pytest.raises(InputError, match="is writing here"):  # no other fit begins until the page is there
+            ResultDirectory(directory / "steps" / "points")
+        page(directory, result)
+
+    monkeypatch.setattr(fit_module, "write_fit_page", written_while_held)
     again = td.fit(rig / "again.toml", tmp_path / "out", workers=0, progress=False)
     assert again.reused > 300
     assert again.computed + again.reused == fitted[1].computed

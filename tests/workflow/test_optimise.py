@@ -28,6 +28,7 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import number
 from tripod_doe.study.definition.simulators import load_simulator
+from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.workflow import optimise
 from tripod_doe.workflow.optimise_plan import plan_optimisation
 from tripod_doe.workflow.point_batches import PointBatches
@@ -221,6 +222,20 @@ def test_a_kill_changes_nothing(solve, monkeypatch):
     assert parts.reused > 0
     assert parts.computed + parts.reused == whole.computed
     assert parts.front.drop_attrs().identical(whole.front.drop_attrs())
+
+
+def test_no_other_search_begins_until_the_page_is_written(solve, tmp_path, monkeypatch):
+    """Regression: one that began while the page was made got the front of the other search in the end."""
+    whole, held = optimise.write_optimisation_page, []
+
+    def write_while_another_begins(*arguments):
+        with pytest.raises(InputError, match="is writing here"):
+            ResultDirectory(tmp_path / "out" / "steps" / "points")
+        held.append(whole(*arguments))
+
+    monkeypatch.setattr(optimise, "write_optimisation_page", write_while_another_begins)
+    solve("slope", {"x": {"low": 0, "high": 3}}, {"f": {"output": "f"}}, search={"evaluations": 20, "seed": 1})
+    assert held
 
 
 def test_the_quantile_of_a_scatter(solve):

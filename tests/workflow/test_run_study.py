@@ -23,6 +23,7 @@ from tripod_doe.study.execution import dask_workers
 from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.directory import ResultDirectory
+from tripod_doe.workflow import run_study
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -305,6 +306,37 @@ def test_a_disk_that_is_too_small_is_reported_before_anything_starts(write_study
 def test_two_runs_do_not_share_a_directory(write_study, tmp_path):
     with ResultDirectory(tmp_path / "out"), pytest.raises(td.InputError, match="is writing here"):
         run(write_study(GRID), tmp_path / "out")
+
+
+def test_analyses_and_report_are_made_while_the_directory_is_held(write_study, tmp_path, monkeypatch):
+    """Regression: a run of the grown study ended first, and the one before wrote its analyses and report over it."""
+    held, whole = [], run_study.find
+
+    def find_while_another_begins(cube):
+        with pytest.raises(td.InputError, match="is writing here"):
+            ResultDirectory(tmp_path / "out")
+        held.append(cube.sizes)
+        return whole(cube)
+
+    monkeypatch.setattr(run_study, "find", find_while_another_begins)
+    run(write_study(GRID), tmp_path / "out")
+    td.derive(tmp_path / "out", write_study('[responses.peak]\nformula = "max(thrust)"\n', "more.toml"))
+    assert len(held) == 2
+    ResultDirectory(tmp_path / "out").close()
+
+
+def test_a_run_that_lost_its_directory_writes_no_analysis(write_study, tmp_path, monkeypatch):
+    whole = run_study.run_analyses
+
+    def run_after_a_take_over(study, cube, path, check):
+        (path / ".lock").unlink()
+        (path / ".lock").touch()
+        return whole(study, cube, path, check)
+
+    monkeypatch.setattr(run_study, "run_analyses", run_after_a_take_over)
+    with pytest.raises(td.StorageError, match="took this directory over"):
+        run(write_study(GRID + "[analysis.effects]\n"), tmp_path / "out")
+    assert not list(tmp_path.glob("out/analysis/*"))
 
 
 def test_keys_are_the_journals(write_study, tmp_path):

@@ -55,6 +55,7 @@ from tripod_doe.page_parts.templates import render
 from tripod_doe.page_parts.words import factor_unit, spoken
 from tripod_doe.reports.joint_drawing import drawn_joint
 from tripod_doe.study.cube.file_checks import analysis_files
+from tripod_doe.study.cube.file_digest import stored_digest
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
@@ -96,14 +97,14 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
 
     Raises:
         CubeError: If the cube or an analysis is missing or damaged.
-        InputError: If the path is a file, not a directory.
+        InputError: If the path is a file, not a directory, or another command changes the results meanwhile.
         StorageError: If the report cannot be written; an older one stays.
     """
     directory = Path(directory)
     if directory.is_file():
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
     refuse_links(directory)
-    complete = is_shown(directory)  # else existing analyses have fewer points than the cube
+    complete, digest = is_shown(directory), _cube_digest(directory)  # not complete: its analyses have fewer points
     analyses = read_analyses(directory) if complete else {}
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
@@ -117,7 +118,15 @@ def write_report(directory: str | Path, findings: Sequence[str] | None = None, m
         ]
         findings = [*(find(cube) if findings is None else findings), *missing]
         page = make_page(cube, analyses, files, findings, read_annotation(directory), motion)
+    if (complete, digest) != (is_shown(directory), _cube_digest(directory)):
+        raise InputError(f"{directory}: another command changed these results while their report was made; try again")
     return write_listed(directory / "report" / "index.html", page)
+
+
+def _cube_digest(directory: Path) -> str:
+    """The digest of the cube in a result directory; empty if there is none."""
+    cube = directory / "cube.nc"
+    return stored_digest(cube) if cube.is_file() else ""
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:

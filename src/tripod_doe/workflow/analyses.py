@@ -1,7 +1,7 @@
 """Analyses that a study requests: checked before anything runs, then computed from its cube."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -108,8 +108,8 @@ def check_analyses(study: Study) -> None:
         analysis_of(study, name)
 
 
-def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, str]:
-    """Run all analyses of a study into ``directory/analysis/NAME.nc``.
+def run_analyses(study: Study, cube: xr.Dataset, directory: Path, check: Callable[[], None]) -> dict[str, str]:
+    """Run all analyses of a study into ``directory/analysis/NAME.nc``; `check` is called before one is written.
 
     Returns:
         For each analysis by name, the reason why it failed; empty if it did not.
@@ -129,6 +129,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
         kept = {key: cube.attrs[key] for key in _KEPT if key in cube.attrs}
         result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)
         result = stamp_history(result, f"analysis {name}", results_in_history(cube.attrs.get("history")))
+        check()
         write_dataset(result, path_within(directory, "analysis", f"{name}.nc"))
         reasons[name] = ""
     failed = {name: reason for name, reason in reasons.items() if reason}

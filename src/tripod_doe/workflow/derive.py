@@ -6,7 +6,6 @@ from collections.abc import Collection
 from pathlib import Path
 
 from tripod_doe.errors import InputError, option
-from tripod_doe.study.cube.file_digest import stored_digest
 from tripod_doe.study.result_directory.derived_responses import with_responses
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.study.result_directory.open_cube import points_of
@@ -38,6 +37,5 @@ def derive(directory: str | Path, file: str | Path | None = None, drop: Collecti
         held.note_derived(added, drop)
         missing = held.resume.missing(asked).size
         written = held.write_cube(asked, f"tripod-doe derive: {', '.join(each.name for each in study.responses)}")
-        digest = stored_digest(path / "cube.nc")
-    done = int(asked.to_compute.sum()) - missing
-    return summary_of(asked, path, written, computed=0, reused=done, seconds=0.0, complete=not missing, digest=digest)
+        done = int(asked.to_compute.sum()) - missing
+        return summary_of(asked, held, written, computed=0, reused=done, seconds=0.0, complete=not missing)

@@ -88,37 +88,39 @@ def fit(
     directory = make_directory(out)
     place = make_directory(directory / "steps" / POINTS)
     stages = Stages(directory)
-    with one_thread(), Execution(workers, None, oversubscribe) as execution, ResultDirectory(place) as kept:
-        points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
-        begin_search(directory, "fit.toml", request.text)
+    with ResultDirectory(place) as kept:  # until the page is written: no other fit writes here meanwhile
+        with one_thread(), Execution(workers, None, oversubscribe) as execution:
+            points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
+            begin_search(directory, "fit.toml", request.text)
 
-        def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:
-            batch = points(columns)
-            return _orders(batch), _needles(batch)
+            def answers(columns: Mapping[str, NDArray[Any]]) -> tuple[ComplexArray, Needles]:
+                batch = points(columns)
+                return _orders(batch), _needles(batch)
 
-        def tell(stage: str) -> None:
-            stages.begin(stage)
-            if progress:
-                print(f"fit: {stage}, {points.count:,} points", file=sys.stderr)
+            def tell(stage: str) -> None:
+                stages.begin(stage)
+                if progress:
+                    print(f"fit: {stage}, {points.count:,} points", file=sys.stderr)
 
-        solution, error = rig.fit(answers, tell)
-        if rig.candidates:
-            stages.begin("what to measure next")
-        following = rig.next(answers, solution)
-        points.write(f"tripod-doe fit: {points.computed} points computed")
-        failures, computed, count = points.failures, points.computed, points.count
-    stages.begin("report")
-    result = fit_dataset(rig, solution, error, following)
-    result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
-    result = stamp_history(result, f"tripod-doe fit: {computed} points computed")
-    write_dataset(result, directory / FIT_FILE, listed=True)
-    known = check_parameters(rig.simulator.parameters, rig.file.base)
-    write_listed(directory / "base.toml", base_text(result, known))
-    write_listed(directory / "tolerance.toml", tolerance_text(result, known))
-    found = found_unknowns(request, result)
-    stages.end(found)
-    write_fit_page(directory, result)
-    return FitSummary(directory, computed, count - computed, failures, result, found)
+            solution, error = rig.fit(answers, tell)
+            if rig.candidates:
+                stages.begin("what to measure next")
+            following = rig.next(answers, solution)
+            points.write(f"tripod-doe fit: {points.computed} points computed")
+            failures, computed, count = points.failures, points.computed, points.count
+        kept.end_journal()
+        stages.begin("report")
+        result = fit_dataset(rig, solution, error, following)
+        result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
+        result = stamp_history(result, f"tripod-doe fit: {computed} points computed")
+        write_dataset(result, directory / FIT_FILE, listed=True)
+        known = check_parameters(rig.simulator.parameters, rig.file.base)
+        write_listed(directory / "base.toml", base_text(result, known))
+        write_listed(directory / "tolerance.toml", tolerance_text(result, known))
+        found = found_unknowns(request, result)
+        stages.end(found)
+        write_fit_page(directory, result)
+        return FitSummary(directory, computed, count - computed, failures, result, found)
 
 
 def _points_study(rig: RigFit, folder: Path) -> Study:

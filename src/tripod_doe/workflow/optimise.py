@@ -397,8 +397,8 @@ def optimise(
     place = make_directory(directory / "steps" / POINTS)
     study, stages = problem.study(request.origin, place, TABLE), Stages(directory)
     existing = ExistingScheduler(scheduler, None, None, None) if scheduler else None
-    with Execution(workers, existing, oversubscribe) as execution:
-        with ResultDirectory(place) as kept:
+    with ResultDirectory(place) as kept:  # until the page is written: no other search writes here meanwhile
+        with Execution(workers, existing, oversubscribe) as execution:
             points = PointBatches(study, kept, execution, retry_failed, progress)
             begin_search(directory, "optimise.toml", request.text)
             run = _Run(problem, study, points, progress, stages)
@@ -406,24 +406,25 @@ def optimise(
             solved = replace(solved, around=run.around(solved.front))
             points.write(f"tripod-doe optimise: {points.computed} points computed")
             failures, computed, count = points.failures, points.computed, points.count
-        stages.begin("waveforms")
-        waves = _waveforms(problem, solved, directory, execution)
-    stages.begin("report")
-    failed = sum(failure.count for failure in failures)
-    solved = replace(solved, counts={"points": count, "failed_points": failed})
-    lines = optimisation_lines(problem, solved)
-    front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
-    candidates = candidates_dataset(problem, solved)
-    action = f"tripod-doe optimise: {computed} points computed"
-    write_dataset(stamp_history(front, action), directory / "front.nc", listed=True)
-    write_dataset(stamp_history(candidates, action), directory / "candidates.nc", listed=True)
-    if len(solved.front.units):
-        best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
-        write_listed(directory / "base.toml", pasted(base_values(problem, best), problem.confirmed_base))
-    found = found_candidates(problem, front)
-    stages.end(found)
-    write_optimisation_page(directory, problem, solved, failures, waves)
-    return OptimisationSummary(directory, front, computed, count - computed, failures, lines, found)
+            kept.end_journal()
+            stages.begin("waveforms")
+            waves = _waveforms(problem, solved, directory, execution)
+        stages.begin("report")
+        failed = sum(failure.count for failure in failures)
+        solved = replace(solved, counts={"points": count, "failed_points": failed})
+        lines = optimisation_lines(problem, solved)
+        front = front_dataset(problem, solved).assign_attrs({FINDINGS: "\n".join(lines)})
+        candidates = candidates_dataset(problem, solved)
+        action = f"tripod-doe optimise: {computed} points computed"
+        write_dataset(stamp_history(front, action), directory / "front.nc", listed=True)
+        write_dataset(stamp_history(candidates, action), directory / "candidates.nc", listed=True)
+        if len(solved.front.units):
+            best = solved.front.units[knee(solved.front.judged.objectives * problem.signs)]
+            write_listed(directory / "base.toml", pasted(base_values(problem, best), problem.confirmed_base))
+        found = found_candidates(problem, front)
+        stages.end(found)
+        write_optimisation_page(directory, problem, solved, failures, waves)
+        return OptimisationSummary(directory, front, computed, count - computed, failures, lines, found)
 
 
 def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Execution) -> xr.Dataset | None:

@@ -191,23 +191,21 @@ def run_on(
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
         found = found_points(study, written)
         directory.note_found(found)
-        digest = stored_digest(directory.path / "cube.nc")
 
-    def run_other(other: Study, place: Path) -> None:
-        run_on(execution, other, place, retry_failed=retry_failed, progress=progress, take_over=take_over)
+        def run_other(other: Study, place: Path) -> None:
+            run_on(execution, other, place, retry_failed=retry_failed, progress=progress, take_over=take_over)
 
-    return summary_of(
-        asked,
-        directory.path,
-        written,
-        run_other if computed == left else None,
-        found,
-        computed=piloted + computed,
-        reused=int(asked.to_compute.sum()) - left - piloted,
-        seconds=execution.seconds if piloted + computed else 0.0,
-        complete=computed == left,
-        digest=digest,
-    )
+        return summary_of(
+            asked,
+            directory,
+            written,
+            run_other if computed == left else None,
+            found,
+            computed=piloted + computed,
+            reused=int(asked.to_compute.sum()) - left - piloted,
+            seconds=execution.seconds if piloted + computed else 0.0,
+            complete=computed == left,
+        )
 
 
 def results_of(name: str) -> Path:
@@ -233,30 +231,33 @@ def _with_derived(study: Study, directory: ResultDirectory, progress: bool) -> S
 
 def summary_of(
     asked: StudyPoints,
-    path: Path,
+    directory: ResultDirectory,
     written: xr.Dataset,
     run_other: RunStudy | None = None,
     found: str = "",
     **counts: Any,
 ) -> RunSummary:
-    """Write analyses and report of a result directory, and return their summary.
+    """Write analyses and report of a result directory, which is held until they are there; returns their summary.
 
     Args:
-        asked, path: The study with its points, and where its results are.
+        asked, directory: The study with its points, and where its results are.
         written: Its cube, which is closed.
         found: Sentence on what the study looks for.
         run_other: Runs a study that confirms an analysis; None to run no study.
-        **counts: ``computed``, ``reused``, ``seconds``, ``complete`` and ``digest`` of the summary.
+        **counts: ``computed``, ``reused``, ``seconds`` and ``complete`` of the summary.
     """
-    study = asked.study
+    study, path = asked.study, directory.path
+    directory.end_journal()
+    digest = stored_digest(path / "cube.nc")
     with written as cube:
-        analyses = run_analyses(study, cube, path)
+        analyses = run_analyses(study, cube, path, directory.check)
         confirm_tolerances(study, path, run_other)
         findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [found] if found else []
     answers += findings_of_all(read_analyses(path))
     del cube, written  # the report opens the cube itself; it must not be in memory twice
+    directory.check()
     write_report(path, findings)
     return RunSummary(
         directory=path,
@@ -267,6 +268,7 @@ def summary_of(
         answers=answers,
         findings=findings,
         model_notes=notes,
+        digest=digest,
         **counts,
     )
 

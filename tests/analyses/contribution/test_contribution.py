@@ -370,7 +370,7 @@ def test_the_joint_has_all_its_shares(tmp_path):
     keys = point_keys(study, points)
     result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))
     cube = build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))[0]
-    assert run_analyses(study, cube, tmp_path) == {"contribution": ""}
+    assert run_analyses(study, cube, tmp_path, lambda: None) == {"contribution": ""}
     assert analyses_with(tmp_path, "share_off") == [tmp_path / "analysis" / "contribution.nc"]
     assert analyses_with(tmp_path, "share") == []
     with opened_cube(tmp_path / "analysis" / "contribution.nc") as stored:

@@ -100,10 +100,18 @@ class ResultDirectory:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
+    def check(self) -> None:
+        """Check that no other process took the directory over; StorageError if one did."""
+        self._hold.check()
+
+    def end_journal(self) -> None:
+        """Make the journal one file again; the directory stays held for what is made of the cube."""
+        self._journal.close()
+
     def close(self) -> None:
         """Release the directory for other processes."""
         try:
-            self._journal.close()
+            self.end_journal()
         finally:
             self._hold.release()
 
@@ -161,7 +169,7 @@ class ResultDirectory:
         Raises:
             StorageError: If it cannot be written, or another process took the directory over.
         """
-        self._hold.check()
+        self.check()
         self._journal.commit(block)
 
     @contextmanager
@@ -192,8 +200,8 @@ class ResultDirectory:
             StorageError: If they cannot be written; older ones stay.
         """
         results = StoredResults(asked, self._journal.places())
-        write_cube(asked, results, self.path, action, self._hold.check)
-        self._hold.check()
+        write_cube(asked, results, self.path, action, self.check)
+        self.check()
         self._journal.note_shown()
         return opened_cube(self.path)
 
