@@ -12,7 +12,7 @@ from wave_bench import STUDY, Bench
 import tripod_doe as td
 from tripod_doe.analyses.model_choice import study_choice
 from tripod_doe.analyses.model_choice.choice_by_record import RecordedChoice, choice_by_record
-from tripod_doe.analyses.model_choice.growing_pilot import confirming_sizes
+from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes
 from tripod_doe.analyses.model_choice.pilot_errors import PilotErrors
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.model_interface import Candidate
@@ -138,6 +138,34 @@ def test_four_points_confirm_a_record_that_holds(recorded):
     assert grown.computed == 11
     assert (choice_of(bench)["model"] == 1).all()
     assert len(bench.calls()) == len(calls) + 11  # no further pilot
+
+
+def test_a_study_that_grows_to_where_another_candidate_is_cheapest(recorded):
+    """Regression: its run ended with an internal error. The pilot did not run model 1: nothing confirms its record."""
+    bench = recorded(model_0=lambda x: np.where(x > 0.5, 0.2, 0.002), model_1=0.01)
+    text = STUDY.replace("{low = 0, high = 1, count = 11}", "{values = [0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5]}")
+    assert bench.run(text).good
+    assert (choice_of(bench)["model"] == 0).all()
+    assert bench.run(text.replace("0.5]", "0.5, 0.9]")).computed == 3
+    choice = choice_of(bench)
+    np.testing.assert_array_equal(choice["model"], np.where(choice["x"] > 0.5, 2, 0))
+    assert (choice["accuracy_met"] == 1).all()
+
+
+def test_a_kill_of_a_pilot_that_grew_changes_nothing(recorded, monkeypatch):
+    """Regression: killed before the choice was stored, the study was refused: its pilot began with fewer points."""
+    bench = recorded(model_0=0.05, model_1=0.01)
+    with monkeypatch.context() as patch:
+        patch.setattr(GrowingPilot, "confirmed", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            bench.run(STUDY)
+    before = bench.calls()
+    assert len(before) == 8
+    assert bench.run(STUDY).good
+    assert bench.run(STUDY, "whole").good
+    xr.testing.assert_equal(choice_of(bench), choice_of(bench, "whole"))
+    assert len(bench.calls()) == len(before) + 33 + 4 + 33 - 4
+    assert bench.calls()[: len(before)] == before
 
 
 def test_a_record_that_does_not_hold_here_is_not_believed(recorded):

@@ -164,8 +164,13 @@ def run_on(
     progress: bool = True,
     take_over: bool = False,
     refuse_impossible: bool = False,
+    fewer: bool = False,
 ) -> RunSummary:
-    """`run` on an execution that several studies share, with its worker processes."""
+    """`run` on an execution that several studies share, with its worker processes.
+
+    Args:
+        fewer: Whether the study may lack points that have results in the directory.
+    """
     study = study if isinstance(study, Study) else load_study(study)
     check_analyses(study)
     asked = StudyPoints(study, make_points(study))
@@ -180,7 +185,7 @@ def run_on(
         if needs_split(study):
             asked, piloted = _split_samples(asked, directory, execution, fail_fast, progress)
             study = asked.study
-        directory.accept(asked)
+        directory.accept(asked, fewer)
         if study.auto_model:
             _take_over_pilot(asked, directory, retry_failed)
         missing = directory.resume.missing(asked, retry_failed)
@@ -282,7 +287,8 @@ def _choose_models(
     directory.adopt(study)
 
     def run_pilot(pilot: Study, place: Path) -> None:
-        run_on(execution, pilot, place, progress=progress, take_over=take_over)
+        # after a kill it grows again from its first stage, to the same choice
+        run_on(execution, pilot, place, progress=progress, take_over=take_over, fewer=True)
 
     choice = make_choice(study, asked.points, directory.path, run_pilot)
     return StudyPoints(study, chosen_points(study, asked.points, choice))

@@ -202,6 +202,18 @@ def test_a_full_disk_ends_the_run_and_leaves_whole_blocks(tmp_path, full_disk):
         assert numbers(journal) == [0, 9]
 
 
+def test_a_journal_that_another_program_holds_is_said_to_be(tmp_path):
+    """Regression: the remedy was to free space."""
+    with Journal(tmp_path) as journal:
+        other = sqlite3.connect(journal.path, timeout=0)
+        other.execute("BEGIN IMMEDIATE")
+        journal._connection.execute("PRAGMA busy_timeout = 0")
+        with pytest.raises(StorageError, match="end the program that holds it, then run again"):
+            journal.commit(block(1))
+        other.close()
+        journal.commit(block(1))
+
+
 def test_a_journal_that_cannot_be_opened_is_no_damage(tmp_path):
     with Journal(tmp_path) as journal:
         journal.commit(block(0))

@@ -13,8 +13,8 @@ share that the study asks for is out of reach, or the pilot would be as large as
 does not count.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,16 @@ class RecordedChoice:
     def chosen(self) -> list[Candidate]:
         """The candidates that are chosen by their recorded errors."""
         return [self.candidates[number] for number in np.unique(self.number[self.cheap])]
+
+    def among(self, ran: Collection[Candidate]) -> "RecordedChoice":
+        """The choice with the full model in place of cheap candidates that a pilot did not run, as none confirms them.
+
+        So it is where a study grew into a region where another candidate is the cheapest one.
+        """
+        known = np.array([candidate in ran for candidate in self.candidates])
+        cheap = self.cheap & known[self.number]
+        error = np.where(cheap[:, None], self.error, np.nan)
+        return replace(self, cheap=cheap, share=np.where(cheap, self.share, 1.0), error=error)
 
     def expected(self, hits: int, known: int) -> float:
         """Share of all points that will be within the accuracy, after a pilot with `hits` at `known` points."""

@@ -89,6 +89,9 @@ class GrowingPilot:
 
     def confirmed(self, record: RecordedChoice, measured: PilotErrors) -> xr.Dataset | None:
         """The choice by record, if the requested number of points is expected to be within the accuracy."""
+        record = record.among(measured.candidates)
+        if not record.cheap.any():
+            return None
         hits, known = record.hits(measured, self._allowed_places(measured))
         share = record.expected(hits, known)
         if known < CONFIRMING or share < auto_model_of(self.study).confidence:

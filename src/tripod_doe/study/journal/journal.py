@@ -237,8 +237,10 @@ class Journal:
         try:
             yield
         except (sqlite3.Error, OSError) as error:
+            held = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY  # extended codes are above
+            remedy = "end the program that holds it" if held else "free space"
             raise StorageError(
-                f"{self.path}: cannot write ({error}); finished points are kept: free space, then run again"
+                f"{self.path}: cannot write ({error}); finished points are kept: {remedy}, then run again"
             ) from error
 
 

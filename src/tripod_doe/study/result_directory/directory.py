@@ -115,13 +115,16 @@ class ResultDirectory:
         finally:
             self._hold.release()
 
-    def accept(self, asked: StudyPoints) -> None:
+    def accept(self, asked: StudyPoints, fewer: bool = False) -> None:
         """Make this the study of the directory.
+
+        Args:
+            fewer: Whether it may lack points that have results, as `Resume.refuse_changes`.
 
         Raises:
             InputError: If the directory holds results of another study, or the disk is too small; nothing is changed.
         """
-        self.resume.refuse_changes(asked)
+        self.resume.refuse_changes(asked, fewer=fewer)
         self._check_space(asked)
         self.adopt(asked.study)
 

@@ -31,11 +31,14 @@ class Resume:
         self._path = path
         self._journal = journal
 
-    def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
+    def refuse_changes(
+        self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None, fewer: bool = False
+    ) -> None:
         """Refuse a study that differs from the study of the results, unless it only grew.
 
         Args:
             done: Fingerprints of the points with results; by default of the points in the journal.
+            fewer: Whether it may lack points that have results: those stay in the journal.
 
         Raises:
             InputError: With every key that changed, its old and its new value.
@@ -54,7 +57,7 @@ class Resume:
         _refuse_unstored(before, study, self._path)
         old, new = canonical(before), canonical(study)
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
-        if grew and not any(key.startswith(("keep", "run")) for key in changed):
+        if (grew or fewer) and not any(key.startswith(("keep", "run")) for key in changed):
             if is_here and not same:  # damage, too, would become its study
                 print(
                     f"{stored}: edited since it ran: {', '.join(changed) or 'no key that sets points'}", file=sys.stderr
