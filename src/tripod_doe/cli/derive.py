@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.cli.parser import DONE, Command, Parser, add_take_over
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -18,12 +18,13 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         default=[],
         help="remove this response from the study; may be repeated",
     )
+    add_take_over(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.derive import derive
 
-    summary = derive(options.directory, options.file, options.drop)
+    summary = derive(options.directory, options.file, options.drop, options.take_over)
     for name, reason in summary.analyses.items():
         if reason:
             print(f"analysis {name} failed: {reason}", file=sys.stderr)

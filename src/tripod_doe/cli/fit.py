@@ -27,6 +27,7 @@ def _run(options: argparse.Namespace) -> int:
         retry_failed=options.retry_failed,
         oversubscribe=options.oversubscribe,
         untrusted=options.untrusted,
+        take_over=options.take_over,
     )
     print("\n".join([*fit_lines(summary.result), *filter(None, [summary.found])]))
     for line in failure_lines(summary.failures):

@@ -31,6 +31,7 @@ def _run(options: argparse.Namespace) -> int:
         retry_failed=options.retry_failed,
         oversubscribe=options.oversubscribe,
         untrusted=options.untrusted,
+        take_over=options.take_over,
     )
     print("\n".join([*front_lines(summary.front), *filter(None, [summary.found])]))
     for line in [*summary.lines, *failure_lines(summary.failures)]:

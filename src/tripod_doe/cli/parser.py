@@ -133,6 +133,7 @@ def add_execution(parser: Parser, workers: str) -> None:
         "--oversubscribe", action="store_true", help="start all --workers even if this machine has fewer processors"
     )
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+    add_take_over(parser)
     add_notify(parser)
 
 

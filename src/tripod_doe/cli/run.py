@@ -16,7 +16,6 @@ from tripod_doe.cli.parser import (
     add_execution,
     add_out,
     add_study,
-    add_take_over,
     add_untrusted,
 )
 from tripod_doe.quantities import count_of, duration, pace
@@ -50,7 +49,6 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         ("--tls-key", "key of that certificate, unless it stands in the same file"),
     ):
         parser.add_argument(name, metavar="PEM", type=Path, help=what)
-    add_take_over(parser)
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
     add_untrusted(parser)
     parser.add_argument("--export", choices=("zarr",), help="also write the cube in this format, as DIR/cube.zarr")

@@ -14,7 +14,6 @@ from tripod_doe.cli.parser import (
     Parser,
     add_execution,
     add_out,
-    add_take_over,
     add_untrusted,
 )
 
@@ -25,7 +24,6 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
     parser.add_argument("--quick", action="store_true", help="run the smaller studies of [quick]")
     add_execution(parser, "worker processes that all studies share")
-    add_take_over(parser)
     add_untrusted(parser)
 
 

@@ -12,13 +12,16 @@ from tripod_doe.study.result_directory.open_cube import points_of
 from tripod_doe.workflow.run_study import RunSummary, summary_of
 
 
-def derive(directory: str | Path, file: str | Path | None = None, drop: Collection[str] = ()) -> RunSummary:
+def derive(
+    directory: str | Path, file: str | Path | None = None, drop: Collection[str] = (), take_over: bool = False
+) -> RunSummary:
     """Add the responses of a file to the study of a result directory, and write its cube, analyses and report again.
 
     Args:
         directory: The result directory; a study that was interrupted keeps its missing points.
         file: TOML file with tables ``[responses.NAME]``; one with a known name takes the place of the older one.
         drop: Names of responses that are removed from the study.
+        take_over: Take the lock of a process that is known to be dead.
 
     Raises:
         InputError: If the file holds anything else, a formula is wrong, the results do not hold an output that it
@@ -31,7 +34,7 @@ def derive(directory: str | Path, file: str | Path | None = None, drop: Collecti
             f"{option('drop')}: nothing to add or drop: name a file with tables [responses.NAME], or responses"
         )
     study, added = with_responses(path, None if file is None else Path(file), drop)
-    with ResultDirectory(path) as held:
+    with ResultDirectory(path, take_over) as held:
         asked = points_of(study, path)
         held.accept(asked)
         held.note_derived(added, drop)

@@ -66,6 +66,7 @@ def fit(
     progress: bool = True,
     oversubscribe: bool = False,
     untrusted: bool = False,
+    take_over: bool = False,
 ) -> FitSummary:
     """Fit unknown parameters of the joint to measured records.
 
@@ -78,6 +79,7 @@ def fit(
         progress: Whether stages are printed to standard error.
         oversubscribe: Allow more workers than this machine has processors.
         untrusted: For a file from a stranger: refuse files outside of its folder.
+        take_over: Take the lock of a process that is known to be dead.
 
     Raises:
         InputError: If the file, a record or the directory cannot be used.
@@ -88,7 +90,7 @@ def fit(
     directory = make_directory(out)
     place = make_directory(directory / "steps" / POINTS)
     stages = Stages(directory)
-    with ResultDirectory(place) as kept:  # until the page is written: no other fit writes here meanwhile
+    with ResultDirectory(place, take_over) as kept:  # until the page is written: no other fit writes here meanwhile
         with one_thread(), Execution(workers, None, oversubscribe) as execution:
             points = PointBatches(_points_study(rig, place), kept, execution, retry_failed, progress)
             begin_search(directory, "fit.toml", request.text)

@@ -374,6 +374,7 @@ def optimise(
     progress: bool = True,
     oversubscribe: bool = False,
     untrusted: bool = False,
+    take_over: bool = False,
 ) -> OptimisationSummary:
     """Search for the parameters that make objectives as small or as large as possible within limits.
 
@@ -386,6 +387,7 @@ def optimise(
         retry_failed: Compute points that failed again.
         progress: Whether the progress is printed to standard error.
         untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
+        take_over: Take the lock of a process that is known to be dead.
 
     Raises:
         InputError: If the file or the directory cannot be used; nothing is started.
@@ -397,7 +399,7 @@ def optimise(
     place = make_directory(directory / "steps" / POINTS)
     study, stages = problem.study(request.origin, place, TABLE), Stages(directory)
     existing = ExistingScheduler(scheduler, None, None, None) if scheduler else None
-    with ResultDirectory(place) as kept:  # until the page is written: no other search writes here meanwhile
+    with ResultDirectory(place, take_over) as kept:  # until the page is written: no other search writes here meanwhile
         with Execution(workers, existing, oversubscribe) as execution:
             points = PointBatches(study, kept, execution, retry_failed, progress)
             begin_search(directory, "optimise.toml", request.text)
@@ -408,7 +410,7 @@ def optimise(
             failures, computed, count = points.failures, points.computed, points.count
             kept.end_journal()
             stages.begin("waveforms")
-            waves = _waveforms(problem, solved, directory, execution)
+            waves = _waveforms(problem, solved, directory, execution, take_over)
         stages.begin("report")
         failed = sum(failure.count for failure in failures)
         solved = replace(solved, counts={"points": count, "failed_points": failed})
@@ -427,7 +429,9 @@ def optimise(
         return OptimisationSummary(directory, front, computed, count - computed, failures, lines, found)
 
 
-def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Execution) -> xr.Dataset | None:
+def _waveforms(
+    problem: Problem, solved: Solved, directory: Path, execution: Execution, take_over: bool
+) -> xr.Dataset | None:
     """The thrust of the start, and of the ends and the knee of the front, at each operating point; None if none."""
     if not set(_WAVEFORMS) <= problem.simulator.outputs.keys() or not len(solved.front.units):
         return None
@@ -437,7 +441,7 @@ def _waveforms(problem: Problem, solved: Solved, directory: Path, execution: Exe
     units = np.concatenate([start, solved.front.units[shown]])
     place = make_directory(directory / "steps" / "waveforms")
     study = problem.study(problem.request.origin, place, TABLE, _WAVEFORMS)
-    with ResultDirectory(place) as kept:
+    with ResultDirectory(place, take_over) as kept:
         points = PointBatches(study, kept, execution, progress=False)
         batch = points(problem.columns(units, _nominal(problem), problem.model))
         points.write(f"tripod-doe optimise: {points.computed} points computed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import inspect
 import json
 import os
 import socket
@@ -91,6 +92,26 @@ def test_run_takes_over_only_when_asked(tmp_path, monkeypatch, capsys, elsewhere
     assert td.open_cube(tmp_path).sizes["joint_angle_deg"] == 2
     with pytest.raises(td.StorageError):
         elsewhere.check()
+
+
+def test_derive_takes_over_only_when_asked(tmp_path, capsys):
+    """Regression: its message named --take-over, which derive, fit and optimise did not have."""
+    (tmp_path / "study.toml").write_text(STUDY)
+    td.run(tmp_path / "study.toml", out=tmp_path, workers=0, progress=False)
+    (tmp_path / "more.toml").write_text('[responses.peak]\nformula = "max(thrust)"\nunit = "N"\n')
+    said(tmp_path, {"host": "far.example", "process": 7})
+    command = ["derive", str(tmp_path), str(tmp_path / "more.toml")]
+    assert main(command) == 2
+    assert "--take-over" in capsys.readouterr().err
+    assert main([*command, "--take-over"]) == 0
+    assert "peak" in td.open_cube(tmp_path)
+
+
+@pytest.mark.parametrize("call", [td.run, td.derive, td.fit, td.optimise, td.run_workflow])
+def test_all_that_hold_a_directory_take_over_when_asked(call, capsys):
+    assert "take_over" in inspect.signature(call).parameters
+    assert main([call.__name__.removeprefix("run_"), "--help"]) == 0
+    assert "--take-over" in capsys.readouterr().out
 
 
 @pytest.fixture
