@@ -8,16 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from tripod_doe.cli.parser import (
-    DONE,
-    SOME_FAILED,
-    Command,
-    Parser,
-    add_execution,
-    add_out,
-    add_study,
-    add_untrusted,
-)
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_study, add_untrusted
 from tripod_doe.quantities import count_of, duration, pace
 
 

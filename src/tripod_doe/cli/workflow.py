@@ -7,15 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import (
-    DONE,
-    SOME_FAILED,
-    Command,
-    Parser,
-    add_execution,
-    add_out,
-    add_untrusted,
-)
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_untrusted
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
