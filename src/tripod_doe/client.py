@@ -345,7 +345,7 @@ class ServiceRun:
         return _dataset(self._ask("GET", "/query", query=asked | ({"nearest": "true"} if nearest else {})))
 
     def open_cube(self, step: str | None = None) -> xr.Dataset:
-        """Its cube, or that of a step: of a search, the step ``points``; while it runs, with the points so far."""
+        """Its cube, or a step's cube: of a search, the step ``points``; while it runs, with the points so far."""
         return _dataset(self._ask("GET", "/cube.nc", query={"step": step}))
 
     def analysis(self, name: str) -> xr.Dataset:

@@ -327,7 +327,7 @@ def cycle_outputs(
 
 
 def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
-    """Orders of the parts of the thrust; the complex amplitudes of all parts add up to that of the thrust.
+    """Orders of the parts of the thrust; the complex amplitudes of all parts add up to the thrust's.
 
     Args:
         thrust_parts: Shape (point, revolution, part, sample), as in `thrust_outputs`.

@@ -207,7 +207,7 @@ def unit_factor(role: str, heading: str) -> float:
 
 
 def factor_of(role: str, unit: str) -> float | None:
-    """Factor from a unit to that of a role; None if the role does not know it.
+    """Factor from a unit to the unit of a role; None if the role does not know it.
 
     Case decides between milli and mega only.
     """

@@ -70,7 +70,7 @@ def find_pulses(time_s: FloatArray, tacho: FloatArray) -> Pulses:
 
 
 def _too_fast(time_s: FloatArray, edges: FloatArray) -> InputError | None:
-    """The reason why pulses cannot be told from each other, if that is the sampling."""
+    """Why pulses cannot be distinguished, if the sampling is the reason."""
     if edges.size < 2 or (samples := float(np.median(np.diff(edges)) / np.median(np.diff(time_s)))) >= _FEWEST_SAMPLES:
         return None
     return InputError(

@@ -154,7 +154,7 @@ def _across(direction: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of two vectors; that of numpy takes ten times as long to find out that they are two."""
+    """Cross product of two vectors; numpy's takes ten times as long, since it first looks whether they are two."""
     (a_x, a_y, a_z), (b_x, b_y, b_z) = a.tolist(), b.tolist()
     return np.array([a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x])
 

@@ -70,8 +70,8 @@ class Limits:
     # numerical error over the slip path. The drift of a skewed needle, or the push of a tilted roller along its groove,
     # may be a third of the slip: hence below a third of 1/20, the largest error of any result.
     error: float = 0.015
-    # penetration over the largest radius of the body's spheres (over the scene's length if they are points), or over
-    # that of a bearing's needles; every sphere and slice is checked, at the samples
+    # penetration over the largest radius of the body's spheres (over the scene's length if they are points), or of
+    # a bearing's needles; every sphere and slice is checked, at the samples
     penetration: float = 0.05
     drift: float = 1e-4  # residual of a constraint over the scene's length
     few: int = 500  # steps up to which the whole run is run again; longer ones by windows

@@ -218,7 +218,7 @@ class PointInPlane:
 class PrescribedRotation:
     """Body b turns against body a about a common axis by angle + rate t + acceleration t^2 / 2: one equation.
 
-    The angle is that of `reference_b` against `reference_a`, both across the axis, in body axes; a revolute joint or
+    The angle is measured from `reference_a` to `reference_b`, both across the axis, in body axes; a revolute joint or
     its equal must keep the axes together.
     """
 

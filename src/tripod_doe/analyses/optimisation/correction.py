@@ -54,9 +54,9 @@ class Correction:
             own: As the search judges them.
 
         Returns:
-            Of candidates that were judged its own judgement, of the others that of the search with the predicted
-            difference, to violations also its standard error: one that is judged for nothing costs more than a limit
-            that is not quite used up. Reasons follow from the corrected violations.
+            Of candidates that the confirming model judged, its judgement; of the others the judgement of the search
+            with the predicted difference, and for violations its standard error too: judging one in vain costs more
+            than a limit that is not quite used up. Reasons follow from the corrected violations.
         """
         objectives, _ = _shifted(units, own.objectives, self.objectives)
         violations = np.sum(_shifted(units, own.violations, self.violations), axis=0)

@@ -99,7 +99,7 @@ class Search:
 def first_generation(variables: Variables, population: int, seed: int, start: FloatArray | None) -> FloatArray:
     """First candidates of a search: the start, if there is one, and a latin hypercube.
 
-    It is that of `scipy.stats.qmc`, whose import costs 0.9 CPU-s, more than the points of a small search.
+    `scipy.stats.qmc` has the same sequence, but its import costs 0.9 CPU-s, more than the points of a small search.
     """
     rng = np.random.default_rng(seed).spawn(1)[0]
     offsets = rng.uniform(size=(population, len(variables.chosen)))

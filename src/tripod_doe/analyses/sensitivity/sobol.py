@@ -55,7 +55,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
         for j, k in combinations(range(width), 2):
             second[j, k] = (mean(blocks[:, :, 1 + width + j] * ab[k]) - both) / variance - first[j] - first[k]
         answers |= _with_intervals({"S2": second}, settings.confidence)
-        # the effect of both less that of each, alike uncertain
+        # the effect of both less the effect of each, equally uncertain
         of_two = np.sqrt(2) * np.hypot(*(np.nan_to_num(each) for each in (least[:, None], least)))
         answers["S2_conf"] = np.where(np.isnan(answers["S2"]), np.nan, np.fmax(answers["S2_conf"], of_two))
     return answers
@@ -64,8 +64,8 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
 def _independent_half(b: FloatArray, changes: list[FloatArray], confidence: float) -> FloatArray:
     """Half widths of means of products of which fewer than ten blocks are expected to make up the scatter, else NaN.
 
-    A product that is large in few blocks may be in none of these, and resamples show none: its scatter is then that of
-    independent factors. Shapes (part, block, component) -> (factor, component).
+    A product that is large in few blocks may be in none of these, and resamples show none: its scatter then
+    equals the scatter of a product of independent factors. Shapes (part, block, component) -> (factor, component).
     """
     count, halves = b.shape[1], []
     size = (b**2).sum(axis=0)

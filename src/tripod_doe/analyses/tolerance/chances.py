@@ -1,6 +1,6 @@
 """Chances to exceed a limit, with intervals, of points weighted as if their factors scattered otherwise.
 
-The interval is that of a weighted sum of rare events (gamma distribution, Fay and Feuer 1997), with the mean weight of
+The interval belongs to a weighted sum of rare events (gamma distribution, Fay and Feuer 1997), with the mean weight of
 a point in place of the largest for one event more (Tiwari and others 2006). Where the values have an error, its
 lower end counts the points that exceed in spite of it, its upper end those that may.
 """

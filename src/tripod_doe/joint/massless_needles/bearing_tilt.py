@@ -13,7 +13,7 @@ from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
 _NEWTON = 100
 """Most iterations; ten to twenty are usual."""
 _WITHIN = 0.98
-"""Largest distance of a load from the middle, over that of the outermost spheres."""
+"""Largest distance of a load from the middle, divided by the distance of the outermost spheres."""
 _LEAST = 1e-9
 """Stiffness against motions without resistance, over a needle's stiffness."""
 

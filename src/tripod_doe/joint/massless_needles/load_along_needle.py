@@ -112,7 +112,7 @@ def _pressed(c, depth, lean, drop):
 
 @inner_kernel
 def _press(c, carried, lean, drop, most):
-    """Depth at which a contact of this lean carries a load, with `_pressed`; `most` is that of one sphere alone.
+    """Depth at which a contact of this lean carries a load, with `_pressed`; `most` is the depth of one sphere alone.
 
     From too deep, Newton's method comes up without overshooting: forces are convex.
     """

@@ -108,7 +108,7 @@ def _places(
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products of vectors, shape (vector, 3); that of NumPy takes five times as long."""
+    """Cross products of vectors, shape (vector, 3); NumPy's takes five times as long."""
     product: FloatArray = a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT]
     return product
 

@@ -94,7 +94,7 @@ class Accesses:
 
     def _seen(self, name: str, only_run: str = "") -> Settings:
         digest = hmac.new(self._settings.key.encode(), name.encode(), hashlib.sha256).digest()
-        key = base64.urlsafe_b64encode(digest[:16]).decode().rstrip("=")  # as long as that of the server
+        key = base64.urlsafe_b64encode(digest[:16]).decode().rstrip("=")  # as long as the server's
         return replace(self._settings, key=key, read_only=True, only_run=only_run)
 
 

@@ -38,7 +38,7 @@ def start_process(target: Callable[..., None], *arguments: Any) -> BaseProcess:
 def _start_forked(process: BaseProcess) -> None:
     """Start a process, and the fork server if there is none, which imports nothing from the current folder.
 
-    Python is told so by its environment alone: multiprocessing gives it no flag that this process has not.
+    Only the environment can tell Python so: multiprocessing passes on the flags of this process.
     """
     with _STARTING:
         before = os.environ.get(_SAFE)

@@ -90,7 +90,7 @@ def _search_first(folder: str, module: str) -> None:
 
 
 def _unload(names: Iterable[str]) -> None:
-    """Forget modules, and their bytecode, which Python takes for that of any text of one size within a second."""
+    """Forget modules, and their bytecode, which Python also uses for another text of the same size within a second."""
     for name in names:
         module = sys.modules.pop(name, None)
         if bytecode := getattr(getattr(module, "__spec__", None), "cached", None):

@@ -70,7 +70,7 @@ def is_damage(error: sqlite3.Error) -> bool:
 
 
 def _refuse_pipes(path: Path) -> None:
-    """Refuse an SQLite file if anything else than a file is in its place, or in that of its companions (CubeError)."""
+    """Refuse an SQLite file if something other than a file is in its place or a companion's (CubeError)."""
     for name in ("", "-wal", "-shm", "-journal"):
         refuse_irregular(path.with_name(f"{path.name}{name}"), CubeError)
 

@@ -236,7 +236,7 @@ class _Cells:
 
     @property
     def most(self) -> int:
-        """Largest number of values per point, at least that of the target."""
+        """Largest number of values per point, at least as many as the target has."""
         return max(MOST_VALUES, math.prod(self.choice.shape))
 
     def read(self, name: str, whole: bool) -> NamedArray:
