@@ -27,8 +27,8 @@ _MARK = "is_kernel"
 class KernelLocator:
     """Folder of the machine code of kernels; numba asks other locators for other functions.
 
-    Kernels of other files, such as benchmarks, contain kernels of this package. Their folders stand within the folder of
-    this package, each named by the text of its file.
+    Kernels of other files, such as benchmarks, contain kernels of this package. Their folders stand within this
+    package's folder, each named by the text of its file.
     """
 
     def __init__(self, folder: Path) -> None:
