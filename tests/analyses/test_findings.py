@@ -14,6 +14,7 @@ from tripod_doe.analyses.main_effects.main_effects import factor_effects
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.analyses.sensitivity.charts import rotation_charts
+from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.main_outputs import OutputPart, quantile_text
 from tripod_doe.page_parts.main_results import main_effect, responses
 from tripod_doe.page_parts.tables import cost_rows
@@ -663,3 +664,29 @@ def test_a_pair_is_not_called_any_two_points(pairs, which):
     (response,) = responses(cube)
     said = list(find_effects(response, cube, [each for each in effects if each.factor == "b"]))
     assert said == [f"b has no effect on y between {which} that differ in it alone."]
+
+
+def test_maps_name_the_words_of_a_third_factor():
+    """Regression: the report of any grid of 3 x 3 numbers and two models ended with an internal error."""
+    angles, torques = np.array([5.0, 8, 11]), np.array([40.0, 90, 120])
+    third = np.multiply.outer(np.multiply.outer(angles, torques), [1.0, 1.1])
+    source = {"source": "this study"}
+    cube = xr.Dataset(
+        {
+            "thrust_amplitude": (
+                ("joint_angle_deg", "torque_n_m", "model", "order"),
+                third[..., None] * np.array([0, 0, 0.1, 1]),
+                {"units": "N"},
+            ),
+            "outcome": (("joint_angle_deg", "torque_n_m", "model"), np.full(third.shape, Outcome.FINISHED, np.int8)),
+        },
+        coords={
+            "joint_angle_deg": ("joint_angle_deg", angles, {"units": "degree", **source}),
+            "torque_n_m": ("torque_n_m", torques, {"units": "N m", **source}),
+            "model": ("model", np.array(["kinetostatic", "equilibrium"], object), source),
+            "order": np.arange(4),
+        },
+        attrs={"study": '[study]\nname = "t"\n'},
+    )
+    titles = [chart.title for group in effect_charts(cube) for chart in group.charts]
+    assert {"kinetostatic", "equilibrium"} <= {word for title in titles for word in re.findall(r"\w+", title)}

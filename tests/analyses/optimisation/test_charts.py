@@ -1,4 +1,4 @@
-"""Charts of a search."""
+"""Charts of a search, and what is read from a stored one."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.optimisation import charts
+from tripod_doe.analyses.optimisation.candidates import base_of
 
 
 def test_waveforms_of_any_number_of_joints(monkeypatch):
@@ -26,3 +27,18 @@ def test_waveforms_of_any_number_of_joints(monkeypatch):
         SimpleNamespace(operating=SimpleNamespace(values=np.zeros((1, 1))), model="equilibrium"), waves
     )
     assert len(drawn[0].figure.axes[0].lines) == joints
+
+
+def test_a_candidate_with_words_has_its_base():
+    """Regression: a text of a stored front has no item(), so *Take this one* of a search over models failed."""
+    front = xr.Dataset(
+        {
+            "model": ("candidate", np.array(["equilibrium", "kinetostatic"], object), {"role": "variable"}),
+            "knee": ("candidate", [0, 1]),
+        },
+        attrs={
+            "optimisation": '[optimisation]\nname = "t"\n[variables.model]\nvalues = ["equilibrium", "kinetostatic"]\n'
+            '[objectives.third]\noutput = "thrust_amplitude"\norder = 3\n'
+        },
+    )
+    assert base_of(front, 1) == '[base]\nmodel = "kinetostatic"\n'

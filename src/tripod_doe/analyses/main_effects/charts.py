@@ -182,7 +182,7 @@ def _map_chart(
     """
     held, every = held or {}, response.values.values
     shades = float(np.nanmin(every)), float(np.nanmax(every))
-    at = "".join(f", {factor_text(cube, name, cube[name].values[place].item())}" for name, place in held.items())
+    at = "".join(f", {factor_text(cube, name, cube[name][place].item())}" for name, place in held.items())
     response, cube = replace(response, values=response.values.isel(held, drop=True)), cube.isel(held)
     across, up = sorted(factors, key=lambda name: cube.sizes[name])
     response = replace(response, values=response.values.sortby([across, up]))

@@ -68,7 +68,7 @@ def base_of(front: xr.Dataset, candidate: int) -> str:
     count = front.sizes["candidate"]
     if not 0 <= candidate < count:
         raise InputError(f"candidate = {candidate}: the front has {count:,}, counted from 0")
-    values: dict[str, Any] = {name: front[name].values[candidate].item() for name in names_of(front, "variable")}
+    values: dict[str, Any] = {name: front[name][candidate].item() for name in names_of(front, "variable")}
     models = (str(front.attrs.get(key, "")) for key in ("search_model", "model"))
     return pasted(values, confirmed_base(file_of(front).base, *models))
 
