@@ -150,6 +150,7 @@ def test_morris_chart_of_effects_without_intervals(data_of):
     result = indices("morris", mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[np.nan] * 2, sigma=[0.0, 0.0])
     (chart,) = index_charts(result, "morris")
     assert data_of(chart)["mu_star"].tolist() == [2, 1]
+    assert "confidence" not in chart.caption
 
 
 def test_morris_chart_shows_every_factor_in_the_unit_of_the_output(data_of):

@@ -99,10 +99,12 @@ def volume(front, names):
     return hypervolume(np.stack([front[name].values for name in names], axis=1), ref=np.full(len(names), 1.1))
 
 
-def test_the_front_of_zdt1(solve):
+def test_the_front_of_zdt1(solve, tmp_path):
     """Published: Zitzler, Deb and Thiele 2000; its front f2 = 1 - sqrt(f1) has the hypervolume 1.21 - 1/3 to (1.1, 1.1)."""
     aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}
     front = solve("zdt1", unit(6), aims, search={"evaluations": 2000, "seed": 1}).front
+    page = (tmp_path / "out" / "report" / "index.html").read_text()
+    assert f"40 of its {front.sizes['candidate']} candidates, from end to end" in page  # regression: nothing said so
     assert volume(front, aims) == pytest.approx(1.21 - 1 / 3, rel=0.01)
     assert (front["f_2"].values >= 1 - np.sqrt(front["f_1"].values) - 1e-12).all()
 

@@ -62,6 +62,7 @@ def write_optimisation_page(
         more=more,
         charts=optimisation_charts(problem, solved, waves),
         front=front_table(problem, solved),
+        front_size=len(solved.front.units),
         ends=ends_table(problem, solved),
         sensitivity=sensitivity_table(problem, solved),
         start=start_table(problem, solved),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_notes, find_in_contribution
 from tripod_doe.analyses.contribution.shares import contributions
@@ -356,6 +358,21 @@ def test_operating_points_with_the_same_open_field_are_one(ablate):
     assert result["share_off"].values == pytest.approx(np.array([[50, 40, 10], [50, 40, 10]]))
     [part] = contributions({"c": result})
     assert part.labels == ["load 3, d not given", "load -2, d 2"]
+
+
+def test_bars_beside_long_names_stay_bars_and_zeros_are_not_missing(ablate):
+    """Regression: five factors in a name left no room for bars; an amplitude of zero was "points are missing"."""
+    text = CROSSED.format(factors="d = { values = [1, 2] }", load='kind = "zip"', names='["load", "d"]')
+    cube = ablate("listed", more=text.replace("[3, -2]", "[3, 0]"))
+    [part] = contributions({"c": contribution_shares(cube, ContributionSettings(output="y"))})
+    labels = [f"{label}, groove sliding friction 0.06, groove spin friction 0.02" for label in part.labels]
+    chart = contribution_charts(replace(part, labels=labels))[0]
+    chart.svg()
+    [axes] = chart.figure.axes
+    assert axes.get_position().width > 0.4
+    texts = [text.get_text() for text in axes.texts]
+    assert "no shares: it is zero" in texts
+    assert "incomplete: points are missing" not in texts
 
 
 def test_the_joint_has_all_its_shares(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +25,7 @@ _READABLE = 0.06  # least part of the axis for a segment that shows its number
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
 _FENCE = 1.5  # distances of the quartiles, beyond them, within which shares decide the scale (Tukey's box plot)
 _PANEL = 2.1  # inches
+_LETTERS = 34  # of a line beside a bar
 _MOST_CELLS = 7  # cells along a side of a map; up to this number each cell has a label
 
 
@@ -171,8 +174,10 @@ def _bar_chart(part: Contribution) -> Chart:
         text = f"by {DEFINITIONS[part.fairest]}, at {len(bars)} operating points"
     if part.paper is not None:
         bars["paper, 3.5"] = part.paper
-    with drawing(5.4, 1.25 + 0.36 * len(bars)) as (figure, axes):
-        _draw(axes, bars, [spoken(name) for name in part.mechanisms])
+    zero = {label for label, is_zero in zip(part.labels, part.zero, strict=True) if is_zero}
+    lines = max(len(textwrap.wrap(name, _LETTERS)) for name in bars)
+    with drawing(5.4, 1.25 + (0.24 + 0.12 * lines) * len(bars)) as (figure, axes):
+        _draw(axes, bars, [spoken(name) for name in part.mechanisms], zero)
     model = f" with model {part.model}" if part.model else ""
     caption = (
         f"Shares of the mechanisms in {part.what}{model}, {text}. Left of zero, a mechanism opposes the sum. The "
@@ -181,7 +186,7 @@ def _bar_chart(part: Contribution) -> Chart:
     return Chart(part.key, f"Shares of the mechanisms in {part.what}", caption, figure, _frame(part))
 
 
-def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str]) -> None:
+def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str], zero: Collection[str]) -> None:
     rows = np.arange(len(bars))[::-1]
     shares = np.stack(list(bars.values()))
     known = np.nan_to_num(shares)
@@ -216,20 +221,20 @@ def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str]) -> Non
                 )
         ends[side, np.arange(len(bars))] += width
     axes.plot(shares.sum(axis=1), rows, "D", color=INK, mfc="white", ms=5, zorder=4, label="sum")
-    for row, bar in zip(rows, shares, strict=True):
+    for row, (name, bar) in zip(rows, bars.items(), strict=True):
         if np.isnan(bar).any():
-            axes.annotate(
-                "incomplete: points are missing", (0, row), (6, 0), textcoords="offset points", va="center", color=MUTED
-            )
+            why = "no shares: it is zero" if name in zero else "incomplete: points are missing"
+            axes.annotate(why, (0, row), (6, 0), textcoords="offset points", va="center", color=MUTED)
     axes.axvline(0, color=MUTED, lw=0.8)
     axes.axvline(100, color=MUTED, lw=0.8, ls="--")
     axes.set_xlim(low - 0.03 * (high - low), high + 0.04 * (high - low))
-    axes.set_yticks(rows, list(bars))
+    names = [textwrap.fill(name, _LETTERS) for name in bars]
+    axes.set_yticks(rows, names)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
     axes.spines["left"].set_visible(False)
     axes.set_xlabel("share (%)")
-    legend_above(axes, 3)
+    legend_above(axes, 2 if "\n" in "".join(names) else 3)  # long names leave less room
 
 
 def _frame(part: Contribution) -> pd.DataFrame:

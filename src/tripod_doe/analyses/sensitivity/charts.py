@@ -145,9 +145,10 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
         axes.grid(visible=False)
         for spine in axes.spines.values():
             spine.set_visible(False)
+    sure = _intervals(data["S2_conf"], level)
     caption = (
         f"Second-order Sobol' indices of {what}: part of the variance by each pair of factors, beyond what each "
-        f"makes alone, with {level:g} % confidence intervals (analysis {name}). Shaded: larger than its interval."
+        f"makes alone{',' * bool(sure)}{sure} (analysis {name}).{' Shaded: larger than its interval.' * bool(sure)}"
     )
     return [Chart(f"{key}-interactions", f"Interactions in {what}", caption, figure, data)]
 
@@ -186,9 +187,9 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
         axes.set_ylabel(f"standard deviation σ ({unit})")
         legend_above(axes, 2)
     caption = (
-        f"Morris' elementary effects on {what}, each over the whole range of its factor, with {level:g} % confidence "
-        f"intervals (analysis {name}). Far right: large effect. High up: nonlinear, or interaction with other "
-        "factors."
+        f"Morris' elementary effects on {what}, each over the whole range of its factor"
+        f"{_intervals(data['mu_star_conf'], level)} (analysis {name}). Far right: large effect. High up: nonlinear, or "
+        "interaction with other factors."
     )
     return Chart(key, f"Elementary effects on {what}", caption, figure, data)
 
