@@ -52,29 +52,33 @@ def main_outputs(
     own = [name for name in str(result.attrs.get(RESPONSES, "")).split(", ") if name in outputs]
     if _AMPLITUDE in outputs:
         outputs = [_AMPLITUDE, *own]
-    units: dict[str, str] = json.loads(str(result.attrs.get("output_units", "{}")))
     parts = []
     for output in outputs[: max(_MOST, len(own))]:
         of_output = result.sel(output=output) if several else result
         for order in _own_orders(of_output, orders) or (None,):
             part = of_output if order is None else of_output.sel(order=order)
             first = dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0)
-            named = {dim: at for dim, at in first.items() if _differ(part, dim)}
+            named = {dim: at for dim, at in first.items() if differ(part, dim)}
             part, place = part.isel(first), place_text(part, named)
             if part[key].notnull().any():
-                what = _words(output, order) + place
-                own_part = OutputPart(output, what, unit_text(units.get(output, "1")), part)
-                parts.append(own_part._replace(answers=_about_mean(part)) if own_part.is_phase else own_part)
+                parts.append(output_part(output, _words(output, order) + place, part))
     return parts
+
+
+def output_part(output: str, what: str, answers: xr.Dataset) -> OutputPart:
+    """Answers on one output with its unit; of a phase about its mean."""
+    units: dict[str, str] = json.loads(str(answers.attrs.get("output_units", "{}")))
+    part = OutputPart(output, what, unit_text(units.get(output, "1")), answers)
+    return part._replace(answers=_about_mean(answers)) if part.is_phase else part
 
 
 def _own_orders(answers: xr.Dataset, orders: Collection[int]) -> list[int]:
     """The wanted orders that an output has; none for an output without orders in a table of several."""
-    known = answers["order"].values.tolist() if "order" in answers.dims and _differ(answers, "order") else []
+    known = answers["order"].values.tolist() if "order" in answers.dims and differ(answers, "order") else []
     return [order for order in orders if order in known]
 
 
-def _differ(answers: xr.Dataset, dim: Hashable) -> bool:
+def differ(answers: xr.Dataset, dim: Hashable) -> bool:
     """Whether answers differ along a dimension; in a table of several outputs, one without it repeats its answers."""
     along = [(each, each.isel({dim: 0}, drop=True)) for each in answers.data_vars.values() if dim in each.dims]
     return not all(bool(((each == first) | (each.isnull() & first.isnull())).all()) for each, first in along)

@@ -143,6 +143,25 @@ def test_a_phase_is_drawn_about_its_mean(middle, spread):
     assert "from this mean, 5 % below -" in find_in_tolerance(result, "y")[0]
 
 
+def test_each_output_with_a_limit_is_answered():
+    """Regression: of outputs beside the thrust amplitude no sentence answered their limits; a power had "orders"."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed, TEXT.replace("4096", "256"))
+    y, orders = cube["y"], xr.DataArray([0, 1, 2, 3, 9], dims="order")
+    outputs = {"thrust_amplitude": y * (1 + orders), "scaled": y * (2 + orders)}
+    outputs["power"] = y * xr.DataArray([0.9, 1.0], dims="mechanism")
+    cube = cube.drop_vars("y").assign(outputs).assign_coords(order=orders.values, mechanism=["rolling", "sliding"])
+    settings = ToleranceSettings(outputs=list(outputs), limits={"scaled_9": 665, "power": 61})
+    sentences = find_in_tolerance(tolerance(cube, settings), "t")
+    first, second = [each for each in sentences if each.startswith("The probability that")]
+    assert first.startswith("The probability that scaled (order 9) exceeds 665 is ")
+    assert second.startswith("The probability that power (mechanism sliding) exceeds 61 is ")
+    for sentence, limit in ((first, 665 / 11), (second, 61)):
+        assert float(re.search(r" is ([\d.]+)", sentence)[1]) == pytest.approx(
+            100 * float((y > limit).mean()), rel=0.05
+        )
+    assert "power of the" not in " ".join(sentences)
+
+
 def test_how_far_a_scatter_must_shrink_to_keep_a_limit():
     """Exact: N(60, 0.5) exceeds 61 with 2.3 %; 1 % is left at a deviation of 0.43, so at 0.77 of 0.4 beside 0.3."""
     cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed)

@@ -11,8 +11,8 @@ import xarray as xr
 from tripod_doe.analyses.tolerance.chances import points_to_decide
 from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, limit_key
 from tripod_doe.analyses.tolerance.narrower_scatter import together
-from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs, quantile_text
-from tripod_doe.page_parts.words import listed, spoken, unit_text
+from tripod_doe.page_parts.main_outputs import OutputPart, differ, left_points, main_outputs, output_part, quantile_text
+from tripod_doe.page_parts.words import listed, place_text, spoken, unit_text
 from tripod_doe.quantities import chance_in_percent, count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable
@@ -26,23 +26,40 @@ _WIDER = 1.2  # times an interval, from which on the error of the model is worth
 
 
 def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
-    """Main outputs with their quantiles and gains; of the thrust also orders that are large, or have a limit."""
-    return main_outputs(result, "mean", orders=_orders(result))
+    """Main outputs with their quantiles and gains; also orders of the thrust that are large, and what has a limit."""
+    parts = main_outputs(result, "mean", orders=_orders(result))
+    outputs = result["output"].values.tolist() if "output" in result.dims else []
+    return parts + [
+        _most_exceeding(result.sel(output=output), output)
+        for output in outputs
+        if output not in {part.output for part in parts}
+        and bool(result["exceedance"].sel(output=output).notnull().any())
+    ]
+
+
+def _most_exceeding(answers: xr.Dataset, output: str) -> OutputPart:
+    """An output with limits at the labels where it exceeds its limit most often."""
+    chance = answers["exceedance"]
+    place = {dim: int(at) for dim, at in chance.argmax(...).items()}
+    named = {dim: at for dim, at in place.items() if differ(answers, dim)}
+    return output_part(output, output + place_text(answers, named), answers.isel(place))
 
 
 def _orders(result: xr.Dataset) -> tuple[int, ...]:
     """The third and second order, those with a limit, and those of at least a tenth of the largest one."""
     usual = (3, 2)
+    if "order" not in result.dims:
+        return usual
     several = "output" in result.dims
     outputs = result["output"].values.tolist() if several else [str(result.attrs["outputs"])]
-    if "order" not in result.dims or _AMPLITUDE not in outputs:
-        return usual
-    own = result.sel(output=_AMPLITUDE) if several else result
+    own = result.sel(output=_AMPLITUDE) if several and _AMPLITUDE in outputs else result
+    limits = own["limit"].notnull().any([dim for dim in own["limit"].dims if dim != "order"])
+    limited = own["order"].values[limits.values].tolist()
+    if _AMPLITUDE not in outputs:
+        return tuple(dict.fromkeys([*usual, *limited]))[:_MOST_ORDERS]
     means = own["mean"].sel(order=own["order"] > 0)
     means = means.isel(dict.fromkeys((dim for dim in means.dims if dim != "order"), 0)).fillna(0.0)
-    limits = own["limit"].isel(dict.fromkeys((dim for dim in own["limit"].dims if dim != "order"), 0))
     large = means.sel(order=means >= _NOTABLE * means.max()).sortby(-means)["order"].values.tolist()
-    limited = own["order"].values[np.isfinite(limits.values)].tolist()
     return tuple(dict.fromkeys([*usual, *limited, *large]))[:_MOST_ORDERS]
 
 
