@@ -6,6 +6,7 @@ proxy for this machine, so that the token goes to the named server and nowhere e
 
 from __future__ import annotations
 
+import csv
 import json
 import secrets
 import tempfile
@@ -97,7 +98,8 @@ class Service:
         """Submit a study, a workflow, a fit or an optimisation.
 
         Args:
-            study: Its file, sent with the files beside it that it names; or the tables of a study as a dict.
+            study: Its file, sent with the files beside it that it names, also by a pattern or in a table; or the
+                tables of a study as a dict.
             wait: Whether to wait for its end.
             progress: Whether to show the progress meanwhile.
         """
@@ -340,7 +342,10 @@ class ServiceRun:
         where: str | None = None,
         step: str | None = None,
     ) -> xr.Dataset:
-        """Choose cells of one variable; see `tripod_doe.query`. `step` names one of a workflow or a search."""
+        """Choose cells of one variable; see `tripod_doe.query`. `step` names one of a workflow or a search.
+
+        Cells that do not meet `where` are NaN; there is no ``selected``.
+        """
         asked = {"variable": variable, "select": _selection(select), "where": where, "step": step, "format": "netcdf"}
         return _dataset(self._ask("GET", "/query", query=asked | ({"nearest": "true"} if nearest else {})))
 
@@ -409,10 +414,22 @@ def _attach(value: Any, folder: Path, files: dict[str, str], key: str = "") -> N
     elif isinstance(value, list):
         for inner in value:
             _attach(inner, folder, files, key)
-    elif key in _FILE_KEYS and isinstance(value, str) and value not in files and _is_plain(value, folder):
-        files[value] = read_text(folder / value, "file")
-        if value.endswith(".toml"):
-            _attach(parse_toml(files[value], value), folder, files)
+    elif key in _FILE_KEYS and isinstance(value, str):
+        pattern = Path(value).name == value and set(value) & set("*?[")
+        for name in sorted(path.name for path in folder.glob(value)) if pattern else [value]:
+            if name not in files and _is_plain(name, folder):
+                files[name] = read_text(folder / name, "file")
+                _attach(_named_in(name, files[name], key), folder, files)
+
+
+def _named_in(name: str, text: str, key: str) -> dict[str, Any]:
+    """What a file names itself: the tables of a TOML file, the column ``file`` of a table of records."""
+    if name.endswith(".toml"):
+        return parse_toml(text, name)
+    header, *rows = csv.reader(text.splitlines()) if key == "table" else [[]]
+    columns = [head.strip() for head in header]
+    at = columns.index("file") if "file" in columns else -1
+    return {"file": [row[at].strip() for row in rows if 0 <= at < len(row)]}
 
 
 def _is_plain(name: str, folder: Path) -> bool:

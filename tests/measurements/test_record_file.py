@@ -35,6 +35,7 @@ def read(tmp_path):
     [
         "rotation_deg,thrust_n\n0.5,1.25\n1.5,-2\n",
         "# a note\n\nrotation_deg, thrust_n\n0.5, 1.25\n1.5, -2\n",
+        "rotation_deg,thrust_n\ndeg,kN\n0.5,0.00125\n1.5,-0.002\n",
         "rotation_deg;thrust_n\n0,5;1,25\n1,5;-2,0\n",
         "rotation_deg;thrust_n;\n0.5;1.25;\n1.5;-2;\n",
         "Drehwinkel [°]\tAxialkraft [kN]\n0,5\t0,00125\n1,5\t-0,002\n",

@@ -115,6 +115,17 @@ def test_a_text_that_is_spelled_as_a_file_sends_no_file(tmp_path):
     assert submission(study)["files"] == {}, "a link in a stranger's folder may lead to any file"
 
 
+@pytest.mark.parametrize("named", ['table = "records.csv"', 'files = ["r*.csv"]'])
+def test_a_fit_is_sent_with_its_records(tmp_path, named):
+    """Regression: records that a table or a pattern names stayed behind, and the service refused the fit."""
+    (tmp_path / "records.csv").write_text("torque_n_m, file\n50, r1.csv\n60, r2.csv\n70, ../r3.csv\n80, .r4.csv\n")
+    for name in ("r1.csv", "r2.csv", ".r4.csv", "other.csv"):
+        (tmp_path / name).write_text("rotation_deg,thrust_n\n0,1\n")
+    fit = tmp_path / "fit.toml"
+    fit.write_text(f'[fit]\nname = "a"\n[records]\n{named}\n')
+    assert sorted(submission(fit)["files"]) == ["r1.csv", "r2.csv", "records.csv"]
+
+
 def test_selections_are_those_of_a_query():
     chosen = {"a": slice(None, 50), "b": np.array([300, 600]), "c": "needles", "d": slice(1.5, None)}
     assert _selection(chosen) == ["a=:50", "b=300,600", "c=needles", "d=1.5:"]

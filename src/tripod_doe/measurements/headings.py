@@ -218,7 +218,7 @@ def factor_of(role: str, unit: str) -> float | None:
 
 def _rank(role: str, heading: str) -> tuple[int, int] | None:
     """How well a heading names a role (smaller is better), and the number of matching letters; None if it does not."""
-    if heading == role:
+    if role in (heading, _without_unit(heading)):
         return _OWN, 0
     for name in (plain_words(heading), plain_words(name_and_unit(role, heading)[0])):
         if name in ROLES[role].telling:

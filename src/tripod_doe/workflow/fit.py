@@ -107,12 +107,12 @@ def fit(
             solution, error = rig.fit(answers, tell)
             if rig.candidates:
                 stages.begin("what to measure next")
-            following = rig.next(answers, solution)
+            following, doubts = rig.next(answers, solution), rig.doubts(answers)
             points.write(f"tripod-doe fit: {points.computed} points computed")
             failures, computed, count = points.failures, points.computed, points.count
         kept.end_journal()
         stages.begin("report")
-        result = fit_dataset(rig, solution, error, following)
+        result = fit_dataset(rig, solution, error, following, doubts)
         result = result.assign_attrs(points=count, failed_points=sum(failure.count for failure in failures))
         result = stamp_history(result, f"tripod-doe fit: {computed} points computed")
         write_dataset(result, directory / FIT_FILE, listed=True)

@@ -487,6 +487,17 @@ def test_small_orders_beside_one_that_the_model_does_not_have():
     assert not said[0].startswith("Every order")
 
 
+def test_an_order_agrees_within_the_uncertainty_that_is_stated():
+    """Regression: a gap of zeros made 0.44 N of order 1, which "agreed" with 0 N within 0.12 N."""
+    rotation = np.arange(0.0, 3600, 3.0)
+    thrust = Recorder({3: (14.0, -129.0), 9: (1.2, 91.0)}).thrust(rotation)
+    thrust[300:340] = 0.0
+    compared = compare(Measurement(rotation, thrust, None, "zero"), model({3: (14.0, -129.0), 9: (1.2, 91.0)}), 0.0)
+    within = abs(compared["amplitude_difference"]) <= compared["amplitude_difference_uncertainty"]
+    assert within.values[np.isin(compared["agrees"], (1, TOO_SMALL))].all()
+    assert int(compared["agrees"].sel(order=1)) == TOO_SMALL
+
+
 @pytest.mark.parametrize(("order", "why"), [(1, True), (2, True), (4, True), (6, False)])
 def test_an_order_that_the_model_does_not_have_is_no_error_of_it(order, why):
     """A model of alike trunnions says nothing of what is not alike; below the scatter of the record there is nothing."""

@@ -87,8 +87,8 @@ def compare(
     of freedom. The sampling of a tachometer may shift its edges by up to half a sample, in each revolution alike: with
     a given reference angle, k times this angle is part of the uncertainty of the phase of order k. The uncertainty of
     the model is its error on record, with the difference between its last two revolutions and its numerical error, as
-    the root of squares; the difference has both. An order that noise alone would make as large agrees with any smaller
-    one of the model. The beat's envelope is
+    the root of squares; the difference has both. An order that noise alone would make as large, and that is no larger
+    in the model, is uncertain by what noise makes. The beat's envelope is
     |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
     Args:
@@ -105,8 +105,9 @@ def compare(
     Returns:
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
-        amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0, -2 where by more
-        and the model's is zero, as its trunnions are identical, -3 where both are below these uncertainties). Over
+        amplitudes differ by no more than both uncertainties together, 0 where by more, -1 of order 0, -2 where the
+        model's is zero, as its trunnions are identical, and the measured one exceeds its own uncertainty, -3 where both
+        are below these uncertainties). Over
         ``rotation_deg``: measured_thrust about the mean of the model and without drift (attribute ``preload_n``: what
         was taken off), its deviation measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty,
         model_envelope. Over ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of
@@ -285,16 +286,18 @@ def _order_variables(
     direction = np.exp(-1j * np.radians(phase))
     along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
     model_amplitude, model_phase = amplitude_and_phase(model)
+    model_told = model_amplitude > _NOTHING * model_amplitude.max()
+    nothing = ~model_told & model_told.any() & (ORDERS > 0)
+    ways = np.where(nothing, nothing.sum(), 1)  # that none of them is there is one statement
+    noise = _largest_of_noise(each, (1 - confidence) / ways)
+    drowned = (amplitude <= noise) & (model_amplitude <= amplitude)
+    along = np.where(drowned, np.maximum(along, noise), along)
     known = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
     known &= amplitude > _NOTHING * amplitude.max()
-    model_told = model_amplitude > _NOTHING * model_amplitude.max()
     sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, model_unsure)
     sure = np.hypot(sure, ORDERS * angle_error_deg)
     close = np.abs(amplitude - model_amplitude) <= both + _NOTHING * model_amplitude.max()
-    nothing = ~model_told & model_told.any() & (ORDERS > 0)
-    ways = np.where(nothing, nothing.sum(), 1)  # that none of them is there is one statement
-    drowned = (amplitude <= _largest_of_noise(each, (1 - confidence) / ways)) & (model_amplitude <= amplitude)
-    agrees = np.where(drowned | (close & ~nothing), 1, np.where(nothing, NONE_IN_MODEL, 0)).astype(np.int8)
+    agrees = np.where(close & (drowned | ~nothing), 1, np.where(nothing, NONE_IN_MODEL, 0)).astype(np.int8)
     agrees[(agrees == 1) & (np.fmax(amplitude, model_amplitude) <= both)] = TOO_SMALL
     agrees[ORDERS == 0] = NOT_COMPARED
     _, difference = amplitude_and_phase(mean * np.conj(model))
@@ -321,7 +324,8 @@ def _order_variables(
             agrees,
             "1",
             "1: the amplitudes differ by at most both uncertainties together; 0: by more; -1: order 0, not "
-            "compared; -2: by more, and the model's is zero; -3: both are smaller than these uncertainties",
+            "compared; -2: the model's is zero, and the measured one exceeds its own uncertainty; -3: both are "
+            "smaller than these uncertainties",
         ),
     }
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}

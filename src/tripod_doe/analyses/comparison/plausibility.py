@@ -4,12 +4,13 @@ Such a mistake gives a smooth answer: amplitudes and phases of the wrong orders,
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.array_types import ComplexArray
 from tripod_doe.errors import option
 from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.measurements.spectrum import FEWEST_CYCLES, cycle_amplitudes, longest_stop
-from tripod_doe.quantities import number
+from tripod_doe.quantities import count_of, number
 
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
 _DEAD = 1e-6  # part of the model's strongest order below which a record does not oscillate
@@ -49,15 +50,49 @@ def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
         )
     if own < _WEAK * amplitude[at]:
         doubts += _angle_doubts(measurement, strongest, order)
-    ratio = float(amplitude[at]) / expected
-    if _THOUSAND[0] < ratio < _THOUSAND[1] or _THOUSAND[0] < 1 / ratio < _THOUSAND[1]:
-        text = "a thousand times" if ratio > 1 else "a thousandth of"
-        unit = "mN" if ratio > 1 else "kN"
+    return doubts + _unit_doubts(float(amplitude[at]) / expected)
+
+
+def doubts_of_record(measurement: Measurement, each: ComplexArray) -> list[str]:
+    """Sentences on what no tripod joint does, whatever its frictions: its third order is the strongest.
+
+    Args:
+        measurement: Thrust force over the rotation angle.
+        each: Complex amplitudes of each revolution of the record, shape (revolution, order).
+    """
+    joint = np.zeros(each.shape[1], complex)
+    joint[3] = cycle_amplitudes(measurement.rotation_deg, measurement.thrust_n)[1].max(initial=0.0)
+    return record_doubts(measurement, joint) + _encoder_doubts(measurement, each)
+
+
+def doubts_of_fit(measured: ComplexArray, model: ComplexArray, known_phase: NDArray[np.bool_]) -> list[str]:
+    """Sentences on a sign or a unit of the force that the third order of most records speaks against.
+
+    Args:
+        measured, model: Third order of each record and of the model, with unknowns in the middle of their ranges.
+        known_phase: Whether phase and sign of the record are given, by its reference angle.
+    """
+    told = np.isfinite(model) & (model != 0) & (measured != 0)
+    ratio = measured[told] / model[told]
+    opposite = np.abs(np.degrees(np.angle(ratio[known_phase[told]]))) > 180 - _OPPOSITE
+    doubts = []
+    if opposite.sum() > opposite.size / 2:
         doubts.append(
-            f"Check the unit of the force: measured amplitudes are about {text} the model's, as if the record were in "
-            f"{unit}; write the unit into the heading, for instance thrust [{unit}]."
+            "Check the sign of the force and reference_angle_deg: the third order is about half a turn out of phase "
+            f"with the model's in {opposite.sum()} of {count_of(opposite.size, 'record')}."
         )
-    return doubts
+    return doubts + _unit_doubts(float(np.median(np.abs(ratio)))) if ratio.size else doubts
+
+
+def _unit_doubts(ratio: float) -> list[str]:
+    """What a thousand between the sizes of a record and the model speaks of."""
+    if not (_THOUSAND[0] < ratio < _THOUSAND[1] or _THOUSAND[0] < 1 / ratio < _THOUSAND[1]):
+        return []
+    text, unit = ("a thousand times", "mN") if ratio > 1 else ("a thousandth of", "kN")
+    return [
+        f"Check the unit of the force: measured amplitudes are about {text} the model's, as if the record were in "
+        f"{unit}; write the unit into the heading, for instance thrust [{unit}]."
+    ]
 
 
 def alignment_doubts(

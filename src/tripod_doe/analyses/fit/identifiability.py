@@ -109,7 +109,7 @@ def combinations(
         if half <= _KNOWN:
             shift = (max(along) + min(along)) / 2 - along[0]
             known.append(_combination(layout, places[0][unclear] + shift * direction, unclear, direction, half))
-    return known
+    return [each for each in known if len(each.parts) > 1]
 
 
 def _combination(

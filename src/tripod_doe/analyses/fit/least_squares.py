@@ -24,6 +24,7 @@ _SMALLEST_STEP = 1e-5  # in places, from which on an evaluation corrects derivat
 _ROUNDS = 4  # descents from new differences
 _GAIN = 0.02  # of chi squared: a descent that gains less has arrived; a 95 % interval ends at 3.84
 _FTOL, _XTOL, _EVALUATIONS = 3e-4, 1e-5, 25
+_APART = 0.5  # from zero to the lower bounds: SciPy's first step is as long as its variables are large
 _SAME = 0.02  # places nearer than this are one minimum
 
 
@@ -135,12 +136,12 @@ class Problem:
             return start
         here = start
         first = self.compare(start.prediction, start.place)
-        inside = np.clip(start.place[free], 1e-9, 1 - 1e-9)
+        inside = _APART + np.clip(start.place[free], 1e-9, 1 - 1e-9)
         seen: dict[bytes, tuple[ComplexArray, Compared | None]] = {inside.tobytes(): (start.prediction, first)}
 
         def whole(part: FloatArray) -> FloatArray:
             place = start.place.copy()
-            place[free] = part
+            place[free] = part - _APART
             return place
 
         def residual(part: FloatArray) -> FloatArray:
@@ -163,7 +164,7 @@ class Problem:
             residual,
             inside,
             jacobian,
-            bounds=(0.0, 1.0),
+            bounds=(_APART, _APART + 1),
             loss=self.scipy_loss if np.isfinite(self.loss) else "linear",
             ftol=ftol,
             xtol=_XTOL,

@@ -1,9 +1,10 @@
 """Intervals from profile likelihoods: how far an unknown can go while all others make up for it as well as they can.
 
 A 95 % interval ends where chi squared has grown by the square of Student's factor, times the scatter about the fit
-where that is larger than expected. Each step along a profile starts from the last one, with its derivatives. A bound or
-a failing model that comes before that leaves the interval open. Where chi squared falls below the minimum, the search
-was not over: it goes on from there, and all profiles begin again.
+where that is larger than expected. Each step along a profile starts from the farthest one within the interval, with its
+derivatives: from beyond it, others may not find back from a bound. A bound or a failing model that comes before that
+leaves the interval open. Where chi squared falls below the minimum, the search was not over: it goes on from there, and
+all profiles begin again.
 """
 
 from dataclasses import dataclass, replace
@@ -109,13 +110,11 @@ def _interval_end(
     direction = np.where(free, covariance[:, scalar] / variance, 0.0)
     inner, outer = (0.0, 0.0), (np.inf, np.inf)  # distance and root of growth, below and above the goal
     last = inner
-    here, failed = best, False
+    inside, here, failed = best, best, False  # the farthest state within the goal, and the last one
     for _ in range(_STEPS):
-        target = here.place + direction * side * (away - abs(float(here.place[scalar]) - start))
+        target = inside.place + direction * side * (away - abs(float(inside.place[scalar]) - start))
         target = np.clip(np.where(free, target, start + side * away), 0.0, 1.0)
-        descent = _slid(problem, here, target, free)
-        if descent is None:  # the others may have come to where points fail
-            descent = _slid(problem, here, np.where(free, here.place, target), free)
+        descent = _moved(problem, inside, target, free, best.cost + allowed)
         if descent is None:
             failed, outer = True, (away, np.inf)
         else:
@@ -129,7 +128,7 @@ def _interval_end(
                 helped = problem.cost(problem.predict(alone[None])[0], alone) - best.cost > allowed
                 return _End(start + side * most, is_open=True, helped=helped)
             if root < goal:
-                inner = (away, root)
+                inner, inside = (away, root), here
             else:
                 outer = (away, root)
             if abs(root - goal) < _NEAR * goal and root > 0:
@@ -170,11 +169,34 @@ def _next_distance(inner: tuple[float, float], outer: tuple[float, float], goal:
     return float(inner[0] + np.clip(part, 0.1, 0.9) * (outer[0] - inner[0]))
 
 
+def _moved(
+    problem: Problem, here: Descent, target: FloatArray, free: NDArray[np.bool_], enough: float
+) -> Descent | None:
+    """The best state with one scalar at its target, the others first moved along with it; None where points fail.
+
+    Where that costs more than enough, it may have led them too far, or to where points fail: then they start from where
+    they are.
+    """
+    along = _slid(problem, here, target, free)
+    if along is not None and along.cost <= enough:
+        return along
+    stayed = _at(problem, here, np.where(free, here.place, target))
+    if stayed is None or (along is not None and along.cost <= stayed.cost):
+        return along
+    return problem.slide(stayed, free, _FTOL)
+
+
 def _slid(problem: Problem, here: Descent, target: FloatArray, free: NDArray[np.bool_]) -> Descent | None:
     """The best state with one scalar at its target; None where points fail there."""
+    there = _at(problem, here, target)
+    return None if there is None else problem.slide(there, free, _FTOL)
+
+
+def _at(problem: Problem, here: Descent, target: FloatArray) -> Descent | None:
+    """The state at a place, with derivatives from a state near it; None where points fail there."""
     prediction = problem.predict(target[None])[0]
     cost = problem.cost(prediction, target)
     if not np.isfinite(cost):
         return None
     slope = problem.corrected(here.slope, target - here.place, prediction - here.prediction)
-    return problem.slide(replace(here, place=target, prediction=prediction, slope=slope, cost=cost), free, _FTOL)
+    return replace(here, place=target, prediction=prediction, slope=slope, cost=cost)

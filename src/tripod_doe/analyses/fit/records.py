@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from tripod_doe.analyses.comparison.model_point import complex_orders
+from tripod_doe.analyses.comparison.plausibility import doubts_of_record
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError
@@ -46,6 +47,7 @@ class RigRecord:
     sign: float | None  # of the force; None where it is not known
     own_sign: bool = False  # whether the table gives the sign of this record
     remarks: tuple[str, ...] = ()  # sentences on what was assumed when it was read
+    doubts: tuple[str, ...] = ()  # sentences on what is probably wrong with it
     digest: str = ""  # of its file
 
 
@@ -194,10 +196,10 @@ def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter
                 f"{asked.path}: its speed is not known: give speed_rpm in [base] or in the table of records, or a "
                 "column time_s"
             )
-    sign = settings["sign"]
+    sign, each = settings["sign"], complex_orders(tracked)
     return RigRecord(
         name=asked.path.name,
-        orders=complex_orders(tracked),
+        orders=each,
         angle_error_deg=measured.angle_error_deg,
         parameters=own,
         labels=asked.labels,
@@ -205,6 +207,7 @@ def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter
         sign=None if sign == "free" else float(sign),
         own_sign="sign" in asked.own,
         remarks=(*measured.remarks, *_overruled(asked, measured)),
+        doubts=tuple(doubts_of_record(measured, each)),
         digest=measured.digest,
     )
 

@@ -31,8 +31,14 @@ _NORMAL = 1.96  # deviations of half a 95 % interval
 
 
 @makes_kind("fit")
-def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: Next | None) -> xr.Dataset:
-    """Label the result of a fit."""
+def fit_dataset(
+    rig: RigFit, solution: Solution, error: ModelError, following: Next | None, doubts: Sequence[str] = ()
+) -> xr.Dataset:
+    """Label the result of a fit.
+
+    Args:
+        doubts: Sentences on what is probably wrong with all records.
+    """
     layout, records, width = solution.problem.layout, rig.records, len(rig.orders)
     variables = _unknowns(layout, solution) | _records(solution, error, width)
     if solution.error_size.factors:
@@ -53,8 +59,9 @@ def fit_dataset(rig: RigFit, solution: Solution, error: ModelError, following: N
     for name in dict.fromkeys(name for record in records for name in record.parameters):
         values = [record.parameters.get(name, np.nan) for record in records]
         coordinates[name] = ("record", values, _of_parameter(name))
-    remarks = "\n".join([*_remarks(records), *_out_of_range(rig, solution)])
-    attrs = _attributes(rig, solution, error) | {"remarks": remarks}
+    remarks = [*_by_record_names(records, "remarks"), *_out_of_range(rig, solution)]
+    doubts = [*_by_record_names(records, "doubts"), *doubts]
+    attrs = _attributes(rig, solution, error) | {"remarks": "\n".join(remarks), "doubts": "\n".join(doubts)}
     if following is not None:
         more, places = _candidates(following, width)
         variables |= more
@@ -68,11 +75,11 @@ def found_unknowns(request: FitRequest, fit: xr.Dataset) -> str:
     return found_rows(request.file.fit.look_for, fit, "value", ["unknown"], "unknown")
 
 
-def _remarks(records: Sequence[RigRecord]) -> list[str]:
-    """Assumptions about the records as they were read, a line each; common ones once."""
+def _by_record_names(records: Sequence[RigRecord], kind: str) -> list[str]:
+    """Remarks on the records as they were read, or doubts, a line each; common ones once."""
     by_text: dict[str, list[str]] = {}
     for record in records:
-        for remark in record.remarks:
+        for remark in getattr(record, kind):
             by_text.setdefault(remark, []).append(record.name)
     lines = []
     for text, names in by_text.items():

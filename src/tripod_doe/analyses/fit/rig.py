@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.comparison.plausibility import doubts_of_fit
 from tripod_doe.analyses.fit.fit import Skews, Solution, solve
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.identifiability import skews_alike
@@ -163,6 +164,13 @@ class RigFit:
         """Columns of one point a record, with the unknowns in the middle of their ranges."""
         values = self.layout.values(np.full((1, self.layout.count), 0.5))[0]
         return self.columns([record.parameters for record in self.records], values, model)
+
+    def doubts(self, points: Answers) -> list[str]:
+        """What the records together say against sign or unit of the force; of points that the search computes, too."""
+        model = points(self.columns_at_middle(self.cheap))[0][:, 3]
+        measured = np.array([measured_orders(record, [3]).mean[0] for record in self.records])
+        known = [record.reference_angle_deg is not None and record.sign is not None for record in self.records]
+        return doubts_of_fit(measured, model, np.array(known))
 
     def predictor(self, points: Answers, model: str) -> Predict:
         """The model as the search takes it."""

@@ -31,6 +31,7 @@ RECORD_HEADS = ("record", "order", "measured N", "+- N", "fitted N", "model +- N
 _TEXTS = ("title", "question", "source", "fit", "model", "search_model", "model_error_source")  # attributes of a fit
 _CORRELATED = 0.9  # correlation from which the reader should know
 _WIDE = 1.3  # root of chi squared over degrees of freedom from which the reader should know
+_NO_FIT = 5.0  # the same root, from which on no value fits
 _DOUBTFUL = 3.0  # times the error on record, beyond nineteen in twenty points of the record
 _EDGE = 1e-6  # relative: how near to its bound an interval ends there
 _FAR = 0.3  # deg by which needles turn, from where on their third orders differ by some percent (benchmarks/RESULTS.md)
@@ -48,12 +49,25 @@ def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
         raise CubeError(f"the attribute {wrong[0]} holds no text: this is no result of a fit, or it is damaged")
     names = fit["unknown"].values.tolist()
     known = [name for name in names if _is_known(fit.sel(unknown=name))]
-    sentences = _known_sentence(fit, known)
+    sentences = [*str(fit.attrs.get("doubts", "")).splitlines(), *_no_fit(fit), *_known_sentence(fit, known)]
     sentences += [_unknown_sentence(fit, name) for name in names if name not in known]
     sentences += _combined(fit)
     sentences += _next_sentences(fit)
     sentences += _correlated(fit)
     return [*sentences, *_cautions(fit), *str(fit.attrs.get("remarks", "")).splitlines()]
+
+
+def _no_fit(fit: xr.Dataset) -> list[str]:
+    """That no value fits, where the best ones are far off."""
+    root = math.sqrt(float(fit.attrs["scatter"]))
+    if root <= _NO_FIT:
+        return []
+    return [
+        "No joint within the bounds fits these records: measured and fitted orders differ by "
+        f"{number(root, 2)} times what their uncertainties explain. What follows is of the joint that differs least, "
+        "with intervals widened by this factor. Check the bounds, the values in [base], the operating points, and sign "
+        "and unit of the force."
+    ]
 
 
 def _unit(name: str) -> str:
@@ -106,7 +120,7 @@ def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str
         )
     if verdict == COMBINATION:
         return f"is known only in combination with other unknowns: by itself it may be anything from {ends}"
-    return f"is not identified by these records: any value from {ends} fits"
+    return f"is not identified by these records: any value from {ends} fits about as well as the best"
 
 
 def _sentence_of_records(own: xr.Dataset, name: str) -> str:
@@ -201,7 +215,7 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
     if bad := [str(name) for name, left in zip(fit["record"].values, fit["left_out"].values, strict=True) if left]:
         yield f"Left out, since no joint within the bounds fits them together with the other records: {', '.join(bad)}."
     root = math.sqrt(float(attrs["scatter"]))
-    if root > _WIDE:
+    if _WIDE < root <= _NO_FIT:
         yield (
             f"Measured and fitted orders differ by {number(root, 2)} times what their uncertainties explain; all "
             "intervals are widened by this factor."
