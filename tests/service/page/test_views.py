@@ -296,6 +296,28 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
         figure(path, along, None)
 
 
+def test_a_condition_chooses_cells_and_not_what_is_subtracted(folders):
+    """Regression: a condition that the subtracted level does not meet left the figure empty."""
+    path = str(folders["grid"])
+    items = [("kind", "lines"), ("x", "joint_angle_deg"), ("select", "torque_n_m=90"), ("minus", "torque_n_m=-40")]
+    free, meant = (json.loads(figure(path, [*items, *more], None)) for more in ([], [("where", "torque_n_m > 0")]))
+    assert np.isfinite(values(meant["data"][0]["y"])).any()
+    assert values(meant["data"][0]["y"]).tolist() == pytest.approx(values(free["data"][0]["y"]).tolist(), nan_ok=True)
+
+
+def test_points_over_a_dimension_of_their_output_lead_to_their_points(folders):
+    """Regression: marks coloured by an order ended in an IndexError; a level of single points was "another run"."""
+    path = str(folders["grid"])
+    items = [("kind", "points"), ("x", "joint_angle_deg"), ("by", "order"), ("select", "torque_n_m=90")]
+    (marks, *_) = json.loads(figure(path, items, None))["data"]
+    at = values(marks["customdata"])
+    assert np.unique(at).size * 13 == at.size
+    angles = td.open_cube(path)["joint_angle_deg"].values[at // 4]
+    assert values(marks["x"]).tolist() == angles.tolist()
+    (less, *_) = json.loads(figure(path, [*items, ("minus", "torque_n_m=-40")], None))["data"]
+    assert values(less["customdata"]).tolist() == at.tolist()
+
+
 def test_numbers_like_an_output_have_its_unit(tmp_path):
     """Regression: means and quantiles of an analysis had none."""
     values = {"mean": ("output", [8.25, 3.5]), "share_of": ("output", [0.5, 0.25]), "limit": ("output", [np.nan, 4])}

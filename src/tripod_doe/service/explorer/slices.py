@@ -104,7 +104,10 @@ def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -
         _refuse_unlike(data, less)
         return _difference(data, less)
     if level := view.minus_level:
-        return _difference(data, seen(cube, _at_level(view, *level)))
+        less, name = seen(cube, _at_level(view, *level)), level[0]
+        if data.sizes.get(name) == less.sizes.get(name) == 1:  # views of single points keep such dimensions
+            less = less.assign_coords({name: data[name]})
+        return _difference(data, less)
     return data
 
 
@@ -130,14 +133,14 @@ def _note(data: xr.Dataset) -> str:
 
 
 def _at_level(view: View, name: str, level: str) -> View:
-    """The same view at another value of a fixed coordinate."""
+    """The same view at another value of a fixed coordinate, without the condition: it chooses cells of the view."""
     kept = [text for text in view.select if text.partition("=")[0] != name]
-    return replace(view, select=(*kept, f"{name}={level}"), minus="")
+    return replace(view, select=(*kept, f"{name}={level}"), minus="", where="")
 
 
 def _seen_of_other(cube: xr.Dataset, view: View) -> xr.Dataset:
     try:
-        return seen(cube, view)
+        return seen(cube, replace(view, where=""))
     except InputError as error:
         raise InputError(f"in the run that is subtracted: {error}") from error
 
@@ -200,10 +203,10 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         first, second = xr.align(variable, taken, join="exact")
     except ValueError as error:
         raise InputError(
-            "minus: the other run has other points: a difference needs equal values along each axis"
+            "minus: what is subtracted has other points: a difference needs equal values along each axis"
         ) from error
     if first.dims != second.dims:
-        raise InputError("minus: the other run has other dimensions than this one")
+        raise InputError("minus: what is subtracted has other dimensions")
     change = first - second
     if is_phase(variable):
         change = shorter_way(change)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
+    NUMBER,
     SEQUENTIAL,
     Figure,
     axis,
@@ -50,7 +51,11 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
             "data": [_density(places[known].astype(float), heights[known]), *_crosses(data, places)],
             "layout": layout,
         }
-    numbers = point_numbers(data).ravel() if is_numbered(data) else np.full(heights.shape, -1)
+    numbers = np.full(heights.shape, -1)
+    if is_numbered(data):
+        own = data[NUMBER] if NUMBER in data.coords else data["outcome"]
+        of_points = own.copy(data=point_numbers(data))
+        numbers = of_points.broadcast_like(variable).transpose(*variable.dims).values.ravel()
     marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
     hover = "%{x}: <b>%{y:.4~g}</b>"
     if colour:
