@@ -588,6 +588,10 @@ order = 3
     ("change", "message"),
     [
         (("pitch_radius_mm", "pitch_radius"), r"\[variables.pitch_radius\]: unknown parameter; did you mean"),
+        (
+            ("[variables.pitch_radius_mm]\nlow = 20\nhigh = 24", "[variables.model]\nvalues = ['rollers', 'needles']"),
+            r"\[variables.model\]: model is no property of a joint",  # it was "model = '': unknown"
+        ),
         (("high = 24", "high = 19"), r"\[variables.pitch_radius_mm\]: low = 20.0 must be below high = 19.0"),
         (("low = 20", "low = true"), "low = true: expected a number"),
         (("low = 20", "low = -20"), "pitch_radius_mm = -20"),

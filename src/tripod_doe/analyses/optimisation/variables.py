@@ -142,6 +142,8 @@ def make_variables(
         if name not in simulator.parameters:
             raise request.fail(where, f"unknown parameter{near_match(name, simulator.parameters)}")
         parameter = simulator.parameters[name]
+        if parameter.group == "numerics":
+            raise request.fail(where, f"{name} is no property of a joint, but of its computation; set it in [base]")
         try:
             if table.formula is None:
                 chosen.append(_variable(parameter, table))
