@@ -23,8 +23,8 @@ def orders():
     [
         (1.0, 0.2, []),
         (-1.0, 0.2, ["Check the sign of the force and reference_angle_deg", "No joint within the bounds"]),
-        (1e-3, 0.2, ["Check the unit of the force", "No joint within the bounds"]),
-        (1.0, 0.05, ["No joint within the bounds fits these records"]),
+        pytest.param(1e-3, 0.2, ["Check the unit of the force", "No joint within the bounds"], marks=pytest.mark.slow),
+        pytest.param(1.0, 0.05, ["No joint within the bounds fits these records"], marks=pytest.mark.slow),
     ],
 )
 def test_what_is_wrong_with_all_records_is_said_first(tmp_path, orders, factor, high, told):
