@@ -72,9 +72,9 @@ def doubts_of_fit(measured: ComplexArray, model: ComplexArray, known_phase: NDAr
         measured, model: Third order of each record and of the model, with unknowns in the middle of their ranges.
         known_phase: Whether phase and sign of the record are given, by its reference angle.
     """
-    told = np.isfinite(model) & (model != 0) & (measured != 0)
-    ratio = measured[told] / model[told]
-    opposite = np.abs(np.degrees(np.angle(ratio[known_phase[told]]))) > 180 - _OPPOSITE
+    usable = np.isfinite(model) & (model != 0) & (measured != 0)
+    ratio = measured[usable] / model[usable]
+    opposite = np.abs(np.degrees(np.angle(ratio[known_phase[usable]]))) > 180 - _OPPOSITE
     doubts = []
     if opposite.sum() > opposite.size / 2:
         doubts.append(
@@ -85,7 +85,7 @@ def doubts_of_fit(measured: ComplexArray, model: ComplexArray, known_phase: NDAr
 
 
 def _unit_doubts(ratio: float) -> list[str]:
-    """What a thousand between the sizes of a record and the model speaks of."""
+    """A sentence on the unit if the record and the model differ by about a factor of a thousand."""
     if not (_THOUSAND[0] < ratio < _THOUSAND[1] or _THOUSAND[0] < 1 / ratio < _THOUSAND[1]):
         return []
     text, unit = ("a thousand times", "mN") if ratio > 1 else ("a thousandth of", "kN")

@@ -86,7 +86,7 @@ def remove_report(directory: Path) -> None:
 
 
 def remove_answers(directory: Path) -> None:
-    """Remove report and analyses of a study that has grown: none is served as that of the study that waits."""
+    """Remove report and analyses of a study that has grown: they do not belong to the study that waits."""
     with suppress(OSError, InputError):  # the run reports a folder that cannot be written, or is a link
         refuse_links(directory)
         for path in (page_of(directory), *analysis_files(directory).values()):
