@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import resource
 
+import numpy as np
 import pytest
+import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.atomic_files import replace_file, replace_text
+from tripod_doe.study.cube.netcdf import write_dataset
 
 
 def test_a_text_takes_the_place_of_the_old_one(tmp_path):
@@ -30,6 +34,18 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
         fill_the_disk()
     assert path.read_text() == "old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["file.txt"]  # what was written does not fill the disk
+
+
+def test_a_full_disk_is_named_where_netcdf_names_no_reason(tmp_path):
+    """Regression: "cannot write this file: NetCDF: HDF error"."""
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, usual[1]))  # of a file, as a full disk
+    try:
+        with pytest.raises(td.StorageError, match=r"cube\.nc: cannot write this file: File too large"):
+            write_dataset(xr.Dataset({"a": ("x", np.random.default_rng(0).random(400_000))}), tmp_path / "cube.nc")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_that_cannot_be_made_is_an_error(tmp_path):

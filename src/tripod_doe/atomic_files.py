@@ -14,6 +14,7 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError, StorageError
 
+_PROBE = 4_000_000  # bytes, more than netCDF4 writes at once
 _DATABASE = "journal.sqlite"  # and its companions: SQLite follows links
 
 
@@ -44,12 +45,23 @@ def replace_file(path: Path) -> Iterator[Path]:
             os.close(written)
         os.replace(fresh, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
+        reason = getattr(error, "strerror", None) or _refusal(fresh) or error
         with suppress(OSError):
             fresh.unlink()  # a full disk must not stay full of what is of no use
-        reason = getattr(error, "strerror", None) or error
         raise StorageError(
             f"{path}: cannot write this file: {reason}; nothing that was finished is lost: free space, then run again"
         ) from error
+
+
+def _refusal(path: Path) -> str | None:
+    """Why the disk takes no more of a file, for instance since it is full; netCDF4 says only "HDF error"."""
+    try:
+        with path.open("ab", 0) as file:
+            file.write(bytes(_PROBE))
+            os.fsync(file.fileno())
+    except OSError as error:
+        return error.strerror
+    return None
 
 
 def replace_text(path: Path, text: str) -> Path:

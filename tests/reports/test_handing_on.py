@@ -17,6 +17,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
+from tripod_doe.page_parts.charts.files import Paragraph, pdf_page
 from tripod_doe.page_parts.xlsx_file import Sheet, workbook
 from tripod_doe.service.routes.dependencies import IN_SANDBOX
 from tripod_doe.study.cube.netcdf import write_dataset
@@ -82,6 +83,11 @@ def test_one_page_says_who_wrote_what_about_it(results):
     data = handed(results, "pdf")
     assert re.findall(rb"/Type /Page\b", data) == [b"/Type /Page"]
     assert main(["annotate", str(results), "--owner", "", "--tags", "", "--note", ""]) == 0
+
+
+def test_a_page_without_a_chart_is_printed_without_a_warning():
+    """Regression: matplotlib warned in the PDF of a study in which all points failed (warnings are errors here)."""
+    assert pdf_page([Paragraph("No point finished.")], None, [], "a").startswith(b"%PDF")
 
 
 def test_the_workbook_has_units_widths_and_provenance(results):

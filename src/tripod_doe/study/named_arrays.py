@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import level
 
-_MATCH = 1e-9  # of a label, relative
+MATCH = 1e-9
+"""Relative difference up to which a number is a label."""
 _LISTED = 14  # labels that a message names one by one: all orders
 
 Pick = float | str | tuple[float | None, float | None]
@@ -93,16 +94,27 @@ def _positions(dim: str, labels: NDArray[Any], pick: Pick) -> NDArray[np.intp]:
         if not numbers:
             raise InputError(f"{dim} has texts, so no range; it has {_listed(labels)}")
         low, high = (default if end is None else end for end, default in zip(pick, (-math.inf, math.inf), strict=True))
-        slack = _MATCH * np.abs(labels)
+        slack = MATCH * np.abs(labels)
         at = np.flatnonzero((labels >= low - slack) & (labels <= high + slack))
     elif isinstance(pick, str):
         at = np.flatnonzero(labels.astype(str) == pick)
     else:
-        at = np.flatnonzero(np.abs(labels - pick) <= _MATCH * abs(pick)) if numbers else np.zeros(0, np.intp)
+        at = np.flatnonzero(meant(labels, pick)) if numbers else np.zeros(0, np.intp)
     if not at.size:
         shown = f"{_text(pick[0])}:{_text(pick[1])}" if isinstance(pick, tuple) else _text(pick)
         raise InputError(f"no {dim} {shown}; it has {_listed(labels)}")
     return at
+
+
+def meant(labels: NDArray[Any], written: float) -> NDArray[np.bool_]:
+    """Which labels a number means: those that it is to 1e-9, else the only one that `level` prints so."""
+    slack = MATCH * max(abs(written), 1e-300)
+    means = (labels >= np.float64(written - slack)) & (labels <= np.float64(written + slack))
+    if not means.any() and labels.dtype.kind == "f" and float(f"{written:.5e}") == written:
+        near = np.unique(labels[np.abs(labels - written) <= 1e-5 * abs(written)])
+        printed = [label for label in near.tolist() if level(label) == level(written)]
+        means = labels == printed[0] if len(printed) == 1 else means
+    return np.asarray(means)
 
 
 def _text(label: object) -> str:

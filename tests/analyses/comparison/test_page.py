@@ -63,6 +63,7 @@ def test_an_order_that_the_model_does_not_have_has_no_phase(comparison):
         there = float(comparison["model_amplitude"].sel(order=order)) > 1e-9
         assert (row[9] != "-") == there
         assert row[10] == "-" or there
+        assert "e-1" not in "".join(row[1:6])  # regression: an amplitude of 1.4e-15 N
 
 
 def test_the_beat_is_told_in_words(comparison):

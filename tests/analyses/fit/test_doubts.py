@@ -45,3 +45,4 @@ def test_what_is_wrong_with_all_records_is_said_first(tmp_path, orders, factor, 
     said = find_in_fit(td.fit(tmp_path / "fit.toml", out=tmp_path / "out", workers=0, progress=False).result)
     assert [line.startswith(start) for line, start in zip(said, told, strict=False)] == [True] * len(told)
     assert not any(line.startswith(("Check", "No joint")) for line in said[len(told) :])
+    assert any("95 % confidence" in line for line in said) == (not told)

@@ -330,6 +330,20 @@ def test_numbers_like_an_output_have_its_unit(tmp_path):
     ]
 
 
+def test_an_output_without_its_neighbours_dimension_has_one_row():
+    """Regression: rows of an output without grooves were repeated for each groove."""
+    values = {"mean": (("output", "groove"), [[1.0, 2.0], [3.0, 3.0]])}
+    result = xr.Dataset(values, {"output": ["groove_thrust", "thrust"], "groove": [1, 2]})
+    (table,) = analysis_tables._tables(result, None)
+    assert [row["labels"] for row in table["rows"]] == [
+        ["groove thrust", "1"],
+        ["groove thrust", "2"],
+        ["thrust", "all"],
+    ]
+    assert [row["cells"][0][1:] for row in table["rows"]] == [(0, "1"), (1, "2"), (2, "3")]
+    assert table["count"] == 3
+
+
 def test_phases_are_subtracted_by_the_shorter_way(folders):
     """Regression: 123.1 less -142.6 deg was 265.7 deg."""
     cube = td.open_cube(folders["grid"])

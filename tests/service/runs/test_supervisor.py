@@ -120,6 +120,13 @@ def test_a_run_that_dies_is_failed_with_its_last_words(start, tmp_path):
     assert wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message == "the disk is full"
 
 
+def test_a_killed_run_does_not_show_its_progress_as_a_message(start, tmp_path):
+    """Regression: after SIGTERM its message was "12 of 1,000 points (1 %) after 31 s"."""
+    lines = ("12 of 1,000 points (1 %) after 31 s", "fit: search, 12 points", "wide: running")
+    supervisor = start(f"print({chr(10).join(lines)!r}, flush=True)")
+    assert wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message.startswith("its process ended without")
+
+
 def test_a_run_says_what_it_does_after_its_last_point(start, tmp_path):
     """Regression: it was "running" with all points ended, and said nothing."""
     study = {

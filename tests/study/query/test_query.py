@@ -10,6 +10,7 @@ import tripod_doe as td
 from tripod_doe.errors import InputError, speaking_of_options
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.netcdf import write_dataset
+from tripod_doe.study.named_arrays import NamedArray
 from tripod_doe.study.query import query as query_module
 from tripod_doe.study.query.query import query, records, records_text, unmet
 from tripod_doe.study.query.selection import labels_text, parse_selection, taken
@@ -48,6 +49,17 @@ def test_values_match_to_1e_9(cube):
     assert query(cube, "f", [f"x={0.3 * (1 + 1e-12)!r}"])["f"].sizes["point"] == 1
     assert query(cube, "f", ["x=0.3000001"])["f"].sizes["point"] == 0
     assert query(cube, "f", ["x=0.3000001"], nearest=True)["x"].values.tolist() == [0.3]
+
+
+def test_a_value_is_found_as_it_is_printed(cube):
+    """Regression: -13.3333 of a table found nothing; two labels that print alike are ambiguous."""
+    thirds = cube.assign_coords(x=("point", [-40 / 3, 1 / 3, 1 / 3 * (1 + 1e-7), 2 / 3]))
+    assert query(thirds, "f", ["x=-13.3333"])["f"].sizes["point"] == 1
+    assert query(thirds, "f", ["x=-13.3333,0.666667"])["f"].sizes["point"] == 2
+    assert query(thirds, "f", ["x=0.333333"])["f"].sizes["point"] == 0
+    assert query(thirds, "f", ["x=-13.333"])["f"].sizes["point"] == 0
+    own = NamedArray(("x",), np.arange(4), {"x": thirds["x"].values})
+    assert own.picked([-13.3333], ()).data == 0
 
 
 def test_the_ends_of_a_range_match_to_1e_9(cube):
@@ -372,3 +384,15 @@ def test_a_label_with_a_comma_is_selected_alone():
         assert query(cube, "f", [f"kind={written}"])["f"].values.tolist() == found
     with pytest.raises(InputError, match="no label is x"):
         query(cube, "f", ["kind=a,x"])
+
+
+def test_amplitudes_below_rounding_are_zero_in_tables_and_stay_in_files():
+    """Regression: tables showed an order 0 of 5.59e-15 N; a small value that is no amplitude stays."""
+    columns = {"thrust_amplitude": np.array([5.59e-15, 14.0, np.nan]), "energy_residual": np.array([1e-15, 1.0, 2.0])}
+    assert [line.split() for line in records_text(columns, "table").splitlines()[1:]] == [
+        ["0", "1e-15"],
+        ["14", "1"],
+        ["NaN", "2"],
+    ]
+    assert "5.59e-15" in records_text(columns, "csv")
+    assert "5.59e-15" in records_text(columns, "json")

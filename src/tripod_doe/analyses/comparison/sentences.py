@@ -246,6 +246,7 @@ def order_rows(comparison: xr.Dataset) -> list[list[str]]:
     rows, nothing = [], _NOTHING * float(comparison["model_amplitude"].max())
     for order in comparison["order"].values.tolist():
         of_order = {str(name): float(value) for name, value in comparison.sel(order=order).items() if not value.dims}
+        of_order |= {name: 0.0 for name, value in of_order.items() if "amplitude" in name and abs(value) <= nothing}
         measured, model, apart = (
             [_rounded(of_order[name], of_order[unsure]), _rounded(of_order[unsure], of_order[unsure])]
             for name, unsure in (

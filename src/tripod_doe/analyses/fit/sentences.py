@@ -49,10 +49,11 @@ def find_in_fit(fit: xr.Dataset, name: str = "") -> list[str]:
         raise CubeError(f"the attribute {wrong[0]} holds no text: this is no result of a fit, or it is damaged")
     names = fit["unknown"].values.tolist()
     known = [name for name in names if _is_known(fit.sel(unknown=name))]
-    sentences = [*str(fit.attrs.get("doubts", "")).splitlines(), *_no_fit(fit), *_known_sentence(fit, known)]
-    sentences += [_unknown_sentence(fit, name) for name in names if name not in known]
-    sentences += _combined(fit)
-    sentences += _next_sentences(fit)
+    values = [*_known_sentence(fit, known), *(_unknown_sentence(fit, name) for name in names if name not in known)]
+    values += _combined(fit)
+    if no_fit := _no_fit(fit):
+        values = [text.replace("95 % confidence", "unknown confidence") for text in values]
+    sentences = [*str(fit.attrs.get("doubts", "")).splitlines(), *no_fit, *values, *_next_sentences(fit)]
     sentences += _correlated(fit)
     return [*sentences, *_cautions(fit), *str(fit.attrs.get("remarks", "")).splitlines()]
 

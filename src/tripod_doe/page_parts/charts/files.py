@@ -57,6 +57,7 @@ def pdf_page(above: Sequence[Paragraph], chart: Chart | None, below: Sequence[Pa
     if chart is None:
         with drawing(_PAGE[0] - 2 * _MARGIN, 0.01) as (figure, axes):
             axes.set_axis_off()
+        figure.set_layout_engine(None)  # there is nothing to lay out, of which matplotlib would warn
     else:
         figure = chart.figure
     with styled(title):

@@ -12,6 +12,7 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.registry import findings_of, table_of
 from tripod_doe.errors import InputError
+from tripod_doe.page_parts.main_outputs import differ
 from tripod_doe.page_parts.words import spoken, unit_text
 from tripod_doe.quantities import number, value_with_ends, with_unit
 from tripod_doe.service.explorer.axes import choices, coordinate_axes
@@ -66,25 +67,46 @@ def _tables(result: xr.Dataset, order: int | None) -> Iterator[dict[str, Any]]:
             groups.setdefault(tuple(map(str, variable.dims)), []).append(str(name))
     for dims, names in groups.items():
         rows = [dim for dim in dims if dim != "order"]
-        count = int(np.prod([result.sizes[dim] for dim in rows]))
         if all(dim in result.coords for dim in rows):
+            repeated = _repeated(result[names], rows)
+            kept = np.ones([result.sizes[dim] for dim in rows], bool)
+            for at, dim in repeated:
+                kept.swapaxes(1, rows.index(dim))[at, 1:] = False
+            shown = np.flatnonzero(kept)
             yield {
                 "heads": [label_of(result[dim]) for dim in rows] + [label_of(result[name]) for name in names],
                 "meanings": [""] * len(rows) + [str(result[name].attrs.get("long_name", "")) for name in names],
-                "rows": [_row(result, dims, names, at, order) for at in range(min(count, _MOST_ROWS))],
-                "count": count,
+                "rows": [_row(result, dims, names, at, order, repeated) for at in shown[:_MOST_ROWS].tolist()],
+                "count": shown.size,
                 "labels": len(rows),
             }
 
 
-def _row(result: xr.Dataset, dims: Sequence[str], names: Sequence[str], row: int, order: int | None) -> dict[str, Any]:
+def _repeated(numbers: xr.Dataset, dims: Sequence[str]) -> set[tuple[int, str]]:
+    """Outputs, by number, with dimensions that only their neighbours in the table have: their numbers repeat there."""
+    if dims[:1] != ["output"]:
+        return set()
+    outputs = [numbers.isel(output=at) for at in range(numbers.sizes["output"])]
+    long = [dim for dim in dims[1:] if numbers.sizes[dim] > 1]
+    return {(at, dim) for at, own in enumerate(outputs) for dim in long if not differ(own, dim)}
+
+
+def _row(
+    result: xr.Dataset,
+    dims: Sequence[str],
+    names: Sequence[str],
+    row: int,
+    order: int | None,
+    repeated: set[tuple[int, str]],
+) -> dict[str, Any]:
     sizes = {dim: result.sizes[dim] for dim in dims}
     along = [dim for dim in dims if dim != "order"]
     at = dict(zip(along, map(int, np.unravel_index(row, [sizes[dim] for dim in along] or [1])), strict=False))
     if "order" in sizes:
         at["order"] = result["order"].values.tolist().index(order)
     cell = int(np.ravel_multi_index([at[dim] for dim in dims], list(sizes.values())))
-    labels = [_label(result[dim].isel({dim: at[dim]})) for dim in along]
+    own = at.get("output", 0)
+    labels = ["all" if (own, dim) in repeated else _label(result[dim].isel({dim: at[dim]})) for dim in along]
     return {"labels": labels, "cells": [(name, cell, _number(result, name, at)) for name in names]}
 
 

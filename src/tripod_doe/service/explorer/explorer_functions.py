@@ -33,7 +33,7 @@ from tripod_doe.service.explorer.slices import colour_range, draw, numbered, poi
 from tripod_doe.service.explorer.view import View
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
-from tripod_doe.study.query.query import records
+from tripod_doe.study.query.query import records, without_rounding
 
 Items = Sequence[Sequence[str]]
 """A view as in its address: names and texts."""
@@ -114,7 +114,7 @@ def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, 
         columns = records(cells, view.variable, view.select, where=view.where or None)
     points = columns.pop(NUMBER, None)
     columns.pop("point", None)
-    first = {name: column[:_MOST_ROWS].tolist() for name, column in columns.items()}
+    first = {name: column[:_MOST_ROWS].tolist() for name, column in without_rounding(columns).items()}
     counted = points[:_MOST_ROWS].tolist() if points is not None else range(len(next(iter(first.values()))))
     texts = [[_word(value) for value in column] for column in first.values()]
     return {

@@ -9,6 +9,7 @@ file that the run inherits would already hold that lock.
 
 import fcntl
 import os
+import re
 import shlex
 import signal
 import sys
@@ -35,6 +36,7 @@ _NICE = 5  # answers have priority over points: a page must not wait for a study
 _TRIES, _PAUSE = 20, 0.05
 _LAST_BYTES = 65_536
 _LONGEST_NUMBER = 20  # bytes
+_PROGRESS = re.compile(r"[\d,]+ of [\d,]+ points? \(|(fit|optimise): .* points$|[\w-]+: (running|finished)")
 
 
 def start_run(directory: Path, words: Sequence[str], memory_bytes: int) -> None:
@@ -148,8 +150,8 @@ def run_log(directory: Path) -> str:
 
 
 def last_words(directory: Path) -> str:
-    """The last complaint of the latest run of a directory, or else its last line."""
-    lines = [line.strip() for line in run_log(directory).splitlines() if line.strip()]
+    """The last complaint of the latest run of a directory, or else its last line that is no progress."""
+    lines = [line.strip() for line in run_log(directory).splitlines() if line.strip() and not _PROGRESS.match(line)]
     own = [line.removeprefix("tripod-doe: ") for line in lines if line.startswith("tripod-doe: ")]
     return (own or lines or [""])[-1]
 

@@ -31,6 +31,7 @@ from tripod_doe.study.query.selection import Chosen, Selection, labels_text, ref
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
 _SLAB_CELLS = 4_000_000  # cells of a variable that are read together
+_NOTHING = 1e-12  # part of the largest amplitude below which an amplitude is rounding
 _VALUE_BYTES = 140  # of a value of an answer while it becomes text
 
 Columns = dict[str, NDArray[Any]]
@@ -50,7 +51,7 @@ def query(
         cube: An open cube, or where it is.
         variable: Name of the variable.
         select: Values, lists or ranges of coordinates: ``{"order": 3, "torque_n_m": slice(20, 60)}``, or as on the
-            command line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.
+            command line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative, or as they are printed.
         nearest: Take the nearest value of a coordinate where none matches.
         where: Condition on coordinates, scalar variables, the variable itself and ``outcome``; flags by their meanings.
         beside: Names of further variables; values of one with fewer dimensions are repeated.
@@ -353,7 +354,8 @@ def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> st
         decimal_comma: Write CSV with commas in numbers and semicolons between them, as spreadsheets of some countries
             read it.
     """
-    rows = list(zip(*(column.tolist() for column in columns.values()), strict=True))
+    shown = without_rounding(columns) if form == "table" else columns
+    rows = list(zip(*(column.tolist() for column in shown.values()), strict=True))
     if form == "json":
         return json.dumps([dict(zip(columns, map(plain_json, row), strict=True)) for row in rows])
     if form == "csv":
@@ -366,6 +368,17 @@ def records_text(columns: Columns, form: str, decimal_comma: bool = False) -> st
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     aligned = [" ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
     return "\n".join(aligned) if rows else "no cell matches"
+
+
+def without_rounding(columns: Columns) -> Columns:
+    """The columns as pages and tables show them: amplitudes below 1e-12 of the largest are 0."""
+    shown = dict(columns)
+    for name, column in columns.items():
+        if name.endswith("amplitude") and column.dtype.kind == "f":
+            size = np.abs(column)
+            largest = np.max(size, initial=0.0, where=np.isfinite(size))
+            shown[name] = np.where(size <= _NOTHING * largest, 0.0, column)
+    return shown
 
 
 def _csv_word(value: Any, decimal_comma: bool) -> object:

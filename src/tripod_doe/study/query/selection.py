@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
+from tripod_doe.study.named_arrays import MATCH, meant
 from tripod_doe.typed_numbers import number_or_text, readings, typed_number
 
-_MATCH = 1e-9
 _LISTED = 8  # labels that are listed one by one
 
 Chosen = float | str | slice | Sequence[float | str]
@@ -156,7 +156,7 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
     """Numbers that meet a selection."""
     _refuse_impossible(selection)
     if not selection.values:
-        slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
+        slack = MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
         return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
     keep = np.zeros(values.size, bool)
     place = option("select", selection.name)
@@ -167,8 +167,7 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
             if ":" in wanted:
                 raise InputError(f"{place}: {wanted!r}: a range is two numbers, a:b")
             raise InputError(f"{place}: {wanted!r} is not a number; select each coordinate by an argument of its own")
-        slack = _MATCH * max(abs(wanted), 1e-300)
-        keep |= (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
+        keep |= meant(values, wanted)
     return keep
 
 
