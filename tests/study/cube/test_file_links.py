@@ -16,7 +16,7 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError, InputError
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
-from tripod_doe.study.cube.file_links import hdf5_library, refuse_outside
+from tripod_doe.study.cube.file_links import refuse_outside
 from tripod_doe.study.cube.netcdf import dataset_of, opened_file, write_dataset
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
@@ -231,15 +231,6 @@ def test_files_without_hdf5_are_read(tmp_path):
         stored.createDimension("x", 3)
         stored.createVariable("y", "f8", ("x",))[:] = 1.0
     assert td.open_cube(path)["y"].sum() == 3.0
-
-
-def test_nothing_is_read_where_hdf5_cannot_be_asked(tmp_path, monkeypatch):
-    path = written(tmp_path / "cube.nc")
-    hdf5_library.cache_clear()
-    monkeypatch.setattr("tripod_doe.study.cube.file_links._SIGNATURES", {"H5Lvisit9": (ID,)})
-    with pytest.raises(td.CubeError, match="install netCDF4"):
-        td.open_cube(path)
-    hdf5_library.cache_clear()
 
 
 def test_a_chunk_that_fills_the_memory_is_refused(tmp_path):
