@@ -98,8 +98,8 @@ def test_a_plan_times_candidates_at_points_of_the_pilot(recorded, monkeypatch):
     assert asked == [(4, 20.0)] * 2
     cheap, full = [line.rpartition("CPU time ")[2] for line in lines if line.startswith("candidate")]
     assert cheap == "4 s per run, timed at points of the pilot"
-    assert full == "1 s per run, recorded on another machine for usual points; others may cost twenty times as much"
-    assert "CPU time about 20 s" in lines[0]  # four points by both
+    assert full == "20 s per run, a guess: none ended within 20 s"  # regression: 1 s, the price of usual points
+    assert "CPU time about 96 s" in lines[0]  # four points by both
     assert "another machine" in describe_choice(study, None).splitlines()[-1]
 
 

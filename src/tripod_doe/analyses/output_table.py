@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.phases import around_mean, is_phase, shorter_way
+from tripod_doe.quantities import number
 from tripod_doe.study.cube.dataset import COST_VARIABLES, PHASES, RECORD_ROLE, RESPONSE_ROLE, RESPONSES
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.memory import refuse_too_much_memory
 
 _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
+_LARGEST = 1e150  # sums of squares of larger numbers are infinite, of smaller ones than its inverse 0
 _WAVEFORM = "rotation_deg"
 _CHUNK = 5_000_000  # numbers that are worked on together
 _MOST_NUMBERS = 10_000_000  # of an output that are read together
@@ -175,6 +177,11 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
     needed = 2 * 8 * math.prod(variable.shape)  # with a copy
     refuse_too_much_memory(needed, f"{name} of {rows.size:,} points", "name fewer outputs in the analysis")
     values = read_positions(cube[name].variable, {"point": rows}).astype(float, copy=False).reshape(rows.size, -1)
+    largest = max(np.fmax.reduce(values, axis=None, initial=0.0), -np.fmin.reduce(values, axis=None, initial=0.0))
+    if largest and not 1 / _LARGEST < largest < _LARGEST:
+        raise InputError(
+            f"{name} has values of {number(largest)}, whose squares no number holds: use another unit"
+        )
     wraps = is_phase(variable)
     centre = np.zeros(values.shape[1])
     if wraps:

@@ -45,6 +45,13 @@ def measured(design, ranges, answers):
     return factorial_effects(cube)
 
 
+@pytest.mark.parametrize("size", [1e300, 1e-300])
+def test_numbers_without_squares_are_refused(size):
+    """Regression: numpy warned, and no effect was significant."""
+    with pytest.raises(td.InputError, match=f"y has values of {5 * size:g}, whose squares no number holds"):
+        measured('kind = "full-factorial"', [(1, 3)], [([-1], [size]), ([1], [5 * size])])
+
+
 def test_a_factorial_of_montgomery_and_runger():
     """Published number: plasma etching, Applied Statistics and Probability for Engineers, 3rd ed., example 14-5."""
     rates = (550, 669, 604, 650, 633, 642, 601, 635, 1037, 749, 1052, 868, 1075, 860, 1063, 729)

@@ -222,6 +222,7 @@ def test_what_the_surrogate_does_not_predict_has_no_quantiles_and_no_curve():
     (page,) = what_if_pages({"s": result})
     sentences = find_in_surrogate(result, "s")
     quantiles = [sentence for sentence in sentences if "in 5 %" in sentence]
+    assert all("in 95 % of 5,000 drawn cases, whose number leaves 0." in sentence for sentence in quantiles)
     assert [each.known for each in page.quantities] == [False, True]
     assert [sentence.split(":")[1].split(" below")[0] for sentence in quantiles] == [" second order"]
     assert any(sentence.startswith("The surrogate predicts less than half") for sentence in sentences)

@@ -15,6 +15,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.model_interface import Departure, ModelErrors, ModelSummary, Trust, ValidRange
 from tripod_doe.study.cube.dataset import build_cube
+from tripod_doe.study.cube.model_records import model_records
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -65,12 +66,12 @@ outputs = ["thrust_amplitude", "thrust_phase_deg"]
 """
 
 
-def cube_of(text, blocks=1):
+def cube_of(text, blocks=1, run=None):
     study = parse_study(text)
     points = make_points(study)
     keys = point_keys(study, points)
     finished = []
-    for chosen in np.array_split(np.arange(points.count), blocks):
+    for chosen in np.array_split(np.arange(points.count), blocks)[:run]:
         result, cpu, wall = run_task(make_task(study, points, chosen))
         finished.append(FinishedBlock(keys[chosen], result, cpu, wall, "0"))
     return build_cube(study, points, keys, iter(finished))
@@ -159,6 +160,13 @@ def test_what_was_not_run_is_flagged():
     assert "excluded" not in cube
 
 
+def test_points_that_have_not_run_get_no_known_error():
+    """Regression: for 200,000 points that had not run, opening a cube took 12 s."""
+    cube = cube_of(GRID, blocks=3, run=2)[0]
+    assert cube["outcome"].values.ravel().tolist() == [td.Outcome.FINISHED] * 2 + [td.Outcome.NOT_RUN]
+    assert np.isfinite(cube["model_error"].values).ravel().tolist() == [True, True, False]
+
+
 def test_what_a_constraint_excludes_is_flagged_apart():
     study = parse_study(GRID + '[design]\nconstraints = ["joint_angle_deg < 12"]\n')
     points = make_points(study)
@@ -192,11 +200,9 @@ def test_a_metric_that_is_not_finite_does_not_pass():
 
 
 def test_a_cube_names_its_model_and_the_error_known_for_it():
-    study = parse_study(
+    cube, _ = cube_of(
         '[study]\nname = "m"\n[factors]\njoint_angle_deg = {values = [1, 10, 30]}\n[keep]\noutputs = ["thrust_amplitude"]\n'
     )
-    points = make_points(study)
-    cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
     assert cube.attrs["models"] == "kinetostatic"
     verdict, errors, *_ = cube.attrs["model_notes"].splitlines()
     assert verdict.startswith("Verdict on the third order: sure at 1, ")
@@ -211,8 +217,7 @@ def test_notes_on_the_models_of_an_ablation_are_those_with_all_mechanisms_on():
     """Regression: "error not known at 224 of 256 points" counted combinations with mechanisms switched off."""
     study = parse_study(ABLATION.replace("[5, 10]", "[5, 10, 12, 35]"))
     points = make_points(study)
-    cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
-    (message,) = [note for note in cube.attrs["model_notes"].splitlines() if "error not known" in note]
+    (message,) = model_records(study, points, points.allowed).error_sentences
     assert message.startswith("Model kinetostatic with all mechanisms on: typical error of the third order")
     assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in message
 

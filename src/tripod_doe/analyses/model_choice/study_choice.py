@@ -155,17 +155,16 @@ def describe_choice(study: Study, directory: Path | None, timing: bool = False) 
             f"choice       too few points for a pilot, {usable} of at least {least}{without}: "
             f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
         )
-    timed = [_timed(study, points, each, count) if timing else None for each in candidates]
-    candidates = [new or each for new, each in zip(timed, candidates, strict=True)]
+    priced = [_timed(study, points, each, count) if timing else (each, RECORDED) for each in candidates]
+    candidates = [each for each, _ in priced]
     usual = candidates[-1]
-    sources = ["timed at points of the pilot" if new else RECORDED for new in timed]
     return "\n".join(
         [
             _pilot_summary(study, points, record, candidates, count),
             f"study        CPU time about {duration(points.count * usual.price)} if all points run with {usual.label}",
             *(
                 f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run, {source}"
-                for each, source in zip(candidates, sources, strict=True)
+                for each, source in priced
             ),
         ]
     )
@@ -192,11 +191,13 @@ def _pilot_summary(
     return line + ("; it is to confirm errors that are on record for similar points" if sizes else "")
 
 
-def _timed(study: Study, points: Points, candidate: Candidate, count: int) -> Candidate | None:
-    """A candidate with its mean price at points of the pilot; None if none of them finished in time."""
+def _timed(study: Study, points: Points, candidate: Candidate, count: int) -> tuple[Candidate, str]:
+    """A candidate with its mean price at points of the pilot, and where the price is from."""
     places = pilot_points(study, points, count)
     seconds = time_points(pilot_study(study, points, [(candidate, places)]), _TIMING_SECONDS)
-    return replace(candidate, evaluations=float(np.mean(seconds)) / candidate.evaluation_seconds) if seconds else None
+    price = float(np.mean(seconds)) if seconds else max(_TIMING_SECONDS, candidate.price)
+    source = "timed at points of the pilot" if seconds else f"a guess: none ended within {duration(_TIMING_SECONDS)}"
+    return replace(candidate, evaluations=price / candidate.evaluation_seconds), source
 
 
 def _summary(choice: xr.Dataset) -> list[str]:

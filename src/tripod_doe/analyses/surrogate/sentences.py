@@ -46,11 +46,15 @@ def _quantiles(name: str, result: xr.Dataset) -> list[str]:
         for each, values in zip(page.quantities, page.drawn(), strict=True):
             if not each.known:
                 continue
-            quantiles = each.placed(np.quantile(values, (0.05, 0.5, 0.95)))
-            low, middle, high = (number(float(value)) for value in quantiles)
+            chances = np.array([0.05, 0.5, 0.95])
+            ranks = chances + np.array([[-1.96], [0], [1.96]]) * np.sqrt(chances * (1 - chances) / values.size)
+            below, quantiles, above = np.quantile(values, ranks)
+            noise = float(np.maximum(above - quantiles, quantiles - below).max())
+            low, middle, high = (number(float(value)) for value in each.placed(quantiles))
             sentences.append(
                 f"By the surrogate, not by a model: {each.label} below {with_unit(low, each.unit)} in 5 %, below "
-                f"{with_unit(middle, each.unit)} in 50 % and below {with_unit(high, each.unit)} in 95 % of the cases "
+                f"{with_unit(middle, each.unit)} in 50 % and below {with_unit(high, each.unit)} in 95 % of "
+                f"{values.size:,} drawn cases, whose number leaves {with_unit(number(noise, 1), each.unit)} open "
                 f"(analysis {name})."
             )
     return sentences

@@ -131,7 +131,7 @@ def part_of_cube(
             for name, (values, meaning) in models.of(
                 points,
                 used,
-                np.isin(table.outcome, (Outcome.FINISHED, Outcome.NOT_RUN)),
+                table.outcome == Outcome.FINISHED,
                 {name: data for name, (_, data) in table.outputs.items() if data.ndim <= 2},
             ).items()
         }
