@@ -100,10 +100,7 @@ def test_the_server_computes_nothing_and_what_computes_serves_nothing():
     for modules, unwanted in (
         (["tripod_doe.service.server"], computes),
         (
-            [
-                f"tripod_doe.service.{name}"
-                for name in ("workers.worker_functions", "requests.plans", "explorer.descriptions")
-            ]
+            [f"tripod_doe.service.{name}" for name in ("workers.answers", "requests.plans", "explorer.descriptions")]
             + [
                 "tripod_doe.study.execution.dask_local_cluster",
                 "tripod_doe.study.execution.task",

@@ -6,7 +6,6 @@ proxy for this machine, so that the token goes to the named server and nowhere e
 
 from __future__ import annotations
 
-import csv
 import json
 import secrets
 import tempfile
@@ -24,6 +23,7 @@ from urllib.request import Request
 
 import numpy as np
 
+from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import CubeError, InputError, TripodDoeError, printable
 from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.model_interface import BlockResult, Outcome
@@ -419,17 +419,15 @@ def _attach(value: Any, folder: Path, files: dict[str, str], key: str = "") -> N
         for name in sorted(path.name for path in folder.glob(value)) if pattern else [value]:
             if name not in files and _is_plain(name, folder):
                 files[name] = read_text(folder / name, "file")
-                _attach(_named_in(name, files[name], key), folder, files)
+                _attach(_named_in(folder / name, files[name], key), folder, files)
 
 
-def _named_in(name: str, text: str, key: str) -> dict[str, Any]:
+def _named_in(path: Path, text: str, key: str) -> dict[str, Any]:
     """What a file names itself: the tables of a TOML file, the column ``file`` of a table of records."""
-    if name.endswith(".toml"):
-        return parse_toml(text, name)
-    header, *rows = csv.reader(text.splitlines()) if key == "table" else [[]]
-    columns = [head.strip() for head in header]
-    at = columns.index("file") if "file" in columns else -1
-    return {"file": [row[at].strip() for row in rows if 0 <= at < len(row)]}
+    if path.suffix == ".toml":
+        return parse_toml(text, path.name)
+    header, rows = read_csv_table(path, path.name) if key == "table" else ([], {})
+    return {"file": [row[header.index("file")] for row in rows.values()] if "file" in header else []}
 
 
 def _is_plain(name: str, folder: Path) -> bool:

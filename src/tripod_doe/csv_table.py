@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from tripod_doe.checksum_list import refuse_changed
-from tripod_doe.errors import InputError, TooLargeError, misspelt
+from tripod_doe.errors import InputError, TooLargeError, closest, misspelt
 from tripod_doe.regular_files import refuse_irregular
 
 
@@ -47,6 +47,27 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         if len(row) != len(header):
             raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
     return header, rows
+
+
+def read_record_table(
+    path: Path, where: str, parameters: Collection[str], most: int | None = None
+) -> tuple[list[str], dict[int, dict[str, str]]]:
+    """Read a table with a column ``file``, the record of each row; see `read_csv_table`.
+
+    Args:
+        parameters: Names that columns may have; others are labels.
+
+    Returns:
+        The header and, by their lines, the fields of each row by column; empty rows, as spreadsheets leave them, not.
+
+    Raises:
+        InputError: Also where there is no such column, or one is a misspelt parameter.
+    """
+    header, rows = read_csv_table(path, where, most)
+    if "file" not in header:
+        raise InputError(f"{where}: no column 'file'{closest('file', header)}; it names the record of each row")
+    refuse_misspelt(header, parameters, where)
+    return header, {line: dict(zip(header, row, strict=True)) for line, row in rows.items() if any(row)}
 
 
 def _meant(column: str, parameters: Collection[str]) -> str:

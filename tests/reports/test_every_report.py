@@ -16,7 +16,7 @@ import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.model_interface import Outcome
 from tripod_doe.quantities import number
-from tripod_doe.service.explorer.explorer_functions import explore, figure, numbers, point
+from tripod_doe.service.explorer.answers import explore, figure, numbers, point
 
 FUNCTION = """
 import numpy as np

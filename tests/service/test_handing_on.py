@@ -11,7 +11,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.errors import CubeError
-from tripod_doe.service.workers import worker_functions
+from tripod_doe.service.workers import answers
 from tripod_doe.study.result_directory.annotation import Annotation, write_annotation
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -42,23 +42,23 @@ def test_answers_for_spreadsheets(api, settings, coast):
 def test_a_summary_is_made_once_for_the_same_results(coast, settings, tmp_path, monkeypatch):
     """Regression: a reader's requests for the same PDF cost 1.4 CPU-s each, and held up those of the others."""
     directory, made = str(copytree(settings.folder / coast, tmp_path / "copy")), []
-    summary = worker_functions._summary
-    monkeypatch.setattr(worker_functions, "_summary", lambda path, form: made.append(form) or summary(path, form))
-    first = worker_functions.handed_on(directory, "html")
-    assert worker_functions.handed_on(directory, "html") is first
-    worker_functions.handed_on(directory, "xlsx")
+    summary = answers._summary
+    monkeypatch.setattr(answers, "_summary", lambda path, form: made.append(form) or summary(path, form))
+    first = answers.handed_on(directory, "html")
+    assert answers.handed_on(directory, "html") is first
+    answers.handed_on(directory, "xlsx")
     assert made == ["html", "xlsx"]
     write_annotation(Path(directory), Annotation(note="for the meeting"))
-    assert b"for the meeting" in worker_functions.handed_on(directory, "html")
+    assert b"for the meeting" in answers.handed_on(directory, "html")
     cube = Path(directory) / "cube.nc"
     cube.write_bytes(cube.read_bytes()[:-1000])
     with pytest.raises(CubeError):
-        worker_functions.handed_on(directory, "html")
+        answers.handed_on(directory, "html")
 
 
 def test_few_summaries_are_kept(coast, settings, monkeypatch):
-    monkeypatch.setattr(worker_functions, "_MOST_KEPT", 3)
-    monkeypatch.setattr(worker_functions, "_summary", lambda path, form: b"00")
+    monkeypatch.setattr(answers, "_MOST_KEPT", 3)
+    monkeypatch.setattr(answers, "_summary", lambda path, form: b"00")
     for form in ("html", "xlsx", "html"):
-        assert worker_functions.handed_on(str(settings.folder / coast), form) == b"00"
-        assert [key[1] for key in worker_functions._made] == [form]
+        assert answers.handed_on(str(settings.folder / coast), form) == b"00"
+        assert [key[1] for key in answers._made] == [form]

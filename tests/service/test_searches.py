@@ -13,7 +13,7 @@ import tripod_doe as td
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.page.rendering import part
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.workers.worker_functions import base, plan
+from tripod_doe.service.workers.answers import base, plan
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.journal import Journal
 

@@ -17,11 +17,11 @@ from moocore import hypervolume
 from scipy.stats import qmc
 
 import tripod_doe as td
-from tripod_doe.analyses.optimisation.candidates import base_of
 from tripod_doe.analyses.optimisation.confirmation import largest_gains
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import make_problem
 from tripod_doe.analyses.optimisation.search import first_generation
+from tripod_doe.analyses.optimisation.stored_candidates import base_of
 from tripod_doe.analyses.optimisation.variables import Variable, Variables
 from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main

@@ -179,9 +179,7 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
     values = read_positions(cube[name].variable, {"point": rows}).astype(float, copy=False).reshape(rows.size, -1)
     largest = max(np.fmax.reduce(values, axis=None, initial=0.0), -np.fmin.reduce(values, axis=None, initial=0.0))
     if largest and not 1 / _LARGEST < largest < _LARGEST:
-        raise InputError(
-            f"{name} has values of {number(largest)}, whose squares no number holds: use another unit"
-        )
+        raise InputError(f"{name} has values of {number(largest)}, whose squares no number holds: use another unit")
     wraps = is_phase(variable)
     centre = np.zeros(values.shape[1])
     if wraps:

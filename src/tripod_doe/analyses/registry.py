@@ -233,7 +233,7 @@ ANALYSES: dict[str, Analysis] = {
 
 _SEARCHES = {
     "fit": ("fit.sentences:find_in_fit", "fit.sentences:unknown_table"),
-    "optimisation": ("optimisation.candidates:findings_in", "optimisation.candidates:candidate_table"),
+    "optimisation": ("optimisation.stored_candidates:findings_in", "optimisation.stored_candidates:candidate_table"),
 }
 """Sentences and table of the answers of searches, which no study asks for."""
 

@@ -18,7 +18,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.analyses.optimisation.candidates import front_lines
+    from tripod_doe.analyses.optimisation.stored_candidates import front_lines
     from tripod_doe.study.failure_summary import failure_lines
     from tripod_doe.workflow.optimise import optimise
 

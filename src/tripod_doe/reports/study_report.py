@@ -59,8 +59,8 @@ from tripod_doe.study.cube.file_digest import stored_digest
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
+from tripod_doe.study.result_directory.latest_run import failed_analyses
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_study
-from tripod_doe.study.result_directory.search_condition import failed_analyses
 
 _MOST_FAILED = 50
 _SECTIONS = {

@@ -38,7 +38,7 @@ from tripod_doe.study.cube.file_checks import analysis_files
 log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
-_QUESTIONS = "workers.worker_functions"
+_QUESTIONS = "workers.answers"
 _ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches; the first is the result
 _SMALL_SECONDS = 5.0  # CPU time of a short answer
 _MOST_SMALL, _MOST_LARGE = 20, 2  # questions of a reader: one at work, the others wait
@@ -169,7 +169,7 @@ class Service:
             raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 
     def compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
-        """Ask a question of `workers.worker_functions` that may take the time of a simulated point."""
+        """Ask a question of `workers.answers` that may take the time of a simulated point."""
         limits = self.settings.limits
         place = f"{_QUESTIONS}:{question}"
         return self._computing.ask(place, limits.simulate_seconds, as_json, self.left, body=body, limits=limits)
@@ -209,7 +209,7 @@ class Service:
         return self._large.ask(question, seconds, as_json, self.left, self._reader, **arguments)
 
     def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
-        """Ask a question of `workers.worker_functions` about the body of a request."""
+        """Ask a question of `workers.answers` about the body of a request."""
         return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _ask_plan(self, question: str, body: bytes, **arguments: Any) -> Any:
@@ -222,7 +222,7 @@ class Service:
         """Best and worst point of a run; None if its cube lacks the order."""
         try:
             path = str(self.directory(run.id))
-            extremes: dict[str, Any] | None = self.ask("explorer.explorer_functions:extremes", path=path, order=order)
+            extremes: dict[str, Any] | None = self.ask("explorer.answers:extremes", path=path, order=order)
         except (RefusedError, AllBusyError, ServerEndsError, WorkerFailedError):  # without this order, or about to go
             return None
         return extremes

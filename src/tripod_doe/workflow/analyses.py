@@ -19,7 +19,7 @@ from tripod_doe.study.cube.netcdf import results_in_history, stamp_history, writ
 from tripod_doe.study.definition.complaints import said_of
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.toml_text import shown
-from tripod_doe.study.result_directory.search_condition import FAILED
+from tripod_doe.study.result_directory.latest_run import FAILED
 
 _KEPT = ("Conventions", "institution", "source", "references", "study_hash")
 """Attributes of a cube that its analyses have, too."""

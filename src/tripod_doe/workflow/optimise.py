@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.optimisation.candidates import FINDINGS
 from tripod_doe.analyses.optimisation.confirmation import confirmation_batches, first_confirmed, next_confirmed
 from tripod_doe.analyses.optimisation.correction import Correction
 from tripod_doe.analyses.optimisation.measures import Ends, Judged
@@ -39,6 +38,7 @@ from tripod_doe.analyses.optimisation.search import (
     refine,
     steps_around,
 )
+from tripod_doe.analyses.optimisation.stored_candidates import FINDINGS
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.reports.optimisation_report import optimisation_lines, write_optimisation_page

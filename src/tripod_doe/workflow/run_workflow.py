@@ -33,8 +33,8 @@ from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
 from tripod_doe.study.result_directory.directory import make_directory
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
+from tripod_doe.study.result_directory.latest_run import FOUND, found_in
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
-from tripod_doe.study.result_directory.search_condition import FOUND, found_in
 from tripod_doe.workflow.run_study import run_on
 from tripod_doe.workflow.steps_file import write_steps
 from tripod_doe.workflow.workflow import Step, Workflow, fed_study, load_workflow

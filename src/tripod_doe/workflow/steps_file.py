@@ -9,7 +9,7 @@ from typing import Any
 
 from tripod_doe.checksum_list import listed_json, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import StorageError, printable
-from tripod_doe.study.result_directory.search_condition import FOUND, failed_analyses, found_in
+from tripod_doe.study.result_directory.latest_run import FOUND, failed_analyses, found_in
 
 STEPS = "steps.json"
 """File of a directory: a list with name, state, seconds and detail of each step or stage that ended or runs.

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.optimisation import charts
-from tripod_doe.analyses.optimisation.candidates import base_of
+from tripod_doe.analyses.optimisation.stored_candidates import base_of
 
 
 def test_waveforms_of_any_number_of_joints(monkeypatch):

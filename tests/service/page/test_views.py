@@ -19,8 +19,8 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer import analysis_tables, exports
 from tripod_doe.service.explorer.analysis_tables import view_behind
+from tripod_doe.service.explorer.answers import explore, extremes, failures, figure, numbers, point
 from tripod_doe.service.explorer.axes import drawn_view, full_view
-from tripod_doe.service.explorer.explorer_functions import explore, extremes, failures, figure, numbers, point
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import point_figures

@@ -16,7 +16,7 @@ from tripod_doe.service.app import create_app
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.worker_functions import extend, query
+from tripod_doe.service.workers.answers import extend, query
 from tripod_doe.service.workers.worker_pool import AllBusyError, LateError, WorkerPool
 from tripod_doe.study.journal import KERNELS, Journal
 

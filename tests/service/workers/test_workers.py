@@ -69,9 +69,7 @@ def until_gone(pid):
 
 
 def works(pool):
-    return pool.ask(
-        "workers.worker_functions:wants_timing", 20, body=b'{"study": "", "timing": false}', limits=Limits()
-    )
+    return pool.ask("workers.answers:wants_timing", 20, body=b'{"study": "", "timing": false}', limits=Limits())
 
 
 @pytest.mark.parametrize(("name", "most"), [("spinning", 15), ("sleeping", 15)])
@@ -302,7 +300,7 @@ def test_questions_of_readers_hold_up_no_question_of_the_owner(tmp_path, monkeyp
             thread.start()
         for ask in (service.ask, service.ask_large):
             body = b'{"study": "", "timing": false}'
-            assert ask("workers.worker_functions:wants_timing", body=body, limits=Limits()) is False
+            assert ask("workers.answers:wants_timing", body=body, limits=Limits()) is False
         assert all(thread.is_alive() for thread in asking)  # they wait for the owner's answers
     finally:
         left.set()
@@ -328,7 +326,7 @@ def test_a_reader_leaves_a_worker_to_the_others(tmp_path, monkeypatch, kind):
         while pool._open["a"] < 2:
             time.sleep(0.01)
         body = b'{"study": "", "timing": false}'
-        asked = {"question": "workers.worker_functions:wants_timing", "body": body, "limits": Limits()}
+        asked = {"question": "workers.answers:wants_timing", "body": body, "limits": Limits()}
         assert getattr(other, kind)(**asked) is False
         assert all(thread.is_alive() for thread in asking)
         if kind == "ask_large":
@@ -362,7 +360,7 @@ def test_two_readers_who_hold_all_workers_make_room_for_a_third(pool, monkeypatc
         while not shared._free.empty():
             time.sleep(0.01)
         body = b'{"study": "", "timing": false}'
-        question = {"question": "workers.worker_functions:wants_timing", "body": body, "limits": Limits()}
+        question = {"question": "workers.answers:wants_timing", "body": body, "limits": Limits()}
         assert shared.ask(seconds=60, reader="c", **question) is False
         assert heard == ["import module: ended after 0.5 s, since others wait"]
         assert sorted(thread.is_alive() for thread in greedy) == [False, True]  # the other one goes on

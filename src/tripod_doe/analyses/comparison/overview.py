@@ -16,8 +16,8 @@ import xarray as xr
 from tripod_doe.analyses.comparison.comparison import NOT_COMPARED, VERDICTS
 from tripod_doe.analyses.comparison.record_comparison import ComparedRecord, Reading, compare_record
 from tripod_doe.analyses.comparison.record_point import RecordRow
-from tripod_doe.csv_table import read_csv_table, refuse_misspelt
-from tripod_doe.errors import CubeError, InputError, closest
+from tripod_doe.csv_table import read_record_table
+from tripod_doe.errors import CubeError, InputError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import csv_cell, plain_json
@@ -42,15 +42,8 @@ def read_table(path: Path) -> list[RecordRow]:
     Raises:
         InputError: If it cannot be read, has no column `file`, or a cell is no value of its parameter.
     """
-    header, lines = read_csv_table(path, str(path))
-    if "file" not in header:
-        raise InputError(f"{path}: no column 'file'{closest('file', header)}; it names the record of each row")
-    refuse_misspelt(header, JOINT_PARAMETERS, str(path))
     rows = []
-    for number, line in lines.items():
-        if not any(line):  # as spreadsheets leave them
-            continue
-        cells = dict(zip(header, line, strict=True))
+    for number, cells in read_record_table(path, str(path), JOINT_PARAMETERS)[1].items():
         file = path.parent / cells.pop("file")
         try:
             values = {

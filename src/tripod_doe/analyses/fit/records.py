@@ -14,8 +14,8 @@ from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.csv_table import read_csv_table, refuse_misspelt
-from tripod_doe.errors import InputError, closest, near_match, speaking_of_keys
+from tripod_doe.csv_table import read_record_table
+from tripod_doe.errors import InputError, near_match, speaking_of_keys
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.operating_point import differ
 from tripod_doe.measurements.order_tracking import track_orders
@@ -126,19 +126,13 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
     name = str(request.file.records.table)
     where = f"[records]: table = {name!r}"
     path = request.folder.file(name, "table")
-    header, rows = read_csv_table(path, f"{request.origin}: {where}", _MOST_RECORDS)
-    if "file" not in header:
-        raise request.fail(where, f"no column 'file'{closest('file', header)}; it names the record of each row")
+    header, rows = read_record_table(path, f"{request.origin}: {where}", parameters, _MOST_RECORDS)
     for column in header:
         if column in request.file.base:
             raise request.fail(where, f"{column} is also a base value; remove it from [base]")
         if column in request.file.unknowns:
             raise request.fail(where, f"{column} is also an unknown; remove one of them")
-    refuse_misspelt(header, parameters, f"{request.origin}: {where}")
-    for line, row in rows.items():
-        if not any(row):  # as spreadsheets leave them
-            continue
-        cells = dict(zip(header, row, strict=True))
+    for line, cells in rows.items():
         try:
             path = _record_path(request, name, cells.pop("file"))
             own = {key: _value_of_key(key, cells.pop(key)) for key in _OWN if cells.get(key)}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import in_unit_cube
-from tripod_doe.array_types import IntArray
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface import Candidate, Outcome
 from tripod_doe.study.definition.accuracy_table import AutoModel
 from tripod_doe.study.definition.study import Study
@@ -70,7 +70,7 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     larger of what the confidence needs and four per factor plus one; none where that would be more than half of the
     study.
     """
-    places, usable = in_unit_cube(points.columns, points.columns), usable_points(study, points)
+    places, usable = _usable_places(study, points)
     wanted = count or _wanted(study, points.columns)
     if 2 * wanted > usable.size:
         return np.array([], np.int64)
@@ -84,11 +84,17 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
 
 def usable_points(study: Study, points: Points) -> IntArray:
     """Indices of the points from which a pilot is taken: all different ones, without those with a friction halved."""
+    return _usable_places(study, points)[1]
+
+
+def _usable_places(study: Study, points: Points) -> tuple[FloatArray, IntArray]:
+    """Places of all points in the unit cube, and the indices of `usable_points`."""
     columns = points.columns
+    places = in_unit_cube(columns, columns)
     halved = [column == HALF for name, column in columns.items() if name in study.switches]  # of an ablation alone
     usable = np.flatnonzero(points.allowed & ~np.any([np.zeros(points.count, bool), *halved], axis=0))
-    _, first = np.unique(in_unit_cube(columns, columns)[usable], axis=0, return_index=True)
-    return usable[np.sort(first)]
+    _, first = np.unique(places[usable], axis=0, return_index=True)
+    return places, usable[np.sort(first)]
 
 
 def least_points(study: Study, points: Points) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
-from tripod_doe.analyses.optimisation.candidates import file_of, findings_in, knee_of, names_of, value_text
+from tripod_doe.analyses.optimisation.stored_candidates import file_of, findings_in, knee_of, names_of, value_text
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.words import unit_text
 from tripod_doe.service.explorer.figures.elements import with_brackets

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.errors import InputError
-from tripod_doe.service import ask_workers
+from tripod_doe.service import questions
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
@@ -153,7 +153,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     """Controls, copies and title of a view; only a message if no point has finished yet."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    explored = ask_workers.explore(service, run_id, _items(request), step) if _has_ended_points(run) else None
+    explored = questions.explore(service, run_id, _items(request), step) if _has_ended_points(run) else None
     values = _control_values(service, run, explored, step)
     return {
         "title": explored["title"] if explored else "",
@@ -165,7 +165,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 @router.get("/runs/{run_id}/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
-    answer = ask_workers.point(service, run_id, number, step)
+    answer = questions.point(service, run_id, number, step)
     text = part(
         "point.html",
         root=service.settings.root,
@@ -181,9 +181,7 @@ def point(run_id: str, number: int, service: AnyService, step: str | None = None
 @router.get("/parts/parameters")
 def parameters(scene: str, service: AnyService) -> HTMLResponse:
     """Parameters of a scene as a list to choose from."""
-    return HTMLResponse(
-        part("parameters.html", parameters=service.ask("explorer.explorer_functions:parameters", scene=scene))
-    )
+    return HTMLResponse(part("parameters.html", parameters=service.ask("explorer.answers:parameters", scene=scene)))
 
 
 @router.post("/parts/price-of-point")
@@ -204,7 +202,7 @@ def simulate(body: Body, service: AnyService) -> dict[str, Any]:
 def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
     """The cells of a view as a table."""
     return HTMLResponse(
-        part("numbers.html", **ask_workers.numbers(service, run_id, _items(request), request.query_params.get("step")))
+        part("numbers.html", **questions.numbers(service, run_id, _items(request), request.query_params.get("step")))
     )
 
 
@@ -221,7 +219,7 @@ def behind(
     run_id: str, analysis: str, variable: str, cell: int, service: AnyService, step: str | None = None
 ) -> RedirectResponse:
     """Redirects from a number of an analysis to the view of its points."""
-    items = ask_workers.behind(service, run_id, analysis, variable, cell, step)
+    items = questions.behind(service, run_id, analysis, variable, cell, step)
     return RedirectResponse(f"{service.settings.root}/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
 
 
@@ -240,7 +238,7 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
     rows = {"heads": [], "rows": [], "count": 0}
     if run.counts.failed:
         step = step or ("points" if run.is_search else None)
-        rows = service.ask("explorer.explorer_functions:failures", path=str(service.results(run_id, step)))
+        rows = service.ask("explorer.answers:failures", path=str(service.results(run_id, step)))
     return _run_page("failed.html", service, run, "Failed points", step=step, **rows)
 
 
@@ -308,7 +306,7 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
     """Upload a measurement and compare it with a point."""
     studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
     chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
-    axes = ask_workers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
+    axes = questions.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
     return show("compare.html", service.settings, here="/compare", names=names_of(studies), chosen=chosen, axes=axes)
 
 
@@ -345,7 +343,7 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
     if not _has_ended_points(run):
         return None, ""
     try:
-        return ask_workers.explore(service, run.id, _items(request), step), ""
+        return questions.explore(service, run.id, _items(request), step), ""
     except (InputError, RefusedError) as error:
         return None, among_runs(str(error), service.settings.folder)
 

@@ -45,7 +45,7 @@ def report(run_id: str, service: AnyService) -> Response:
 def summary(run_id: str, form: Form, service: AnyService, step: str | None = None) -> Response:
     """The run on one page (pdf, html), or all its tables as a workbook (xlsx)."""
     path = str(service.results(run_id, step))
-    data = service.ask_large("workers.worker_functions:handed_on", path=path, form=form)
+    data = service.ask_large("workers.answers:handed_on", path=path, form=form)
     if form == "html":
         return HTMLResponse(data, headers=IN_SANDBOX)
     named = {"content-disposition": f'attachment; filename="summary.{form}"'}
@@ -56,7 +56,7 @@ def summary(run_id: str, form: Form, service: AnyService, step: str | None = Non
 def what_if(run_id: str, service: AnyService, step: str | None = None) -> Response:
     """The page that asks the surrogates of a run what if, by itself: sliders, curves and bands."""
     path = str(service.results(run_id, step))
-    data = service.ask_large("workers.worker_functions:handed_on", path=path, form="what-if")
+    data = service.ask_large("workers.answers:handed_on", path=path, form="what-if")
     return HTMLResponse(data, headers=IN_SANDBOX)
 
 
@@ -69,7 +69,7 @@ def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
         raise RefusedError(404, "no such page of this run")
     service.directory(run_id, str(path.parent.relative_to(directory)))
     if path.suffix == ".nc":
-        service.ask("workers.worker_functions:check_file", path=str(path))
+        service.ask("workers.answers:check_file", path=str(path))
     else:
         refuse_changed(path, unlisted=True)
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)

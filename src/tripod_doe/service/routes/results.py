@@ -56,9 +56,9 @@ def query(
         "decimal_comma": decimal_comma,
         "limits": service.settings.limits,
     }
-    data = service.ask("workers.worker_functions:small_query", **asked)
+    data = service.ask("workers.answers:small_query", **asked)
     if data is None:
-        data = service.ask_large("workers.worker_functions:query", **asked)
+        data = service.ask_large("workers.answers:query", **asked)
     ending = {"netcdf": "nc", "xlsx": "xlsx"}.get(format)
     headers = {"content-disposition": f'attachment; filename="answer.{ending}"'} if ending else {}
     return Response(data, media_type=_TYPES[format], headers=headers)
@@ -72,7 +72,7 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
         return _file(service, directory / "cube.nc")
     folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
     try:
-        service.ask_large("workers.worker_functions:cube", path=str(directory), folder=str(folder))
+        service.ask_large("workers.answers:cube", path=str(directory), folder=str(folder))
         return _TemporaryFile(folder / "cube.nc", media_type=_TYPES["netcdf"], filename="cube.nc")
     except BaseException:
         shutil.rmtree(folder)
@@ -83,18 +83,14 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
 def describe(run_id: str, service: AnyService, step: Step = None, analysis: Analysis = None) -> Response:
     """What the cube holds: dimensions, coordinates with their values, variables with units and flags."""
     path = service.cube_path(run_id, step, analysis)
-    return Response(
-        service.ask("workers.worker_functions:describe", as_json=True, path=path), media_type=_TYPES["json"]
-    )
+    return Response(service.ask("workers.answers:describe", as_json=True, path=path), media_type=_TYPES["json"])
 
 
 @router.get("/analyses", response_model=list[dict[str, Any]])
 def analyses(run_id: str, service: AnyService, step: Step = None) -> Response:
     """Analyses with their kind, sentences and table."""
     paths = service.analysis_files(run_id, step)
-    return Response(
-        service.ask("workers.worker_functions:analyses", as_json=True, paths=paths), media_type=_TYPES["json"]
-    )
+    return Response(service.ask("workers.answers:analyses", as_json=True, paths=paths), media_type=_TYPES["json"])
 
 
 @router.get("/base", response_class=Response, responses=gives("text/plain"))
@@ -134,5 +130,5 @@ class _TemporaryFile(FileResponse):
 def _file(service: Service, path: Path) -> Response:
     if not path.is_file():
         raise RefusedError(404, f"{path.name}: this run has no such file yet")
-    service.ask("workers.worker_functions:check_file", path=str(path))
+    service.ask("workers.answers:check_file", path=str(path))
     return FileResponse(path, media_type=_TYPES["netcdf"], filename=path.name)

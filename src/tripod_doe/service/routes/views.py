@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, Response
 
-from tripod_doe.service import ask_workers
+from tripod_doe.service import questions
 from tripod_doe.service.explorer.view import MEANINGS
 from tripod_doe.service.routes.dependencies import CHANGES, IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 
@@ -22,16 +22,16 @@ router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 
 def figure(run_id: str, request: Request, service: AnyService, step: str | None = None) -> Response:
     """A view of a cube as a figure for Plotly; the cube decides what the query leaves out."""
     items = list(request.query_params.multi_items())
-    return Response(ask_workers.figure(service, run_id, items, step), media_type="application/json")
+    return Response(questions.figure(service, run_id, items, step), media_type="application/json")
 
 
 @router.get("/points/{number}/motion", response_class=Response, responses=gives("text/html") | CHANGES)
 def motion(run_id: str, number: int, service: AnyService, step: str | None = None) -> Response:
     """A page that moves the joint at one point, which is simulated again with its contacts; not for who only reads."""
-    return HTMLResponse(ask_workers.motion(service, run_id, number, step), headers=IN_SANDBOX)
+    return HTMLResponse(questions.motion(service, run_id, number, step), headers=IN_SANDBOX)
 
 
 @router.get("/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point: its factors, how it ended, its numbers, and figures of the rest for Plotly."""
-    return ask_workers.point(service, run_id, number, step)
+    return questions.point(service, run_id, number, step)

@@ -1,6 +1,6 @@
 """The process of a worker: it receives questions and sends answers or refusals, one at a time.
 
-A question names a function of the service (``workers.worker_functions:plan``). Only workers parse bodies of requests,
+A question names a function of the service (``workers.answers:plan``). Only workers parse bodies of requests,
 so that no text can block the server.
 """
 

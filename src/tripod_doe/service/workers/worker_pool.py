@@ -100,7 +100,7 @@ class WorkerPool:
         """Ask a question, and wait for the answer.
 
         Args:
-            question: Path of a function, such as ``workers.worker_functions:plan``.
+            question: Path of a function, such as ``workers.answers:plan``.
             seconds: CPU time for the answer.
             as_json: Whether the worker must return the answer as JSON bytes.
             left: Set when the client leaves: a waiting question is dropped, and long work on it is ended.

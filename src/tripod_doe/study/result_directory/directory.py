@@ -37,9 +37,9 @@ from tripod_doe.study.journal import (
 from tripod_doe.study.plan import cube_bytes, unshown_bytes
 from tripod_doe.study.result_directory.derived_responses import DERIVED
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
+from tripod_doe.study.result_directory.latest_run import FOUND
 from tripod_doe.study.result_directory.open_cube import opened_cube
 from tripod_doe.study.result_directory.resume import Resume
-from tripod_doe.study.result_directory.search_condition import FOUND
 from tripod_doe.study.result_directory.stored_study import STORED, keep_sources, known_texts
 from tripod_doe.study.result_directory.zarr_store import remove_zarr
 from tripod_doe.study.study_points import StudyPoints

@@ -155,8 +155,8 @@ def is_numbered(data: xr.Dataset) -> bool:
     return NUMBER in data.coords or "outcome" in data
 
 
-def point_numbers(data: xr.Dataset) -> NDArray[np.int32]:
-    """Numbers of the points, in the shape of the outcome; counted in their order if the Dataset holds none."""
+def point_numbers(data: xr.Dataset) -> xr.DataArray:
+    """Numbers of the points, along the dimensions of the outcome; counted in their order if the Dataset holds none."""
     if NUMBER in data.coords:
-        return data[NUMBER].values.astype(np.int32)
-    return np.arange(data["outcome"].size, dtype=np.int32).reshape(data["outcome"].shape)
+        return data[NUMBER].astype(np.int32)
+    return data["outcome"].copy(data=np.arange(data["outcome"].size, dtype=np.int32).reshape(data["outcome"].shape))

@@ -60,7 +60,7 @@ def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | Non
         cells |= {"hovertemplate": "%{text}: <b>%{z:.4~g}</b><extra></extra>", "text": _names(data, x, y)}
     traces = [cells]
     if is_numbered(data) and ("outcome" not in data or set(data["outcome"].dims) == {x, y}):
-        cells["customdata"] = packed(point_numbers(data))
+        cells["customdata"] = packed(point_numbers(data).values)
     if "outcome" in data and set(data["outcome"].dims) == {x, y}:
         traces += _blanks(data, places[x], places[y])
     axes = [axis(data[name]) | _ticks(data[name]) for name in (x, y)]
@@ -119,7 +119,7 @@ def _word(value: object) -> str:
 
 def _blanks(data: xr.Dataset, x: tuple[FloatArray, bool], y: tuple[FloatArray, bool]) -> list[Any]:
     """Hatching and a mark with the reason for each cell without a number."""
-    reasons, failed, numbers = blank_reasons(data), is_failed(data).values, point_numbers(data)
+    reasons, failed, numbers = blank_reasons(data), is_failed(data).values, point_numbers(data).values
     kinds = ((failed, "/", FAILED_COLOUR), ((reasons != "") & ~failed, ".", WAITING_COLOUR))
     traces: list[Any] = []
     for rows, shape, colour in kinds:

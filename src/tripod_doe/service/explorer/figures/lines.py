@@ -79,7 +79,7 @@ def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -
     if colour:
         trace |= {"line": {"color": colour}, "marker": {"color": colour}}
     if is_numbered(data):
-        trace["customdata"] = along(np.broadcast_to(point_numbers(data), variable.shape))
+        trace["customdata"] = along(np.broadcast_to(point_numbers(data).values, variable.shape))
     error = f"{variable.name}_error"
     if error in data and few and count <= _NAMED:
         trace["error_y"] = {"type": "data", "array": along(data[error].values), "thickness": 1, "width": 4}
@@ -105,7 +105,7 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
         return []
     reasons = np.stack([blank_reasons(row) for row in rows])
     failed = np.stack([is_failed(row).values for row in rows])
-    numbers = np.stack([point_numbers(row) for row in rows])
+    numbers = np.stack([point_numbers(row).values for row in rows])
     marks = []
     for blank, symbol, colour in (
         (failed, "x-thin", FAILED_COLOUR),

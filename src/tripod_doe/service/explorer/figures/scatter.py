@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
-    NUMBER,
     SEQUENTIAL,
     Figure,
     axis,
@@ -53,9 +52,7 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
         }
     numbers = np.full(heights.shape, -1)
     if is_numbered(data):
-        own = data[NUMBER] if NUMBER in data.coords else data["outcome"]
-        of_points = own.copy(data=point_numbers(data))
-        numbers = of_points.broadcast_like(variable).transpose(*variable.dims).values.ravel()
+        numbers = point_numbers(data).broadcast_like(variable).transpose(*variable.dims).values.ravel()
     marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
     hover = "%{x}: <b>%{y:.4~g}</b>"
     if colour:
@@ -122,7 +119,7 @@ def _crosses(data: xr.Dataset, places: NDArray[Any]) -> list[dict[str, Any]]:
             "x": packed(places[failed][:_MOST]),
             "y": [0.02] * min(int(failed.sum()), _MOST),
             "text": blank_reasons(data).ravel()[failed].tolist()[:_MOST],
-            "customdata": packed(point_numbers(data).ravel()[failed][:_MOST]),
+            "customdata": packed(point_numbers(data).values.ravel()[failed][:_MOST]),
             "hovertemplate": "%{x}: %{text}<extra></extra>",
             "marker": {
                 "symbol": "x-thin",

@@ -1,4 +1,4 @@
-"""Functions behind the cube explorer, which a worker runs: the choices, a figure, one point."""
+"""Answers of workers to questions of the cube explorer: the choices, a figure, one point."""
 
 import json
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What the process of a run stores of its end: a sentence on its search condition, and the analyses that failed."""
+"""What the latest run of a directory stored of its end: a sentence on its search condition, and failed analyses."""
 
 from contextlib import suppress
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Answers for pages and views of runs: each function asks a worker."""
+"""Questions of pages and views of runs: each function asks a worker."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,17 +15,17 @@ def explore(service: Service, run_id: str, items: Items, step: str | None = None
     """Changes that a view of a run's cube allows."""
     place, minus = str(service.results(run_id, step)), _subtracted(items)
     name = names_of(service.runs.all())[service.runs.find(minus).id] if minus else ""
-    return service.ask("explorer.explorer_functions:explore", path=place, items=items, place=place, minus_name=name)
+    return service.ask("explorer.answers:explore", path=place, items=items, place=place, minus_name=name)
 
 
 def figure(service: Service, run_id: str, items: Items, step: str | None = None) -> bytes:
     """A view of a run's cube as JSON of a figure for Plotly."""
-    return service.ask("explorer.explorer_functions:figure", **_view(service, run_id, items, step))
+    return service.ask("explorer.answers:figure", **_view(service, run_id, items, step))
 
 
 def numbers(service: Service, run_id: str, items: Items, step: str | None = None) -> Answer:
     """The cells of a view as texts."""
-    return service.ask("explorer.explorer_functions:numbers", **_view(service, run_id, items, step))
+    return service.ask("explorer.answers:numbers", **_view(service, run_id, items, step))
 
 
 def _view(service: Service, run_id: str, items: Items, step: str | None) -> dict[str, Any]:
@@ -54,11 +54,11 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
 
 def motion(service: Service, run_id: str, number: int, step: str | None = None) -> str:
     """The page that animates one point of a run."""
-    page: str = service.simulate_again("explorer.explorer_functions:motion", str(service.results(run_id, step)), number)
+    page: str = service.simulate_again("explorer.answers:motion", str(service.results(run_id, step)), number)
     return page
 
 
 def point(service: Service, run_id: str, number: int, step: str | None = None) -> Answer:
     """One point of a run, with its figures."""
     path = str(service.results(run_id, step))
-    return service.ask("explorer.explorer_functions:point", path=path, number_of_point=number)
+    return service.ask("explorer.answers:point", path=path, number_of_point=number)

@@ -1,4 +1,4 @@
-"""Questions that workers answer: functions that call what the command line calls, so the numbers are the same."""
+"""Answers of workers to questions: functions that call what the command line calls, so the numbers are the same."""
 
 import hashlib
 import json
@@ -308,7 +308,7 @@ def analyses(paths: dict[str, str]) -> Any:
 
 def base(path: str, kind: str, candidate: int | None) -> str:
     """The joint of a search's result, as [base] to paste into a study; of a front, one candidate or the knee."""
-    from tripod_doe.analyses.optimisation.candidates import base_of, knee_of
+    from tripod_doe.analyses.optimisation.stored_candidates import base_of, knee_of
     from tripod_doe.study.cube.lazy_dataset import read_dataset
 
     if kind == "fit":

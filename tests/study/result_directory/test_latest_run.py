@@ -10,7 +10,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.study.result_directory.search_condition import found_in
+from tripod_doe.study.result_directory.latest_run import found_in
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
