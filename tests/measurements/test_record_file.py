@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import random
 import re
 import shlex
 import time
@@ -120,6 +122,50 @@ def test_dropouts_are_nan_and_words_are_named(read):
     assert np.isnan(read("rotation_deg;thrust_n\n0,5;\n1,5;2\n").columns["thrust_n"]).tolist() == [True, False]
     with pytest.raises(InputError, match=r"thrust_n = 'off' in row 2"):
         read("rotation_deg;thrust_n\n0,5;1,5\n1,5;off\n2,5;2,5\n")
+
+
+_DRAWN = {
+    "thrust_n": ("Axial force", {"N": 1, "kN": 1e3, "daN": 10, "mN": 1e-3}),
+    "rotation_deg": ("Drehwinkel", {"deg": 1, "°": 1, "rad": 180 / math.pi}),
+    "time_s": ("Zeit", {"s": 1, "ms": 1e-3, "\u00b5s": 1e-6, "\u03bcs": 1e-6, "min": 60}),
+}
+
+
+@pytest.mark.parametrize("seed", range(80))
+def test_drawn_tables_are_read_as_they_were_drawn(read, seed):
+    """Regression: where gaps were written in two ways, in µs, with a date beside decimal commas, and below a line of
+    units that ends early, records were refused, or a force in kN was taken as one in N."""
+    chance = random.Random(seed)
+    separator, decimal = chance.choice([(";", ","), (";", "."), ("\t", ","), (",", ".")])
+    force = [None if chance.random() < 0.2 else round(chance.uniform(-2e3, 2e3), 3) for _ in range(12)]
+    columns = {"thrust_n": force, "rotation_deg": [7.25 * row for row in range(12)], "time_s": list(range(12))}
+    dated = chance.random() < 0.3
+    names, units, texts = [], [], []
+    for role in chance.sample(sorted(columns), 3):
+        name, known = _DRAWN[role]
+        unit, digits = chance.choice(list(known)), chance.choice([3, 9])
+        cells = [
+            chance.choice(["", "-", "NaN", "n/a"]) if v is None else f"{v / known[unit]:.{digits}f}"
+            for v in columns[role]
+        ]
+        if dated and role == "time_s":
+            unit, cells = "", [f"10.03.2024 12:00:{second:02d}.5" for second in range(12)]
+            cells = [cell[:-2] + decimal + "5" for cell in cells]
+        else:
+            cells = [cell.replace(".", decimal) for cell in cells]
+        names, units, texts = [*names, name], [*units, unit], [*texts, cells]
+        columns[role] = [math.nan if v is None else v for v in columns[role]]
+    if chance.random() < 0.5:
+        names, units, texts = [*names, "Index 2"], [*units, ""], [*texts, list(map(str, range(12)))]
+    lines = [separator.join(row) for row in zip(*texts, strict=True)]
+    if chance.random() < 0.4:
+        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+    else:
+        lines.insert(0, chance.choice([str, lambda line: line.rstrip(separator)])(separator.join(units)))
+    record = read("\n".join(["Rig 7", separator.join(names), *lines, ""]), encoding=chance.choice(["utf-8", "utf-16"]))
+    for role, values in columns.items():
+        rounding = 1e-3 * max(_DRAWN[role][1].values())
+        assert record.columns[role] == pytest.approx(values, rel=1e-9, abs=rounding, nan_ok=True)
 
 
 @pytest.mark.parametrize(

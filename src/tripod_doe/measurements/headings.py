@@ -118,7 +118,7 @@ def plain_words(text: str) -> str:
 @lru_cache(maxsize=10_000)
 def unit_key(unit: str) -> str:
     """A unit in the form of the keys of the unit tables."""
-    return re.sub(r"[\s.·⋅*^]", "", unit.replace("⁻¹", "-1").replace("μ", "µ")).casefold()
+    return re.sub(r"[\s.·⋅*^]", "", unit.replace("⁻¹", "-1")).casefold().replace("μ", "µ")  # casefold makes it a mu
 
 
 KNOWN_UNITS = {unit for role in ROLES.values() for unit in role.units}

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +114,8 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     form = separator, decimal, True  # a row with the other sign is a row, and refused later on
     first = next((i for i, line in enumerate(lines) if _is_numeric(line, *form)), len(lines))
     if first == len(lines):  # there is a column of words among the numbers
-        first = next((i for i, line in enumerate(lines) if i and _numbers_in(line, *form) > 1), len(lines))
+        numbers = (_numbers_in(_fields(line, separator), decimal, True) for line in lines)
+        first = next((i for i, count in enumerate(numbers) if i and count > 1), len(lines))
     if _LOOKED_AT < first < len(lines):
         raise InputError(f"no row of numbers in the first {_LOOKED_AT} lines: remove the lines above the table")
     before = lines[:first]
@@ -175,14 +177,14 @@ def _fields(line: str, separator: str | None) -> list[str]:
 
 def _is_number(field: str, decimal: str, either: bool = False) -> bool:
     """Whether a field is a number, a time of day or a gap; if asked for, also one with the other sign."""
-    if either and readings(field):
+    if (either and readings(field)) or field.casefold() in _GAPS or _CLOCK.search(field):
         return True
     if decimal == "," and "." in field:
         return False
     try:
         typed_number(field.replace(decimal, "."))
     except ValueError:
-        return field.casefold() in _GAPS or _CLOCK.search(field) is not None
+        return False
     return True
 
 
@@ -192,13 +194,12 @@ def _is_numeric(line: str, separator: str | None, decimal: str, either: bool = F
     return (
         len(fields) > 1
         and all(_is_number(field, decimal, either) for field in fields)
-        and _numbers_in(line, separator, decimal, either) > 0
+        and _numbers_in(fields, decimal, either) > 0
     )
 
 
-def _numbers_in(line: str, separator: str | None, decimal: str, either: bool = False) -> int:
-    """How many fields of a line are numbers."""
-    fields = _fields(line, separator)
+def _numbers_in(fields: Sequence[str], decimal: str, either: bool = False) -> int:
+    """How many fields are numbers."""
     return sum(_is_number(field, decimal, either) and field.casefold() not in _GAPS for field in fields)
 
 
@@ -206,7 +207,7 @@ def _form(lines: Sequence[str]) -> tuple[str | None, str]:
     """Separator and decimal sign for which most lines are rows of numbers, else for which most lines have numbers."""
     rows = [sum(_is_numeric(line, *form) for line in lines) for form in _SEPARATORS]
     if not any(rows):
-        rows = [sum(_numbers_in(line, *form) > 1 for line in lines) for form in _SEPARATORS]
+        rows = [sum(_numbers_in(_fields(line, sign), dec) > 1 for line in lines) for sign, dec in _SEPARATORS]
     return _SEPARATORS[int(np.argmax(rows))] if any(rows) else (",", ".")
 
 
@@ -224,15 +225,20 @@ def _headings(
     unit_like = [0 < sum(map(bool, fields)) <= 2 * count for fields, count in zip(parts, units, strict=True)]
 
     def fitness(at: int) -> tuple[bool, bool, int, bool, int]:
-        words = not _numbers_in(before[at], *form)
+        words = not _numbers_in(parts[at], form[1])
         return len(parts[at]) >= wide, words, _known(parts[at], given), not unit_like[at], at
 
     at = max(range(len(before)), key=fitness)
-    below = [line for line in range(at + 1, len(before)) if unit_like[line] and len(parts[line]) >= len(parts[at])]
+    below = [line for line in range(at + 1, len(before)) if unit_like[line]]
     if not below:
         return at, parts[at]
     own = [unit.strip("[]()<>- ") for unit in parts[max(below, key=lambda line: units[line])]]
-    named = zip(parts[at], own, strict=False)
+    if form[0] is None and len(own) < len(parts[at]):
+        raise InputError(
+            f"the line of units, {' '.join(own)!r}, has fewer fields than there are column names, and spaces do not "
+            "say which is whose: write a - for a column without a unit"
+        )
+    named = zip_longest(parts[at], own[: len(parts[at])], fillvalue="")
     return at, [f"{name} [{unit}]" if unit else name for name, unit in named]
 
 
@@ -322,7 +328,7 @@ def _numbers(column: pd.Series[float], heading: str, decimal: str, role: str) ->
         numbers[text.str.contains(".", regex=False).fillna(False).to_numpy(bool)] = np.nan
     if role == "time_s" and np.isnan(numbers).all():
         numbers = np.array(list(_seconds(text.fillna("").tolist())), float)
-    gap = text.str.casefold().isin(_GAPS).fillna(True).to_numpy(bool)
+    gap = text.fillna("").str.casefold().isin(_GAPS).to_numpy(bool)
     words = np.flatnonzero(np.isnan(numbers) & ~gap)
     if words.size:
         clock = "a time of day as 12:00:01.5, " * (role == "time_s")
