@@ -240,6 +240,21 @@ def test_tdms_files(tmp_path):
         read_record(path)
 
 
+def test_tdms_channels_may_be_true_or_false_and_time_stamps(tmp_path):
+    """Regression: both were left out, and the record was refused for want of a tachometer or of times."""
+    nptdms = pytest.importorskip("nptdms")
+    channels = {
+        "Axial force": np.array([1.25, -2.0]),
+        "Tacho": np.array([True, False]),
+        "Time": np.datetime64("2024-03-10T10:00:00") + np.array([0, 250], "timedelta64[ms]"),
+    }
+    with nptdms.TdmsWriter(tmp_path / "record.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("rig", name, values) for name, values in channels.items()])
+    columns = read_record(tmp_path / "record.tdms").columns
+    assert columns["tacho"].tolist() == [1.0, 0.0]
+    assert columns["time_s"] == pytest.approx([0.0, 0.25], abs=1e-6)
+
+
 def test_an_mdf_file_is_named(tmp_path):
     (tmp_path / "record.mf4").write_bytes(b"MDF     4.10    ")
     with pytest.raises(InputError, match="MDF file is not read: export its channels"):

@@ -25,8 +25,8 @@ def is_tdms(path: Path) -> bool:
 def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]:
     """Headings with their units, columns, and properties as lines ``name: value``.
 
-    Reads the channels of the group with the most values; shorter channels end in gaps. Without a time channel, the
-    increment of the waveform gives the time.
+    Reads the channels of the group with the most values: numbers, true and false, time stamps as s since the first.
+    Shorter channels end in gaps. Without a time channel, the increment of the waveform gives the time.
 
     Raises:
         InputError: If npTDMS is not installed, or the file cannot be read or has no channels.
@@ -43,15 +43,16 @@ def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]
     if not groups:
         raise InputError("this TDMS file has no channels")
     group = max(groups, key=lambda own: sum(len(channel) for channel in own.channels()))
-    channels = [channel for channel in group.channels() if np.issubdtype(channel.dtype, np.number)]
+    channels = [channel for channel in group.channels() if np.dtype(channel.dtype).kind in "biufM"]
     rows = max((len(channel) for channel in channels), default=0)
     headings, columns = [], []
     for channel in channels:
         unit = str(channel.properties.get("unit_string", channel.properties.get("NI_UnitDescription", "")))
+        values = np.asarray(channel[:])
+        if values.dtype.kind == "M":
+            unit, values = "s", (values - values[:1]) / np.timedelta64(1, "s")
         headings.append(f"{channel.name} [{unit}]" if unit else channel.name)
-        columns.append(
-            pd.Series(np.pad(np.asarray(channel[:], float), (0, rows - len(channel)), constant_values=np.nan))
-        )
+        columns.append(pd.Series(np.pad(values.astype(float), (0, rows - len(channel)), constant_values=np.nan)))
     increment = next((c.properties["wf_increment"] for c in channels if c.properties.get("wf_increment")), None)
     if increment is not None:
         headings.append("time_s")
