@@ -287,7 +287,7 @@ def _order_variables(
     along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
     model_amplitude, model_phase = amplitude_and_phase(model)
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
-    nothing = ~model_told & model_told.any() & (ORDERS > 0)
+    nothing = ~model_told & model_told.any() & (ORDERS > 0) & (amplitude > _NOTHING * model_amplitude.max())
     ways = np.where(nothing, nothing.sum(), 1)  # that none of them is there is one statement
     noise = _largest_of_noise(each, (1 - confidence) / ways)
     drowned = (amplitude <= noise) & (model_amplitude <= amplitude)
