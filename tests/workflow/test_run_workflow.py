@@ -237,6 +237,19 @@ def test_only_what_changed_and_what_needs_it_runs_again(bench):
 
 
 @pytest.mark.slow
+def test_a_page_is_made_again_when_the_question_or_the_notice_on_it_changes(bench):
+    """Regression: pages of report steps kept the question that the workflow had when they were made."""
+
+    def hashes(text: str, quick: bool) -> dict[str, str]:
+        bench.write(text)
+        return {name: step.hash for name, step in load_workflow(bench.folder / "chain.toml", quick).steps.items()}
+
+    chain = CHAIN + "[quick.other]\nfactors.x = {values = [1]}\n"
+    for changed, quick in ((chain.replace("hold", "last"), False), (chain.replace("[1]", "[1, 2]"), True)):
+        before, after = hashes(chain, quick), hashes(changed, quick)
+        assert {name for name in after if after[name] != before[name]} == {"last"} | ({"other"} if quick else set())
+
+
 def test_a_failed_step_stops_only_what_needs_it(bench):
     bench.study("first", "1, -1", tag=0)
     assert bench.run() == {

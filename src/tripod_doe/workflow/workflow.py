@@ -147,6 +147,9 @@ def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping
         digest.add_code(*_MAKE_ANALYSES)
         return Step(name, table, digest.text(), settings=settings, listed=listed)
     digest.add_code(*_MAKE_PAGES)
+    if isinstance(table, ReportStep):  # its page shows the question, and what a quick run changes
+        quick = workflow.file.quick if workflow.quick else {}
+        digest.add(workflow.file.workflow.question, *(change.model_dump_json() for change in quick.values()), *quick)
     return Step(name, table, digest.text())
 
 
