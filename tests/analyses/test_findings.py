@@ -61,6 +61,24 @@ def test_a_mean_over_models_is_that_of_no_joint(grid_cube):
     assert wanted in find(holes)[0]
 
 
+def test_means_of_models_over_other_points_are_not_said_to_depend_on_the_model(make_cube):
+    """Regression: "7.5 to 14.4 N on average over the study, depending on the model", of one at small, one at large angles."""
+    text = """
+[study]
+name = "Listed"
+[factors]
+joint_angle_deg = {{ values = [4, 6, {last}] }}
+model = {{ values = ["equilibrium", "equilibrium", "kinetostatic"] }}
+[design]
+kind = "zip"
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+    assert " N on average, each model over points of its own; the next" in find(make_cube(text.format(last=12)))[0]
+    said = find(make_cube(text.format(last=6)))[0]
+    assert " N on average over the points that all models have, depending on the model; the next" in said
+
+
 def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
     mean = grid_cube["thrust_amplitude"].sel(order=3).mean("torque_n_m")
     slope = np.polyfit(grid_cube["joint_angle_deg"], mean, 1)[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.failing_region.failing_region import failing_region_of
@@ -192,33 +193,46 @@ def _mean_text(amplitude: xr.DataArray, points: str) -> tuple[str, str]:
     Args:
         points: Which points these are, if not all of the study.
     """
-    models, everywhere = _by_model(amplitude)
     over = f" on average {points or 'over the study'}" if amplitude.count() > 1 else ""
+    models, everywhere = _by_model(amplitude)
     if len(models) < 2:
         return number(float(amplitude.mean())), over
     least, most = min(models.values()), max(models.values())
     digits = min(digits_apart(least, most), _MOST_DIGITS)
-    over = over if everywhere else " on average over the points that all models have"
-    return text_range(number(least, digits), number(most, digits)), f"{over}, depending on the model"
+    if everywhere is None:
+        over = " on average, each model over points of its own"
+    else:
+        over = f"{over if everywhere else ' on average over the points that all models have'}, depending on the model"
+    return text_range(number(least, digits), number(most, digits)), over
 
 
-def _by_model(amplitude: xr.DataArray) -> tuple[dict[str, float], bool]:
+def _by_model(amplitude: xr.DataArray) -> tuple[dict[str, float], bool | None]:
     """The mean amplitude with each model over the points that all of them have, and whether these are all points.
 
-    Of models that share no points each mean is over its own; empty where the study has one model.
+    Of models that share no points (None) each mean is over its own; empty where the study has one model.
     """
     if "model" not in amplitude.coords or amplitude["model"].ndim == 0:
         return {}, True
-    everywhere = True
     if "model" in amplitude.dims:
         amplitude = amplitude.dropna("model", how="all")
         shared = amplitude.notnull().all("model")
-        if bool(shared.any()):
-            everywhere = bool((shared == amplitude.notnull()).all())
-            amplitude = amplitude.where(shared)
-    means = amplitude.groupby("model").mean(...)
+    else:
+        shared = _where_all_models_are(amplitude)
+    everywhere = bool((shared == amplitude.notnull()).all()) if bool(shared.any()) else None
+    means = (amplitude if everywhere is None else amplitude.where(shared)).groupby("model").mean(...)
     values = zip(means["model"].values, means.values, strict=True)
     return {str(name): float(value) for name, value in values if value == value}, everywhere
+
+
+def _where_all_models_are(amplitude: xr.DataArray) -> xr.DataArray:
+    """Whether every model has a value with the other factors of a point, shape (point,)."""
+    known, dims = amplitude.notnull(), amplitude["model"].dims
+    factors = {str(name): own.values for name, own in amplitude.coords.items() if own.dims == dims}
+    table = pd.DataFrame(factors)[known.values].drop(columns=["point", "varied"], errors="ignore")
+    settings = table.assign(any=0).groupby([*table.columns.drop("model"), "any"], dropna=False)
+    shared = known.copy()
+    shared[known.values] = settings["model"].transform("nunique").values == table["model"].nunique()
+    return shared
 
 
 def _insignificant_difference(cube: xr.Dataset) -> xr.DataArray:
