@@ -12,7 +12,7 @@ from tripod_doe.analyses import registry
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
 from tripod_doe.analyses.registry import ANALYSES, FIGURES, STUDY_FIGURES, draw, findings_of, table_of
-from tripod_doe.errors import CubeError, InputError
+from tripod_doe.errors import CubeError
 
 KINDS = {
     "sobol",
@@ -68,9 +68,7 @@ def test_what_computes_draws_nothing():
     assert not {name for name in loaded if name.startswith("tripod_doe.analyses") and name.endswith("sentences")}
 
 
-def test_a_figure_of_one_input_refuses_two(ablation):
-    with pytest.raises(InputError, match="shows one input, it has 2: a, b"):
-        draw("effects", {"a": ablation, "b": ablation})
+def test_a_figure_of_an_analysis_shows_two_of_them(ablation):
     shares = contribution_shares(ablation, ContributionSettings(output="y"))
     assert len(draw("contribution", {"a": shares, "b": shares})) == 2
 

@@ -450,6 +450,21 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
             '[steps.g]\nkind = "figure"\nfigure = "effects"\ninputs = ["f"]\n',
             r"\[steps.g\]: inputs: 'f' is a figure and has no cube",
         ),
+        (
+            STEP + '[steps.e]\nkind = "effects"\ninputs = ["a"]\n'
+            '[steps.f]\nkind = "figure"\nfigure = "effects"\ninputs = ["e"]\n',
+            r"\[steps.f\]: inputs: the figure effects shows one study step, not e",
+        ),
+        (
+            STEP
+            + STEP[STEP.index("[steps.a]") :].replace("steps.a", "steps.b")
+            + '[steps.f]\nkind = "figure"\nfigure = "effects"\ninputs = ["a", "b"]\n',
+            r"\[steps.f\]: inputs: the figure effects shows one study step, not a, b",
+        ),
+        (
+            STEP + '[steps.f]\nkind = "figure"\nfigure = "indices"\ninputs = ["a"]\n',
+            r"\[steps.f\]: inputs: the figure indices shows a step of kind sobol or .* or multifidelity; a is none",
+        ),
         (STEP.replace("steps.a", 'steps."a/b"'), "use letters a to z, digits"),
     ],
 )

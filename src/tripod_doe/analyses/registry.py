@@ -334,15 +334,14 @@ def draw(figure: str, inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
 
     Args:
         figure: One of `FIGURES`.
-        inputs: Cubes and analysis results by the names of their steps.
+        inputs: Cubes and analysis results by the names of their steps; one cube for a figure of a study.
 
     Raises:
         InputError: If a figure that shows one input gets several.
     """
     if figure in STUDY_FIGURES:
-        if len(inputs) != 1:
-            raise InputError(f"this figure shows one input, it has {len(inputs)}: {', '.join(inputs)}")
-        drawn = _load(STUDY_FIGURES[figure])(next(iter(inputs.values())))
+        (cube,) = inputs.values()
+        drawn = _load(STUDY_FIGURES[figure])(cube)
         return drawn if isinstance(drawn, list) else [drawn] if drawn else []
     charts = charts_of(figure, inputs)
     if len({chart.name for chart in charts}) < len(charts):

@@ -12,7 +12,7 @@ import tomlkit
 import xarray as xr
 from pydantic import BaseModel
 
-from tripod_doe.analyses.registry import ANALYSES
+from tripod_doe.analyses.registry import ANALYSES, STUDY_FIGURES
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import load_study, parse_study
@@ -147,10 +147,24 @@ def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping
         digest.add_code(*_MAKE_ANALYSES)
         return Step(name, table, digest.text(), settings=settings, listed=listed)
     digest.add_code(*_MAKE_PAGES)
+    if isinstance(table, FigureStep):
+        _check_figure(where, table, before)
     if isinstance(table, ReportStep):  # its page shows the question, and what a quick run changes
         quick = workflow.file.quick if workflow.quick else {}
         digest.add(workflow.file.workflow.question, *(change.model_dump_json() for change in quick.values()), *quick)
     return Step(name, table, digest.text())
+
+
+def _check_figure(where: str, table: FigureStep, before: Mapping[str, Step]) -> None:
+    """Refuse a figure whose inputs hold nothing that it shows."""
+    figure, given = table.figure, ", ".join(dict.fromkeys(table.inputs))
+    made = [before[needed].analysis for needed in table.inputs if before[needed].study is None]
+    if figure in STUDY_FIGURES:
+        if made or len({*table.inputs}) > 1:
+            raise InputError(f"{where}: inputs: the figure {figure} shows one study step, not {given}")
+    elif not any(figure in ANALYSES[kind].figures for kind in made):
+        kinds = " or ".join(kind for kind, entry in ANALYSES.items() if figure in entry.figures)
+        raise InputError(f"{where}: inputs: the figure {figure} shows a step of kind {kinds}; {given} is none")
 
 
 def _settings(
