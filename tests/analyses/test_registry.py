@@ -9,10 +9,12 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses import registry
+from tripod_doe.analyses.comparison.record_comparison import ComparisonSettings, compare_file
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
 from tripod_doe.analyses.registry import ANALYSES, FIGURES, STUDY_FIGURES, draw, findings_of, table_of
-from tripod_doe.errors import CubeError
+from tripod_doe.errors import CubeError, InputError
+from tripod_doe.study.definition.study_folder import StudyFolder
 
 KINDS = {
     "sobol",
@@ -71,6 +73,14 @@ def test_what_computes_draws_nothing():
 def test_a_figure_of_an_analysis_shows_two_of_them(ablation):
     shares = contribution_shares(ablation, ContributionSettings(output="y"))
     assert len(draw("contribution", {"a": shares, "b": shares})) == 2
+
+
+def test_a_comparison_needs_one_study(ablation, tmp_path):
+    """Regression: the result of an analysis was no InputError, but a KeyError of a variable outcome."""
+    shares = contribution_shares(ablation, ContributionSettings(output="y"))
+    for cubes, names in (({"a": ablation, "b": ablation}, "a, b"), ({"shares": shares}, "shares")):
+        with pytest.raises(InputError, match=f"a comparison needs one study step as its input, not {names}"):
+            compare_file(cubes, ComparisonSettings(measurement="m.csv"), StudyFolder(tmp_path))
 
 
 def test_a_result_carries_its_kind_and_a_study_has_none(ablation):

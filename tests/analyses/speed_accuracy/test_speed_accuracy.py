@@ -119,6 +119,23 @@ def test_repetitions_are_one_run_with_a_spread():
     assert float(first["cpu_per_second_high"]) == pytest.approx(0.3)
 
 
+def test_a_model_and_a_method_that_all_runs_share_keep_their_names():
+    """Regression: words that were no factors were cut to their first letter, which is no model."""
+    joint = cube_of(by_accuracy(0.0, 1.0, "rollers"), JOINT, "thrust_amplitude").drop_vars("model")
+    joint.attrs["fixed_parameters"] = '{"model": "rollers"}'
+    roller = cube_of(FIRST).drop_vars("method").assign_attrs(fixed_parameters='{"method": "implicit-euler"}')
+    result = speed_accuracy({"joint": joint, "roller": roller}, SpeedAccuracySettings())
+    assert list(result["case"].values) == ["joint rollers", "roller"]
+    assert {*result["run_method"].values} == {BY_ACCURACY, "implicit-euler"}
+
+
+def test_runs_at_other_points_are_no_repetitions():
+    """Regression: runs at 5 and at 10 deg counted as repetitions of one run, with the error of the first."""
+    cube = cube_of(FIRST).assign_coords(tilt_deg=("point", np.arange(len(FIRST), dtype=float)))
+    with pytest.raises(InputError, match="scene: runs at one point are compared, but tilt_deg varies; make a step"):
+        speed_accuracy({"scene": cube}, SpeedAccuracySettings())
+
+
 def test_model_error_is_the_difference_to_the_finest_model():
     """Exact: rollers are 4 % off by themselves, whatever their numerical error, which counts from their own truth."""
     rows = []

@@ -10,7 +10,7 @@ from pydantic import Field
 from tripod_doe.analyses.comparison.comparison import compare
 from tripod_doe.analyses.comparison.model_point import refuse_other_units
 from tripod_doe.analyses.comparison.record_point import RecordRow, overruled, point_of_record, with_stated_values
-from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.kinds import is_study, makes_kind
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.measurement import read_measurement
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -100,9 +100,9 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
     Raises:
         InputError: If there is not one cube, or point and measurement cannot be compared.
     """
-    if len(cubes) != 1:
-        raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
-    (cube,) = cubes.values()
+    cube, *others = cubes.values()
+    if others or not is_study(cube):
+        raise InputError(f"a comparison needs one study step as its input, not {', '.join(cubes)}")
     reading = Reading(
         settings.columns,
         settings.pulses_per_revolution,

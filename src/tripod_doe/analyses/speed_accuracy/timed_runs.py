@@ -24,6 +24,9 @@ _SETTINGS = ("step_s", "relative_tolerance", "accuracy")
 BY_ACCURACY = "by accuracy"
 """Stands for the method of runs that find their tolerance by themselves."""
 
+_OF_A_RUN = ("model", "method", *_SETTINGS, "evaluation_budget", "replicate")
+"""Parameters in which the compared runs of one point may differ."""
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -128,7 +131,11 @@ class Case:
 
 
 def read_cases(cubes: Mapping[str, xr.Dataset]) -> list[Case]:
-    """Sort the points of all cubes into cases; InputError if a cube has no costs, or none of the quantities."""
+    """Sort the points of all cubes into cases.
+
+    Raises:
+        InputError: If a cube has no costs, none of the quantities, or several operating points.
+    """
     return [case for name, cube in cubes.items() for case in _cases_of(name, cube)]
 
 
@@ -145,6 +152,11 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
     cases = []
     for model in dict.fromkeys(models):
         mine = points.isel(run=np.flatnonzero(models == model))
+        for varied in (each for each in mine.coords if each in simulator.parameters and each not in _OF_A_RUN):
+            if np.unique(mine[varied].values.astype(str)).size > 1:
+                raise InputError(
+                    f"{name}: runs at one point are compared, but {varied} varies; make a step for each of its values"
+                )
         runs = tuple(_runs(mine, simulator, quantities))
         default = simulator.effective({"model": model} if model else {})
         found_by = ((kind, float(value)) for kind in _SETTINGS if (value := default.get(kind)) is not None)
@@ -160,8 +172,7 @@ def _column(points: xr.Dataset, simulator: Simulator, name: str) -> NDArray[np.s
     if name in points.coords:
         return points[name].values.astype(str)
     fixed = json.loads(str(points.attrs.get("fixed_parameters", "{}")))
-    value = fixed.get(name, "") if name in simulator.parameters else ""
-    return np.full(points.sizes["run"], value, dtype=np.str_)
+    return np.full(points.sizes["run"], str(fixed.get(name, "")) if name in simulator.parameters else "")
 
 
 def _named(method: str, kind: str) -> str:
