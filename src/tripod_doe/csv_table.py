@@ -52,16 +52,10 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
 def read_record_table(
     path: Path, where: str, parameters: Collection[str], most: int | None = None
 ) -> tuple[list[str], dict[int, dict[str, str]]]:
-    """Read a table with a column ``file``, the record of each row; see `read_csv_table`.
-
-    Args:
-        parameters: Names that columns may have; others are labels.
-
-    Returns:
-        The header and, by their lines, the fields of each row by column; empty rows, as spreadsheets leave them, not.
+    """Read a table with a column ``file``, the record of each row; the rows by column, without empty ones.
 
     Raises:
-        InputError: Also where there is no such column, or one is a misspelt parameter.
+        InputError: See `read_csv_table`; also where there is no such column, or one is nearly a parameter.
     """
     header, rows = read_csv_table(path, where, most)
     if "file" not in header:

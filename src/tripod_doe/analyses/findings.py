@@ -32,7 +32,7 @@ from tripod_doe.page_parts.main_results import (
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_text, listed
 from tripod_doe.phases import JUMPS
-from tripod_doe.quantities import digits_apart, level, number, text_range, with_unit
+from tripod_doe.quantities import capital, digits_apart, level, number, text_range, with_unit
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
@@ -110,7 +110,7 @@ def _missing_effects(cube: xr.Dataset) -> list[str]:
     for factor in factor_names(cube):
         if factor in missing and np.unique(cube[factor].values).size > 1:
             label, why = factor_label(cube, factor), missing[factor]
-            none = f"{label[:1].upper()}{label[1:]} is {why}: all of its values give the same thrust."
+            none = f"{capital(label)} is {why}: all of its values give the same thrust."
             partly = f"The effect of {label} is incomplete: {why}."
             sentences.append(none if why.startswith(NOT_REPRESENTED) else partly)
     return sentences

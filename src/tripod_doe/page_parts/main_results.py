@@ -12,7 +12,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, mixed_formulas
-from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken
+from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken, with_brackets
 from tripod_doe.phases import in_a_row, is_phase
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, OF_FUNCTION, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 from tripod_doe.study.definition.toml_text import parse_toml
@@ -45,7 +45,7 @@ class Response:
     def axis(self) -> str:
         """Label of an axis."""
         words = f"{self.label} of the thrust force" if self.key.startswith("thrust_amplitude") else self.label
-        return f"{words} ({self.unit})" if self.unit else words
+        return with_brackets(words, self.unit)
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,11 @@ def unit_text(unit: str) -> str:
     return _UNITS.get(unit, unit)
 
 
+def with_brackets(words: str, unit: str) -> str:
+    """A label with its unit, if it has one: ``torque (N m)``."""
+    return f"{words} ({unit})" if unit else words
+
+
 def listed(names: list[str]) -> str:
     """Names as a sentence lists them: ``a, b and c``."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
@@ -56,8 +61,7 @@ def factor_unit(cube: xr.Dataset, name: str) -> str:
 
 def axis_label(cube: xr.Dataset, name: str) -> str:
     """A factor as the label of an axis, with its unit."""
-    unit = factor_unit(cube, name)
-    return f"{factor_label(cube, name)} ({unit})" if unit else factor_label(cube, name)
+    return with_brackets(factor_label(cube, name), factor_unit(cube, name))
 
 
 def factor_text(cube: xr.Dataset, name: str, value: object, given: Callable[[float], str] = level) -> str:

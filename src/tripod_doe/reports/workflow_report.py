@@ -20,7 +20,7 @@ from tripod_doe.names import path_within
 from tripod_doe.page_parts.answer import answer_first, beyond, picture_first
 from tripod_doe.page_parts.charts.chart import WIDE, Chart
 from tripod_doe.page_parts.templates import render
-from tripod_doe.quantities import duration
+from tripod_doe.quantities import capital, duration
 from tripod_doe.regular_files import read_regular
 
 _THIRD = 300.0  # points; a wider figure is not readable in a third of the page
@@ -235,9 +235,8 @@ def _words(name: str) -> str:
 
 def _drawn(name: str, title: str, folder: Path, claims: xr.Dataset | None) -> PagePart:
     """A figure, with the claims of the paper's figures that its heading names."""
-    heading = title or _words(name)
     table = None if claims is None else claims_of_figures(claims, title)
-    return PagePart(name, heading[:1].upper() + heading[1:], [], read_charts(folder), "", table)
+    return PagePart(name, capital(title or _words(name)), [], read_charts(folder), "", table)
 
 
 def chain_page(

@@ -23,7 +23,7 @@ from tripod_doe.checksum_list import checksums, refuse_changed, remove_listed, r
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
-from tripod_doe.quantities import duration
+from tripod_doe.quantities import capital, duration
 from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.reports.workflow_report import StepView, chain_page, step_page, write_charts
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
@@ -401,5 +401,4 @@ class _Chain:
 
 def _title(kind: str, inputs: Iterable[str]) -> str:
     """The title, in words, of an analysis without a given title."""
-    words = f"{kind} of {', '.join(inputs)}".replace("_", " ").replace("-", " ")
-    return words[:1].upper() + words[1:]
+    return capital(f"{kind} of {', '.join(inputs)}".replace("_", " ").replace("-", " "))

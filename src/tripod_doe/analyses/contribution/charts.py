@@ -13,7 +13,7 @@ import xarray as xr
 from tripod_doe.analyses.contribution.shares import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
-from tripod_doe.page_parts.words import spoken
+from tripod_doe.page_parts.words import spoken, with_brackets
 from tripod_doe.quantities import count_of, levels_apart
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -160,8 +160,7 @@ def _maps(part: Contribution) -> list[Chart]:
 
 
 def _axis(part: Contribution, name: str) -> str:
-    unit = part.units.get(name, "")
-    return f"{spoken(name)} ({unit})" if unit else spoken(name)
+    return with_brackets(spoken(name), part.units.get(name, ""))
 
 
 def _bar_chart(part: Contribution) -> Chart:

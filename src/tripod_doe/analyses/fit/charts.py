@@ -9,7 +9,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, Chart, drawing
 from tripod_doe.page_parts.charts.orders import agreement, differences
-from tripod_doe.page_parts.words import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
 
 _OVER = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 _MOST_CANDIDATES = 20
@@ -109,8 +109,7 @@ def _profiles(fit: xr.Dataset) -> list[Chart]:
             axes.plot(*curve, color=COLOURS[0])
             axes.plot(data[name], data["growth"], "o", color=COLOURS[0])
             axes.axhline(allowed, color=COLOURS[1], ls="--", lw=1)
-            unit = unit_text(JOINT_PARAMETERS[name].unit)
-            axes.set_xlabel(f"{spoken(name)}{f' ({unit})' if unit else ''}")
+            axes.set_xlabel(with_brackets(spoken(name), unit_text(JOINT_PARAMETERS[name].unit)))
             axes.set_ylabel("growth of chi squared")
             axes.set_ylim(0, 2 * allowed)
         caption = (

@@ -12,6 +12,7 @@ from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
 from tripod_doe.quantities import (
+    capital,
     count_of,
     interval,
     level,
@@ -89,7 +90,7 @@ def _known_sentence(fit: xr.Dataset, names: list[str]) -> list[str]:
     if not texts:
         return []
     whole = ", ".join(texts)
-    return [f"{whole[:1].upper()}{whole[1:]}, with the intervals of 95 % confidence."]
+    return [f"{capital(whole)}, with the intervals of 95 % confidence."]
 
 
 def _unknown_sentence(fit: xr.Dataset, name: str) -> str:
@@ -97,12 +98,7 @@ def _unknown_sentence(fit: xr.Dataset, name: str) -> str:
     low, high = (float(own[key]) for key in ("low", "high"))
     if not math.isfinite(low):
         return _sentence_of_records(own, name)
-    return f"{_subject(name)} {_statement(str(own['verdict'].item()), low, high, own, _unit(name))}."
-
-
-def _subject(name: str) -> str:
-    text = spoken(name)
-    return text[:1].upper() + text[1:]
+    return f"{capital(spoken(name))} {_statement(str(own['verdict'].item()), low, high, own, _unit(name))}."
 
 
 def _statement(verdict: str, low: float, high: float, own: xr.Dataset, unit: str) -> str:
@@ -129,11 +125,8 @@ def _sentence_of_records(own: xr.Dataset, name: str) -> str:
     values = own["value_of_record"].values
     words = own["verdict_of_record"].values[list(_first_records(own).values())].tolist()
     counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
-    unit = _unit(name)
-    return (
-        f"{_subject(name)} differs between records: {value_range(float(values.min()), float(values.max()), unit)} "
-        f"({counts})."
-    )
+    ends = value_range(float(values.min()), float(values.max()), _unit(name))
+    return f"{capital(spoken(name))} differs between records: {ends} ({counts})."
 
 
 def _combined(fit: xr.Dataset) -> list[str]:

@@ -31,7 +31,7 @@ from tripod_doe.page_parts.main_results import (
     zero_between,
 )
 from tripod_doe.page_parts.words import axis_label, factor_label, factor_text, factor_unit
-from tripod_doe.quantities import level, levels_apart, number, with_unit
+from tripod_doe.quantities import capital, level, levels_apart, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -169,7 +169,7 @@ def _columns(cube: xr.Dataset, second: str | None, values: FloatArray) -> Iterat
 
 
 def _capital(response: Response) -> str:
-    return response.label if response.label == response.key else response.label[0].upper() + response.label[1:]
+    return response.label if response.label == response.key else capital(response.label)
 
 
 def _map_chart(

@@ -12,7 +12,7 @@ from tripod_doe.analyses.optimisation.pareto_front import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.words import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
 from tripod_doe.quantities import interval, level_or_word, levels_apart, number, with_unit
 
 NEAR_LEVEL = 0.1
@@ -142,8 +142,7 @@ def head_texts(problem: Problem, names: Mapping[str, str]) -> list[str]:
     Args:
         names: The output of each.
     """
-    units = {name: unit_of(problem, output) for name, output in names.items()}
-    return [f"{name} ({unit})" if unit else name for name, unit in units.items()]
+    return [with_brackets(name, unit_of(problem, output)) for name, output in names.items()]
 
 
 def judged_outputs(problem: Problem) -> dict[str, str]:

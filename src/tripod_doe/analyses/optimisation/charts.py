@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.optimisation.candidate_text import values_text
+from tripod_doe.analyses.optimisation.candidate_text import unit_of, values_text
 from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.analyses.optimisation.tables import dominated_count
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
-from tripod_doe.page_parts.words import listed, unit_text
+from tripod_doe.page_parts.words import listed, with_brackets
 from tripod_doe.quantities import count_of, number
 
 _MOST_DRAWN = 1500  # dominated candidates of a figure
@@ -37,15 +37,7 @@ def optimisation_charts(problem: Problem, solved: Solved, waves: xr.Dataset | No
 
 
 def _axis(problem: Problem, name: str) -> str:
-    table = problem.objectives[name]
-    unit = ""
-    if table.output in problem.simulator.outputs:
-        unit = unit_text(problem.simulator.outputs[table.output].unit)
-    elif table.output in problem.request.file.responses:
-        unit = unit_text(problem.request.file.responses[table.output].unit)
-    elif table.output in problem.simulator.parameters:
-        unit = unit_text(problem.simulator.parameters[table.output].unit)
-    return f"{name} ({unit})" if unit else name
+    return with_brackets(name, unit_of(problem, problem.objectives[name].output))
 
 
 def _course(problem: Problem, solved: Solved) -> Chart:

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import confirmed_base, pasted
 from tripod_doe.errors import CubeError, InputError
-from tripod_doe.page_parts.words import unit_text
+from tripod_doe.page_parts.words import unit_text, with_brackets
 from tripod_doe.quantities import interval, number
 from tripod_doe.study.definition.toml_text import parse_toml
 
@@ -41,13 +41,9 @@ def candidate_table(candidates: xr.Dataset) -> tuple[list[str], list[list[str]]]
     """Candidates with their objectives, constraints and variables, at most 200 of them."""
     shown = [name for role in ("objective", "constraint", "variable") for name in names_of(candidates, role)]
     units = {name: unit_text(str(candidates[name].attrs.get("units", "1"))) for name in shown}
-    heads = ["candidate", *(f"{name} ({units[name]})" if units[name] else name for name in shown)]
+    heads = ["candidate", *(with_brackets(name, unit) for name, unit in units.items())]
     columns = [candidates[name].values[:_MOST_ROWS].tolist() for name in shown]
-    rows = [
-        [str(at), *(cell if isinstance(cell, str) else number(float(cell), 5) for cell in row)]
-        for at, row in enumerate(zip(*columns, strict=True))
-    ]
-    return heads, rows
+    return heads, [[str(at), *map(_value_text, row)] for at, row in enumerate(zip(*columns, strict=True))]
 
 
 def knee_of(front: xr.Dataset) -> int:
@@ -94,11 +90,11 @@ def front_lines(front: xr.Dataset) -> list[str]:
         values = [(float(one[name]), error) for name, error in zip(objectives, errors, strict=True)]
         texts = [interval(value, error) if error > 0 else number(value, 4) for value, error in values]
         aims = ", ".join(f"{name} {text}" for name, text in zip(objectives, texts, strict=True))
-        chosen = ", ".join(f"{name} {value_text(one[name].item())}" for name in variables)
+        chosen = ", ".join(f"{name} {_value_text(one[name].item())}" for name in variables)
         lines.append(f"candidate {at}: {aims}; {chosen}")
     return lines
 
 
-def value_text(value: float | str) -> str:
+def _value_text(value: float | str) -> str:
     """A value of a variable in a few digits, or the word that it is."""
     return value if isinstance(value, str) else number(float(value), 5)

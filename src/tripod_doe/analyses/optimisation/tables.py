@@ -17,8 +17,8 @@ from tripod_doe.analyses.optimisation.pareto_front import front_rows
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.words import listed, unit_text
-from tripod_doe.quantities import digits_apart, interval, level, level_or_word, number
+from tripod_doe.page_parts.words import listed, unit_text, with_brackets
+from tripod_doe.quantities import digits_apart, interval, level_or_word, number
 
 _MOST_ROWS = 40
 
@@ -102,8 +102,7 @@ def start_table(problem: Problem, solved: Solved) -> Table:
     rows = []
     bases = [base_values(problem, unit) for unit in units]
     for name, head in zip(problem.variables.names, _variable_heads(problem), strict=True):
-        cells = [level(float(b[name])) if isinstance(b[name], int | float) else str(b[name]) for b in bases]
-        rows.append([head, *cells])
+        rows.append([head, *(level_or_word(base[name]) for base in bases)])
     values = np.column_stack([front.judged.objectives, front.judged.constraints])[list(shown.values())]
     start = np.column_stack([solved.start.objectives, solved.start.constraints])[:1]
     for head, column in zip(
@@ -117,8 +116,8 @@ def start_table(problem: Problem, solved: Solved) -> Table:
 
 def _variable_heads(problem: Problem) -> list[str]:
     """Heads of all that a candidate sets, in words with units."""
-    units = {name: unit_text(problem.simulator.parameters[name].unit) for name in problem.variables.names}
-    return [f"{spoken_name(problem, name)}{f' ({unit})' if unit else ''}" for name, unit in units.items()]
+    known = problem.simulator.parameters
+    return [with_brackets(spoken_name(problem, name), unit_text(known[name].unit)) for name in problem.variables.names]
 
 
 def left_out_table(solved: Solved) -> Table:

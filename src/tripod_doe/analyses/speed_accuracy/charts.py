@@ -12,6 +12,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, panels
 from tripod_doe.page_parts.words import listed
+from tripod_doe.quantities import capital
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -169,7 +170,7 @@ def _error_chart(data: xr.Dataset) -> Chart:
             "outcome": [Outcome(int(kind)).label for kind in data["outcome"].values],
         }
     )
-    title = f"{data['quantity_meaning'].item()[:1].upper()}{data['quantity_meaning'].item()[1:]}: error over price"
+    title = f"{capital(data['quantity_meaning'].item())}: error over price"
     return Chart(f"{case.replace(' ', '-')}-{name}", title, caption, figure, table)
 
 

@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import Known
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import level, number
+from tripod_doe.quantities import capital, level, number
 
 _HOW = {
     Known.INTERPOLATED: "interpolated",
@@ -97,7 +97,7 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
     what, target = str(row["quantity_meaning"].item()), 100 * float(row.attrs["target"])
     sharp = 100 * float(row["reference_error"])
     known_to = f"to {number(sharp, 2)} %" if sharp > 0 else "to rounding"
-    start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known {known_to}"
+    start = f"{capital(_spoken(case))}, {what}, reference known {known_to}"
     if not best:
         return f"{start}: no method reaches {level(target)} %."
     over = float(row["default_over_best"])
@@ -186,7 +186,7 @@ def _model_sentences(data: xr.Dataset) -> list[str]:
             f"{run['model'].item()} at its default differs from the finest model's reference by {', '.join(parts)}, "
             f"for {price} s per simulated second."
         )
-    return [sentence[:1].upper() + sentence[1:] for sentence in text]
+    return [capital(sentence) for sentence in text]
 
 
 def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:

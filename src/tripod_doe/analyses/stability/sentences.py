@@ -8,7 +8,7 @@ import xarray as xr
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.words import spoken, unit_text
-from tripod_doe.quantities import count_of, duration, level, number, text_range, with_unit
+from tripod_doe.quantities import capital, count_of, duration, level, number, text_range, with_unit
 
 _HEADS = [
     "Varied",
@@ -126,7 +126,7 @@ def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
     if below:
         text.append(f"at {_place(first)} {_first_failure(first)}")
     reason = "; ".join(text)
-    return f"{first['method'].item()}: {seen}{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
+    return f"{first['method'].item()}: {seen}{'. ' if reason else ''}{capital(reason)}."
 
 
 def _place(row: xr.Dataset) -> str:

@@ -15,7 +15,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.motion_page.page import motion_page, viewed_point
 from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.page_parts.words import unit_text
-from tripod_doe.quantities import duration, number, with_unit
+from tripod_doe.quantities import duration, level_or_word, number, with_unit
 from tripod_doe.reports.joint_drawing import drawing_of
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
 from tripod_doe.service.explorer.controls import controls, view_title
@@ -127,7 +127,7 @@ def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, 
 
 
 def _word(value: Any) -> str:
-    return ("" if value != value else number(value, 6)) if isinstance(value, int | float) else str(value)
+    return "" if value != value else level_or_word(value)
 
 
 def failures(path: str) -> Any:
@@ -243,6 +243,4 @@ def _price(found: xr.Dataset) -> str:
 
 
 def _as_text(value: xr.DataArray) -> str:
-    item = value.item()
-    text = number(float(item), 6) if isinstance(item, int | float) else str(item)
-    return with_unit(text, unit_text(str(value.attrs.get("units", "1"))))
+    return with_unit(level_or_word(value.item()), unit_text(str(value.attrs.get("units", "1"))))

@@ -7,14 +7,11 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
-from tripod_doe.analyses.optimisation.stored_candidates import file_of, findings_in, knee_of, names_of, value_text
+from tripod_doe.analyses.optimisation.stored_candidates import candidate_table, file_of, findings_in, knee_of, names_of
 from tripod_doe.model_interface import Outcome
-from tripod_doe.page_parts.words import unit_text
-from tripod_doe.service.explorer.figures.elements import with_brackets
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.definition.toml_text import toml_text
 
-_MOST_ROWS = 200
 _LABELS = {outcome.label: outcome for outcome in Outcome}
 
 
@@ -52,17 +49,12 @@ def front(path: str) -> Any:
         candidates.
     """
     data = read_dataset(Path(path))
-    shown = [name for role in ("objective", "constraint", "variable") for name in names_of(data, role)]
-    columns = [data[name].values[:_MOST_ROWS].tolist() for name in shown]
+    heads, rows = candidate_table(data)
     count = data.sizes["candidate"]
     return {
         "findings": findings_in(data),
-        "heads": [_head(data[name]) for name in shown],
-        "rows": [[value_text(value) for value in row] for row in zip(*columns, strict=True)],
+        "heads": heads[1:],
+        "rows": [row[1:] for row in rows],
         "knee": knee_of(data) if count else None,
         "count": count,
     }
-
-
-def _head(values: xr.DataArray) -> str:
-    return with_brackets(str(values.name), unit_text(str(values.attrs.get("units", "1"))))

@@ -6,6 +6,7 @@ from typing import Any
 import xarray as xr
 
 from tripod_doe.page_parts.words import unit_text
+from tripod_doe.quantities import capital
 from tripod_doe.service.explorer.axes import design_of, variable_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
@@ -63,8 +64,7 @@ def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
     parts += [_selection_text(cube, *text.partition("=")[::2]) for text in view.select]
     title = ", ".join(parts)
     over = [label_of(cube[name]).partition(" (")[0] for name in (view.x, view.by) if name]
-    title = f"{title[0].upper()}{title[1:]}"
-    title = f"{title}, over {' and '.join(over)}" if over else title
+    title = capital(f"{title}, over {' and '.join(over)}" if over else title)
     level = view.minus_level
     less = (
         f"the value at {_selection_text(cube, *level)}" if level else f"the value of {minus_name}" if view.minus else ""

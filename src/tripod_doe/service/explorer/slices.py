@@ -38,7 +38,9 @@ def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
     design = design_of(cube) or (tuple(map(str, cube[variable].dims)) if variable else ())
     if not design:
         return cube
-    return cube.assign_coords({NUMBER: point_numbers(design, tuple(cube.sizes[dim] for dim in design))})
+    shape = tuple(cube.sizes[dim] for dim in design)
+    numbers = np.arange(math.prod(shape), dtype=np.int32).reshape(shape)
+    return cube.assign_coords({NUMBER: (design, numbers, {"long_name": "number of the point or cell"})})
 
 
 def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
@@ -245,9 +247,3 @@ def _parallel_axis(column: xr.DataArray) -> dict[str, Any]:
         return column_data | {"values": packed(values.astype(float))}
     known, which = np.unique(values.astype(str), return_inverse=True)
     return column_data | {"words": known.tolist(), "values": packed(which.astype(float))}
-
-
-def point_numbers(dims: tuple[str, ...], shape: tuple[int, ...]) -> xr.Variable:
-    """The number of each point or cell, along dimensions of these lengths."""
-    numbers = np.arange(math.prod(shape), dtype=np.int32).reshape(shape)
-    return xr.Variable(dims, numbers, {"long_name": "number of the point or cell"})

@@ -175,10 +175,12 @@ class _Choice:
 
     def spread(self, other: xr.Variable) -> NDArray[Any]:
         """Values of a variable at the chosen cells, broadcast over the dimensions of the target."""
-        taken = read_positions(other, self.rows)
-        order = [other.dims.index(dim) for dim in self.target.dims if dim in other.dims]
-        missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in other.dims)
-        return np.broadcast_to(np.expand_dims(taken.transpose(order), missing), self.shape)
+        return self._along(other.dims, read_positions(other, self.rows))
+
+    def _along(self, dims: Sequence[Any], values: NDArray[Any]) -> NDArray[Any]:
+        order = [dims.index(dim) for dim in self.target.dims if dim in dims]
+        missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in dims)
+        return np.broadcast_to(np.expand_dims(values.transpose(order), missing), self.shape)
 
     def column(self, name: str) -> NDArray[Any]:
         """A variable or a coordinate at the chosen cells, flags by their meanings."""
@@ -220,9 +222,7 @@ class _Choice:
                 data = np.take(data, self.rows[dim], axis)
             elif dim in meets.labels and data.shape[axis] != self.cube.sizes[dim]:
                 raise InputError(f"{expression.text!r}: it has values at some {dim} only: take their max or min")
-        order = [meets.dims.index(dim) for dim in self.target.dims if dim in meets.dims]
-        missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in meets.dims)
-        return np.broadcast_to(np.expand_dims(data.transpose(order), missing), self.shape)
+        return self._along(meets.dims, data)
 
     def _labels(self, dim: Any) -> xr.Variable:
         return self.cube[dim].variable  # positions where there are no labels

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome
-from tripod_doe.page_parts.words import spoken, unit_text
+from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
 from tripod_doe.quantities import level, with_unit
 
 Figure = dict[str, Any]
@@ -73,11 +73,6 @@ def label_of(variable: xr.DataArray) -> str:
     own = "user function" in (attrs.get("source"), str(attrs.get("long_name", "")).removeprefix("output of a "))
     words = ("difference of " if IS_DIFFERENCE in attrs else "") + (name if own else spoken(name))
     return with_brackets(words, unit_text(str(attrs.get("units", "1"))))
-
-
-def with_brackets(words: str, unit: str) -> str:
-    """A label with its unit, if it has one: ``torque (N m)``."""
-    return f"{words} ({unit})" if unit else words
 
 
 def axis(coordinate: xr.DataArray, **more: Any) -> dict[str, Any]:
@@ -150,13 +145,6 @@ def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
     return texts
 
 
-def is_numbered(data: xr.Dataset) -> bool:
-    """Whether marks can lead to points or cells."""
-    return NUMBER in data.coords or "outcome" in data
-
-
 def point_numbers(data: xr.Dataset) -> xr.DataArray:
-    """Numbers of the points, along the dimensions of the outcome; counted in their order if the Dataset holds none."""
-    if NUMBER in data.coords:
-        return data[NUMBER].astype(np.int32)
-    return data["outcome"].copy(data=np.arange(data["outcome"].size, dtype=np.int32).reshape(data["outcome"].shape))
+    """Numbers of the points or cells, of a Dataset that is `numbered`."""
+    return data[NUMBER].astype(np.int32)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
+    NUMBER,
     SEQUENTIAL,
     WAITING_COLOUR,
     Figure,
@@ -17,7 +18,6 @@ from tripod_doe.service.explorer.figures.elements import (
     colour_bar,
     edges,
     is_failed,
-    is_numbered,
     label_of,
     packed,
     point_numbers,
@@ -59,7 +59,7 @@ def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | Non
     if variable.size <= _MOST_NAMED:
         cells |= {"hovertemplate": "%{text}: <b>%{z:.4~g}</b><extra></extra>", "text": _names(data, x, y)}
     traces = [cells]
-    if is_numbered(data) and ("outcome" not in data or set(data["outcome"].dims) == {x, y}):
+    if NUMBER in data.coords and ("outcome" not in data or set(data["outcome"].dims) == {x, y}):
         cells["customdata"] = packed(point_numbers(data).values)
     if "outcome" in data and set(data["outcome"].dims) == {x, y}:
         traces += _blanks(data, places[x], places[y])

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from tripod_doe.model_interface import ZERO_AT
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
+    NUMBER,
     WAITING_COLOUR,
     Figure,
     axis,
     blank_reasons,
     colour_bar,
     is_failed,
-    is_numbered,
     label_of,
     level_texts,
     packed,
@@ -78,7 +78,7 @@ def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -
     }
     if colour:
         trace |= {"line": {"color": colour}, "marker": {"color": colour}}
-    if is_numbered(data):
+    if NUMBER in data.coords:
         trace["customdata"] = along(np.broadcast_to(point_numbers(data).values, variable.shape))
     error = f"{variable.name}_error"
     if error in data and few and count <= _NAMED:

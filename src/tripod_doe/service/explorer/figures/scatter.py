@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.service.explorer.figures.elements import (
     FAILED_COLOUR,
+    NUMBER,
     SEQUENTIAL,
     Figure,
     axis,
     blank_reasons,
     colour_bar,
     is_failed,
-    is_numbered,
     label_of,
     packed,
     point_numbers,
@@ -51,7 +51,7 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
             "layout": layout,
         }
     numbers = np.full(heights.shape, -1)
-    if is_numbered(data):
+    if NUMBER in data.coords:
         numbers = point_numbers(data).broadcast_like(variable).transpose(*variable.dims).values.ravel()
     marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
     hover = "%{x}: <b>%{y:.4~g}</b>"
