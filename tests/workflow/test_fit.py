@@ -110,6 +110,7 @@ def test_hidden_frictions_come_back(fitted):
     assert (fit["next"] <= 1.0).all()
 
 
+@pytest.mark.slow
 def test_minos_ends_the_intervals_of_a_rig_where_a_fit_does(written, tmp_path):
     """Referee: iminuit's MINOS on the whole covariance, where the fit has nuisances; ends to 2 % of a half width.
 

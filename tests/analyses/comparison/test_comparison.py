@@ -13,6 +13,7 @@ import xarray as xr
 from measured import Recorder
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, TOO_SMALL, compare
 from tripod_doe.analyses.comparison.model_point import model_point
 from tripod_doe.analyses.comparison.sentences import find_in_comparison
@@ -528,7 +529,7 @@ def test_an_order_that_the_model_does_not_have_is_no_error_of_it(order, why):
     assert int(none["agrees"].sel(order=3)) == 0  # without a torque nothing is known of symmetry
 
 
-@pytest.mark.parametrize("revolutions", [2, 12])
+@pytest.mark.parametrize("revolutions", first_fast([2, 12], 1))
 @pytest.mark.parametrize("small", [0.0, 1e-4])
 def test_noise_alone_is_no_difference(revolutions, small):
     """Measured: orders of noise differed in 15 % of cases, where 5 % are meant; in the orders of a record together 5 %."""

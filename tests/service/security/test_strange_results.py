@@ -80,6 +80,7 @@ def test_an_analysis_of_another_study_is_served_by_no_route(two):
     assert [api.get(f"/runs/{run_id}{route}").status_code for route in ROUTES] == [200] * len(ROUTES)
 
 
+@pytest.mark.slow
 def test_a_large_answer_keeps_no_small_one_waiting(two, monkeypatch):
     """Three queries of 151 MB had all workers; a small one waited for 15 s."""
     api, _ = two

@@ -17,6 +17,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
@@ -87,7 +88,7 @@ def answer(path):
 
 
 @pytest.mark.parametrize("file", FILES)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_fast(range(3), 1))
 def test_a_flipped_bit_is_refused_or_harmless(folder, whole, capsys, file, seed):
     """Regression: of 40 flips of cube.nc 17 were served in silence, of cost.nc 20, of an analysis 3."""
     path = folder / "out" / file
@@ -287,7 +288,7 @@ def without_checksum(content, lost):
 @pytest.mark.parametrize(
     "file", [*FILES, "study.toml", "report/index.html", ".lock", "journal.sqlite-wal", "journal.sqlite-journal"]
 )
-@pytest.mark.parametrize("kind", ["pipe", "device"])
+@pytest.mark.parametrize("kind", first_fast(["pipe", "device"], 1))
 def test_what_is_no_file_is_refused_and_not_opened(folder, capsys, file, kind):
     """A pipe held up every command, and a device filled the memory."""
     out = folder / "out"
