@@ -74,7 +74,7 @@ def test_a_block_comes_back_as_it_was(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {folders!r}
 from test_journal import Journal, block
 with Journal(Path({folder!r})) as journal:
     for number in range({first}, 10_000):
@@ -89,7 +89,7 @@ def test_a_kill_at_any_moment_loses_nothing_and_doubles_nothing(tmp_path, seed):
     """SIGKILL of a process that writes block after block, three times; what it had reported is there."""
     moments, first = random.Random(seed), 0
     for _ in range(3):
-        code = WRITER.format(tests=str(Path(__file__).parent), folder=str(tmp_path), first=first)
+        code = WRITER.format(folders=list(map(str, Path(__file__).parents[:3])), folder=str(tmp_path), first=first)
         writer = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
         reported = [int(writer.stdout.readline()) for _ in range(moments.randrange(1, 40))]
         time.sleep(moments.uniform(0.0, 0.01))
