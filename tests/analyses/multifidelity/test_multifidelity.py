@@ -72,6 +72,15 @@ def cube(counts, indices, seed, **functions):
     return xr.Dataset(outputs | {"outcome": outcome}, coords=coords, attrs={"study": text})
 
 
+def test_rounding_is_no_variance():
+    """Regression: an order of rounding alone had a distribution and gains."""
+    data = cube((48, 200, 400), False, 1)
+    orders = xr.concat([20 + data["y"], 1e-16 * data["y"]], "order").transpose("point", "order")
+    answer = multifidelity(data.assign(y=orders.assign_coords(order=[3, 2])))["variance"]
+    assert float(answer.sel(order=3)) > 1
+    assert np.isnan(answer.sel(order=2))
+
+
 def test_a_cheap_model_that_is_the_truth_answers_for_it():
     """Exact: with the same function everywhere, the mean is that of all samples, and nothing scatters besides them."""
     data = cube((32, 64, 512), False, 1, y=lambda x, model: x[:, 0] + x[:, 1])

@@ -343,6 +343,16 @@ def test_a_uniform_scatter_is_not_moved_beyond_what_is_known():
     assert np.isnan(moved["shift_to_keep"]).all()
 
 
+def test_rounding_is_no_scatter():
+    """Regression: "mean 4.31e-15 N, standard deviation 3.14e-15 N" of the second order of a joint without skew."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque)
+    third = cube["y"].expand_dims(order=[3], axis=1)
+    orders = xr.concat([third, 1e-16 * third.assign_coords(order=[2])], "order").transpose("point", "order")
+    result = tolerance(cube.assign(thrust_amplitude=orders).drop_vars("y"), ToleranceSettings())
+    said = [sentence for sentence in find_in_tolerance(result, "t") if "second order" in sentence]
+    assert said == ["Scatter of the second order: none beyond rounding (analysis t)."]
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_is_no_proposal(seed):
     """Exact: factors without any effect gain nothing, whatever few points above a limit make them look like."""

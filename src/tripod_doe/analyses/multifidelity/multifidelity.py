@@ -129,11 +129,12 @@ def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettin
         "model": len(ladder.rungs) + len(ladder.aside),
     }
     dims, width = _dims(ladder), table.values.shape[1]
+    largest = np.nanmax(np.abs(table.values), initial=0.0)  # of all components: an order may be rounding alone
     arrays = {key: np.full((*(sizes[dim] for dim in own), width), np.nan) for key, own in dims.items()}
     for component in range(width):
         values = ladder.values(table, component)
         arrays["mean"][component] = values[0].mean()
-        if np.ptp(values[0]) > _CONSTANT * np.abs(values[0]).max():
+        if np.ptp(values[0]) > _CONSTANT * largest:
             every = values + [table.values[rung.rows, component] for rung in ladder.aside]
             answers = _of_component(values, alone, settings) | {"correlation": _correlations(every)}
             for key, answer in answers.items():

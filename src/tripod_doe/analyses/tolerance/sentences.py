@@ -100,6 +100,8 @@ def _unweighted(result: xr.Dataset) -> tuple[list[str], list[str]]:
 
 
 def _quantiles(part: OutputPart, name: str) -> str:
+    if float(part.answers["std"]) == 0:
+        return f"Scatter of {part.what}: none beyond rounding (analysis {name})."
     mean, deviation = (with_unit(number(float(part.answers[key])), part.unit) for key in ("mean", "std"))
     centre = f"mean {mean}, standard deviation {deviation}"
     return f"Scatter of {part.what}: {centre}; {quantile_text(part)} (analysis {name})."
@@ -134,6 +136,8 @@ def _chance(part: xr.Dataset, key: str) -> str:
 
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
     """Which scatter to halve first: gains beyond what noise gives to the largest of all factors."""
+    if float(part["std"]) == 0:
+        return []
     names, confidence = [str(name) for name in part["factor"].values], float(part.attrs.get("confidence_level", 0.95))
     gain, half = part["gain_of_halving"].values, part["gain_of_halving_conf"].values
     beyond = half * _wider(confidence, int(np.isfinite(gain).sum()))

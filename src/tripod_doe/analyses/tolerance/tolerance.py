@@ -206,7 +206,8 @@ def _of_output(cube: xr.Dataset, sample: Sample, table: OutputTable, settings: T
     quantiles = _quantiles(values, settings.probabilities, confidence)
     quantiles = {key: table.placed(answer) for key, answer in quantiles.items()}
     single = _exceedance(points, bound, confidence) | _by_model(cube, sample, table, bound, settings)
-    single |= {"mean": table.placed(values.mean(axis=0)), "std": values.std(axis=0, ddof=1), "limit": limit}
+    deviation = np.where(table.varies, values.std(axis=0, ddof=1), 0.0)
+    single |= {"mean": table.placed(values.mean(axis=0)), "std": deviation, "limit": limit}
     gains = _gains(_halved_weights(sample), values, points, bound, settings)
     remedies = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
     wanted = np.isfinite(bound) & (points.computed.mean(axis=0) > 1 - settings.keep)
