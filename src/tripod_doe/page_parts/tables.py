@@ -19,7 +19,7 @@ from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.page_parts.main_results import asked, computed_once, factor_names, finished, study_tables, waiting
 from tripod_doe.page_parts.words import factor_unit, unit_text
-from tripod_doe.quantities import duration, level, number, value_range
+from tripod_doe.quantities import duration, level_or_word, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.definition.simulators import load_simulator
@@ -78,9 +78,10 @@ def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
     return counts
 
 
-def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
-    """The first points that failed, without points that are not computed yet."""
-    failed = np.flatnonzero((asked(cube) & ~finished(cube) & ~waiting(cube)).values.ravel())[:most]
+def failed_points(cube: xr.Dataset, most: int = 50, lost: NDArray[np.bool_] | None = None) -> list[FailedPoint]:
+    """The first of the points that are `lost`, if omitted those that failed, without those not computed yet."""
+    lost = (asked(cube) & ~finished(cube) & ~waiting(cube)).values if lost is None else lost
+    failed = np.flatnonzero(lost.ravel())[:most]
     sizes = cube["outcome"].sizes
     places = dict(zip(sizes, np.unravel_index(failed, tuple(sizes.values())), strict=True))
     factors = [cube[name].values[places[cube[name].dims[0]]] for name in factor_names(cube)]
@@ -95,11 +96,8 @@ def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return str(value)
-    return "-" if np.isnan(value) else level(value)
+    value = value.item() if isinstance(value, np.generic) else value
+    return "-" if value != value else str(value) if isinstance(value, bool) else level_or_word(value)
 
 
 def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:

@@ -14,6 +14,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.motion_page.page import motion_page, viewed_point
 from tripod_doe.page_parts.main_results import factor_names, study_tables
+from tripod_doe.page_parts.tables import failed_points
 from tripod_doe.page_parts.words import unit_text
 from tripod_doe.quantities import duration, level_or_word, number, with_unit
 from tripod_doe.reports.joint_drawing import drawing_of
@@ -133,21 +134,10 @@ def _word(value: Any) -> str:
 def failures(path: str) -> Any:
     """Points that failed, at most 500 of them: their numbers, factors, outcomes and reasons."""
     with opened(path) as cube:
-        return _failed_points(cube)
-
-
-def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
-    names, lost = factor_names(cube), np.flatnonzero(is_failed(cube).values.ravel())
-    ends = cube[["outcome", "outcome_detail"]].load()
-    dims, listed = cube["outcome"].dims, lost[:_MOST_ROWS]
-    factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*dims).values.ravel()[listed] for name in names]
-    inputs = zip(*([_word(value) for value in column.tolist()] for column in factors), strict=True)
-    outcomes, details = (ends[name].values.ravel()[listed] for name in ("outcome", "outcome_detail"))
-    rows = [
-        {"number": at, "values": list(values), "outcome": Outcome(code).label, "reason": str(reason)}
-        for at, values, code, reason in zip(listed.tolist(), inputs, outcomes.tolist(), details, strict=True)
-    ]
-    return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}
+        lost = is_failed(cube).values
+        rows = [asdict(each) for each in failed_points(cube, _MOST_ROWS, lost)]
+        heads = [label_of(cube[name]) for name in factor_names(cube)]
+        return {"heads": heads, "rows": rows, "count": int(lost.sum())}
 
 
 def extremes(path: str, order: int) -> Any:
