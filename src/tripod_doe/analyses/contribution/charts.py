@@ -150,17 +150,13 @@ def _maps(part: Contribution) -> list[Chart]:
             image = panel.pcolormesh(*places, np.ma.masked_invalid(table), norm=norm, cmap="PuOr")
             figure.colorbar(image, ax=panel, extend="both", shrink=0.9).ax.tick_params(labelsize=7)
             panel.set_title(f"{name} (%)", fontsize=8)
-        figure.supxlabel(_axis(part, across), fontsize=8.5)
-        figure.supylabel(_axis(part, up), fontsize=8.5)
+        figure.supxlabel(with_brackets(spoken(across), part.units.get(across, "")), fontsize=8.5)
+        figure.supylabel(with_brackets(spoken(up), part.units.get(up, "")), fontsize=8.5)
     caption = (
         f"Shares in {part.what} by {DEFINITIONS[part.fairest]} over {spoken(across)} and {spoken(up)}; white is the "
         "median of a mechanism, the ends of its scale leave out outliers."
     )
     return [Chart(f"{part.key}-map", f"Shares in {part.what} over the operating points", caption, figure, _frame(part))]
-
-
-def _axis(part: Contribution, name: str) -> str:
-    return with_brackets(spoken(name), part.units.get(name, ""))
 
 
 def _bar_chart(part: Contribution) -> Chart:

@@ -70,7 +70,7 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     larger of what the confidence needs and four per factor plus one; none where that would be more than half of the
     study.
     """
-    places, usable = _usable_places(study, points)
+    places, usable = usable_points(study, points)
     wanted = count or _wanted(study, points.columns)
     if 2 * wanted > usable.size:
         return np.array([], np.int64)
@@ -82,13 +82,8 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     return np.array(sorted(chosen))
 
 
-def usable_points(study: Study, points: Points) -> IntArray:
-    """Indices of the points from which a pilot is taken: all different ones, without those with a friction halved."""
-    return _usable_places(study, points)[1]
-
-
-def _usable_places(study: Study, points: Points) -> tuple[FloatArray, IntArray]:
-    """Places of all points in the unit cube, and the indices of `usable_points`."""
+def usable_points(study: Study, points: Points) -> tuple[FloatArray, IntArray]:
+    """Places of all points in the unit cube, and indices of those usable for a pilot: different, no friction halved."""
     columns = points.columns
     places = in_unit_cube(columns, columns)
     halved = [column == HALF for name, column in columns.items() if name in study.switches]  # of an ablation alone

@@ -149,7 +149,7 @@ def describe_choice(study: Study, directory: Path | None, timing: bool = False) 
     candidates, count = _first_stage(study, points, record)
     if not count:
         full, count = full_candidates(auto_model_of(study))[0], int(points.allowed.sum())
-        usable, least = usable_points(study, points).size, least_points(study, points)
+        usable, least = usable_points(study, points)[1].size, least_points(study, points)
         without = " (without repeated ones and those with a friction halved)" * (usable < count)
         return (
             f"choice       too few points for a pilot, {usable} of at least {least}{without}: "

@@ -84,11 +84,9 @@ def _tables(result: xr.Dataset, order: int | None) -> Iterator[dict[str, Any]]:
 
 def _repeated(numbers: xr.Dataset, dims: Sequence[str]) -> set[tuple[int, str]]:
     """Outputs, by number, with dimensions that only their neighbours in the table have: their numbers repeat there."""
-    if dims[:1] != ["output"]:
-        return set()
-    outputs = [numbers.isel(output=at) for at in range(numbers.sizes["output"])]
-    long = [dim for dim in dims[1:] if numbers.sizes[dim] > 1]
-    return {(at, dim) for at, own in enumerate(outputs) for dim in long if not differ(own, dim)}
+    others = [dim for dim in dims[1:] if dims[0] == "output" and numbers.sizes[dim] > 1]
+    outputs = range(numbers.sizes.get("output", 0))
+    return {(at, dim) for dim in others for at in outputs if not differ(numbers.isel(output=at), dim)}
 
 
 def _row(
