@@ -200,7 +200,7 @@ def test_numbers_and_failures_and_points_belong_together(folders):
     lost = failures(path)
     assert lost["count"] == 6
     assert all(int(cube["outcome"].values.ravel()[row["position"]]) for row in lost["rows"])
-    assert point(path, lost["rows"][0]["number"])["reason"].startswith("jammed: ")
+    assert point(path, lost["rows"][0]["position"])["reason"].startswith("jammed: ")
     with pytest.raises(InputError, match="points 0 to 11"):
         point(path, 12)
 
