@@ -110,6 +110,14 @@ def test_hidden_frictions_come_back(fitted):
     assert (fit["next"] <= 1.0).all()
 
 
+def test_records_are_grouped_by_an_operating_value(written):
+    """Regression: a column of the table that is a parameter was "no column of the table"."""
+    unknowns = UNKNOWNS.replace('scale = "log"', 'per = "speed_rpm"')
+    layout = RigFit(load_fit(written(HEAD + unknowns + RECORDS))).layout
+    speeds = dict.fromkeys(speed for _, _, speed in make_rig.POINTS)
+    assert layout.groups == ("", *(f"speed_rpm {speed}" for speed in speeds))
+
+
 @pytest.mark.slow
 def test_minos_ends_the_intervals_of_a_rig_where_a_fit_does(written, tmp_path):
     """Referee: iminuit's MINOS on the whole covariance, where the fit has nuisances; ends to 2 % of a half width.

@@ -28,6 +28,7 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Simulator, Value, check_parameters
+from tripod_doe.quantities import level_or_word
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.typed_numbers import number_or_text
 
@@ -81,7 +82,7 @@ class RigFit:
     def _make_layout(self) -> Layout:
         unknowns, groups = [], []
         names = self.record_names
-        columns = list(self.records[0].labels)
+        columns = [*self.records[0].labels, *dict.fromkeys(key for each in self.records for key in each.parameters)]
         for name, table in self.file.unknowns.items():
             if table.per not in ("all", "record", *columns):
                 raise self.request.fail(
@@ -93,8 +94,14 @@ class RigFit:
                 Unknown(name, table.low, table.high, table.scale == "log", table.per, table.mean, table.std)
             )
             own = {"all": [""] * len(names), "record": names}.get(table.per)
-            groups.append(own or [f"{table.per} {record.labels[table.per]}" for record in self.records])
+            groups.append(own or [f"{table.per} {self._label(record, table.per)}" for record in self.records])
         return make_layout(unknowns, names, groups)
+
+    def _label(self, record: RigRecord, column: str) -> str:
+        """What a record has in a column by which records are grouped: a word, or a value of the joint."""
+        if column in record.labels:
+            return record.labels[column]
+        return level_or_word(record.parameters.get(column, self.file.base.get(column, "")))
 
     @cached_property
     def record_names(self) -> list[str]:
