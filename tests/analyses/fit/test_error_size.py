@@ -72,3 +72,18 @@ def test_known_errors_have_no_size():
     place = np.full(2, 0.5)
     size = estimate_error_size(rows, np.ones(RECORDS, bool), PRIOR, Descent(place, 10 + SLOPE @ place, SLOPE, 0.0))
     assert (size.factors, size.freedom) == ({}, np.inf)
+
+
+def test_a_direction_without_information_hides_no_doubt():
+    """Regression: of two unknowns with the same effect, errors were known for certain, and the interval of a third one
+    that the records determine was shorter than where one of the two was known."""
+    rows, place = drawn(np.random.default_rng(0), 1.0, 1.0), np.full(3, 0.5)
+    twice = SLOPE[:, [0, 1, 1]]  # the last two unknowns have the same effect
+    known, unknown = (
+        estimate_error_size(
+            rows, np.ones(RECORDS, bool), tuple(part[:1].repeat(slope.shape[1]) for part in PRIOR),
+            Descent(place[: slope.shape[1]], rows.measured, slope, 0.0),
+        )
+        for slope in (SLOPE, twice)
+    )  # fmt: skip
+    assert unknown.freedom == pytest.approx(known.freedom, rel=0.05)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.fit.identifiability import covariance_of
+from tripod_doe.analyses.fit.identifiability import known_variances
 from tripod_doe.analyses.fit.least_squares import Descent
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
 from tripod_doe.array_types import FloatArray
@@ -77,7 +77,7 @@ def estimate_error_size(
 
     def variances(sizes: FloatArray) -> FloatArray:
         own = misfit(sizes)
-        return np.diag(covariance_of(own.jacobian(own.compare(best.prediction, best.place), best.slope)))
+        return known_variances(own.jacobian(own.compare(best.prediction, best.place), best.slope))
 
     aligned = used & ~rows.free_phase  # records whose phases are known
     count = len(groups) + bool(rows.turning[aligned[rows.record]].any())

@@ -37,6 +37,14 @@ def covariance_of(jacobian: FloatArray) -> FloatArray:
     return np.asarray((directions.T / np.maximum(singular, floor) ** 2) @ directions, float)
 
 
+def known_variances(jacobian: FloatArray) -> FloatArray:
+    """Variances of the scalars in the directions that data determine; in others, nothing that data err by matters."""
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    known = singular > _LEAST * float(singular.max(initial=0.0))
+    parts = (directions[known] / singular[known, None]) ** 2
+    return np.asarray(parts.sum(axis=0) + np.finfo(float).tiny, float)
+
+
 def correlation_of(covariance: FloatArray) -> FloatArray:
     """Correlations of a covariance."""
     deviation = np.sqrt(np.diag(covariance))
