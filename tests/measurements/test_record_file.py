@@ -118,6 +118,13 @@ def test_other_headings_are_named_by_the_user(read):
         parse_column("force=Kanal 3")
 
 
+def test_a_column_that_is_not_used_is_left_out(read):
+    """Regression: who chose "none" for the rotation angle on the page got it nevertheless, in place of the tachometer."""
+    text = "rotation_deg,time_s,tacho,thrust_n\n0,0,0,1\n1,0.1,1,2\n"
+    assert set(read(text, dict([parse_column("rotation_deg=")])).columns) == {"time_s", "tacho", "thrust_n"}
+    assert "rotation_deg" in read(text).columns
+
+
 def test_dropouts_are_nan_and_words_are_named(read):
     assert np.isnan(read("rotation_deg;thrust_n\n0,5;\n1,5;2\n").columns["thrust_n"]).tolist() == [True, False]
     with pytest.raises(InputError, match=r"thrust_n = 'off' in row 2"):

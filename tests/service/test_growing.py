@@ -70,6 +70,21 @@ def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
     assert {record["joint_angle_deg"] for record in records} == {2.5, 9, 17}
 
 
+def test_a_point_stays_the_same_while_a_run_grows(api):
+    """Regression: the address of a point led to another one, as did what an open page offers to do with it."""
+    run_id = api.submit(COAST.replace('"coast"', '"coast whose points move"'))
+    api.wait(run_id, "finished", "failed")
+    point = api.get(f"/runs/{run_id}/points/4").json()
+    assert point["factors"][0]["value"] == "17 deg"
+    assert api.post(f"/runs/{run_id}/extend", {"study": larger("coast whose points move")}).status_code == 200
+    api.wait(run_id, "finished", "failed")
+    moved = api.get(f"/runs/{run_id}/points/4", params={"at": point["at"]}).json()
+    assert (moved["number"], moved["factors"], moved["at"]) == (8, point["factors"], point["at"])
+    study = api.client.get("/new", params={"contributions": run_id, "point": 4, "at": point["at"]}).text
+    assert "joint_angle_deg = 17.0" in study
+    assert api.get(f"/runs/{run_id}/points/4", params={"at": "{}["}).status_code == 422
+
+
 @pytest.mark.slow
 def test_a_variable_by_formula_is_dropped(api, settings):
     """It goes with its note, so that no later run brings it back; the others stay."""

@@ -51,7 +51,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         action="append",
         default=[],
         help="the column that is thrust_n, rotation_deg, time_s, tacho, joint_angle_deg, torque_n_m or speed_rpm, with "
-        "its unit in brackets behind it where the file has none; may be repeated",
+        "its unit in brackets behind it where the file has none; no HEADING: this column is not used; may be repeated",
     )
     parser.add_argument(
         "--pulses-per-revolution",

@@ -239,15 +239,15 @@ def roles_of(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, int
 
     Args:
         headings: Headings of the file.
-        given: Headings by our names, as the user wrote them.
+        given: Headings by our names, as the user wrote them; an empty one for a column that is not used.
 
     Raises:
         InputError: If a given heading is missing, or two headings match a role equally well.
     """
-    positions = {role: given_position(role, heading, headings) for role, heading in given.items()}
+    positions = {role: given_position(role, heading, headings) for role, heading in given.items() if heading}
     free = [place for place in range(len(headings)) if place not in positions.values()]
     claims = {place: _claims(headings[place]) for place in free}
-    for role in ROLES.keys() - positions.keys():
+    for role in ROLES.keys() - given.keys():
         ranked = [(claims[place][role], place) for place in free if role in claims[place]]
         best = min((rank for rank, _ in ranked), default=None)
         places = [place for rank, place in ranked if rank == best]
@@ -304,12 +304,12 @@ def unit_given(heading: str, given: str | None) -> str:
 
 
 def parse_column(text: str) -> tuple[str, str]:
-    """Our name of a column and its heading in a file, from ``NAME=HEADING``.
+    """Our name of a column and its heading in a file, from ``NAME=HEADING``; an empty heading if it is not used.
 
     Raises:
         InputError: If the text has another form.
     """
     name, equals, heading = (part.strip() for part in text.partition("="))
-    if not equals or not heading or name.replace("-", "_") not in ROLES:
+    if not equals or name.replace("-", "_") not in ROLES:
         raise InputError(f"{option('column', text)}: write NAME=HEADING, a NAME of {', '.join(ROLES)}")
     return name.replace("-", "_"), heading

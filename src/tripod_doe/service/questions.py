@@ -52,13 +52,15 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
     return [*([("step", answer["step"])] if answer["step"] else []), *map(tuple, answer["items"])]
 
 
-def motion(service: Service, run_id: str, number: int, step: str | None = None) -> str:
+def motion(service: Service, run_id: str, number: int, at: str = "", step: str | None = None) -> str:
     """The page that animates one point of a run."""
-    page: str = service.simulate_again("explorer.answers:motion", str(service.results(run_id, step)), number)
+    page: str = service.simulate_again(
+        "explorer.answers:motion", path=str(service.results(run_id, step)), number_of_point=number, at=at
+    )
     return page
 
 
-def point(service: Service, run_id: str, number: int, step: str | None = None) -> Answer:
+def point(service: Service, run_id: str, number: int, at: str = "", step: str | None = None) -> Answer:
     """One point of a run, with its figures."""
     path = str(service.results(run_id, step))
-    return service.ask("explorer.answers:point", path=path, number_of_point=number)
+    return service.ask("explorer.answers:point", path=path, number_of_point=number, at=at)

@@ -174,7 +174,7 @@ class Service:
         place = f"{_QUESTIONS}:{question}"
         return self._computing.ask(place, limits.simulate_seconds, as_json, self.left, body=body, limits=limits)
 
-    def simulate_again(self, place: str, path: str, number: int) -> Any:
+    def simulate_again(self, place: str, **arguments: Any) -> Any:
         """Ask a question about a point of a result directory that simulates it again.
 
         Raises:
@@ -183,7 +183,7 @@ class Service:
         if not self.computes:
             raise RefusedError(403, "this token only reads, and a point in motion is simulated again")
         seconds = self.settings.limits.simulate_seconds
-        return self._computing.ask(place, seconds, False, self.left, path=path, number_of_point=number)
+        return self._computing.ask(place, seconds, False, self.left, **arguments)
 
     def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`.

@@ -512,7 +512,10 @@ def test_an_order_agrees_within_the_uncertainty_that_is_stated():
 
 @pytest.mark.parametrize(("order", "why"), [(1, True), (2, True), (4, True), (6, False)])
 def test_an_order_that_the_model_does_not_have_is_no_error_of_it(order, why):
-    """A model of alike trunnions says nothing of what is not alike; below the scatter of the record there is nothing."""
+    """A model of alike trunnions says nothing of what is not alike; below the scatter of the record there is nothing.
+
+    Regression: 20 N of order 6, which alike trunnions can cause, "showed" that the joint or the rig is not symmetric.
+    """
     rotation, noise = np.arange(0.0, 3600), np.random.default_rng(order).standard_normal(3600)
     known = {3: (14.0, -75.0)}
     for size in (0.5, 0.0):
@@ -521,7 +524,8 @@ def test_an_order_that_the_model_does_not_have_is_no_error_of_it(order, why):
         verdict = int(found["agrees"].sel(order=order))
         said = " ".join(find_in_comparison(found))
         assert verdict == NONE_IN_MODEL if size else verdict in (1, TOO_SMALL)
-        assert ("is not symmetric" in said) == (size > 0)
+        assert ("is not symmetric" in said) == (size > 0 and why)
+        assert ("a finer model may have it" in said) == (size > 0 and not why)
         assert f"{order} differ" not in said
         if size:
             assert ("whose three trunnions are identical" in said) == why

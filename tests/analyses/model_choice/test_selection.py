@@ -141,6 +141,19 @@ def test_a_small_order_is_measured_against_a_share_of_the_largest():
     assert error == pytest.approx({0.01: 0.03, 0.4: 0.0075})
 
 
+def test_where_there_is_no_force_at_all_every_candidate_is_right():
+    """Regression: without sliding friction 0 N for 0 N counted as hopeless, and spoiled a study of contributions."""
+    cube = pilot(X, [0 * X + 0.01, 0 * X, 0 * X])
+    cube["a"][cube["x"].values > 0.5] = 0.0
+    found = pilot_errors(cube, ["x"], auto())
+    assert np.isfinite(found.errors).all()
+    choice = choose(found, {"x": np.array([0.1, 0.9])}, auto())
+    assert (models_at(choice), choice["accuracy_met"].values.tolist()) == (["cheap", "cheap"], [1, 1])
+    cube["a"][(cube["x"].values > 0.5) & (cube["model"].values == "cheap")] = 1.0
+    found = pilot_errors(cube, ["x"], auto())
+    assert models_at(choose(found, {"x": np.array([0.1, 0.9])}, auto()))[1] == "middle"
+
+
 def test_a_candidate_that_fails_somewhere_is_not_taken_there():
     outcome = np.zeros((3, 9))
     outcome[0, 6:] = td.Outcome.DIVERGED

@@ -226,6 +226,7 @@ def test_a_number_leads_to_its_point_its_curve_and_the_same_point_again(served, 
     panel.locator("#curve-figure .main-svg").first.wait_for()
     assert page.locator("#curve").input_value() == "thrust"
     assert "point=" in page.url
+    assert "at=%7B%22joint_angle_deg" in page.url  # its values, by which it is found when the study has grown
     panel.get_by_text("Simulate again").click()
     panel.get_by_label("joint angle deg").fill("12")
     panel.get_by_role("button", name="Simulate").click()
@@ -416,6 +417,9 @@ def test_several_files_with_umlauts_and_a_column_that_is_chosen(served, page, co
     page.get_by_role("button", name="Compare").click()
     page.locator("#overview tbody tr").nth(1).get_by_text("joint_angle_deg 9").wait_for()
     assert "\t14\t" in page.locator("#overview tbody tr").nth(1).inner_text()
+    page.select_option("#column-rotation_deg", "")  # regression: "none" was not sent
+    page.get_by_role("button", name="Compare").click()
+    page.locator("#complaint", has_text="no column rotation_deg").wait_for()
 
 
 def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, page, coast, sampled, shares):

@@ -25,7 +25,7 @@ from tripod_doe.service.explorer.exports import query_command, simulate_command,
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.slices import draw, numbered, seen, shown_cells
+from tripod_doe.service.explorer.slices import draw, number_of, numbered, point_of, seen, shown_cells, values_of
 from tripod_doe.service.explorer.view import View
 from tripod_doe.service.explorer.what_if import contribution_study, price_of_point
 from tripod_doe.service.limits import Limits
@@ -250,6 +250,86 @@ def test_the_study_that_is_copied_has_the_points_that_are_seen(folders, name):
         data["joint_angle_deg"].values.reshape((-1, 1) if name == "grid" else -1), data["outcome"].shape
     )
     assert np.allclose(np.sort(points.columns["joint_angle_deg"]), np.sort(shown.ravel()))
+
+
+COPIED = """
+[study]
+name = "a copy"
+[base]
+model = "equilibrium"
+joint_angle_deg = 7
+[factors.torque_n_m]
+values = [30, 90, 150]
+[factors.speed_rpm]
+values = [200, 900]
+[keep]
+outputs = ["thrust_amplitude", "thrust_rms"]
+"""
+PARTS = {
+    "a formula": '[responses.half]\nformula = "thrust_amplitude[3] / 2"\nunit = "N"\n',
+    "a cost": "",
+    "constraints": '[design]\nkind = "grid"\nconstraints = ["torque_n_m * speed_rpm < 100000"]\n',
+    "one factor at a time": '[design]\nkind = "one-at-a-time"\n',
+    "another accuracy": '[accuracy]\nthrust_amplitude_3 = 1e-4\n[run]\nretry = [{ model = "kinetostatic" }]\n',
+}
+
+
+@pytest.mark.usefixtures("charts_not_drawn")
+@pytest.mark.parametrize("part", PARTS)
+def test_the_study_that_is_copied_runs_as_the_one_that_it_is_of(tmp_path, part):
+    """Regression: some copies were refused; others left out constraints, accuracy and retries without a word."""
+    text = (
+        COPIED.replace("joint_angle_deg = 7", "torque_n_m = 60\nspeed_rpm = 500" if "time" in part else "")
+        + PARTS[part]
+    )
+    (tmp_path / "a.toml").write_text(text)
+    td.run(tmp_path / "a.toml", out=tmp_path / "a", workers=0)
+    cube, variable = (
+        td.open_cube(tmp_path / "a"),
+        {"a formula": "half", "a cost": "steps"}.get(part, "thrust_amplitude"),
+    )
+    view = view_of(cube, f"variable={variable}&kind=points")
+    (tmp_path / "b.toml").write_text(study_of_view(cube, view, seen(cube, view)))
+    td.run(tmp_path / "b.toml", out=tmp_path / "b", workers=0)
+    again = td.open_cube(tmp_path / "b")
+    assert (again["outcome"] == 0).sum() == (cube["outcome"] == 0).sum() > 3
+    assert np.allclose(np.sort(again[variable].values.ravel()), np.sort(cube[variable].values.ravel()), equal_nan=True)
+    copied, first = load_study(tmp_path / "b.toml"), load_study(tmp_path / "a.toml")
+    assert (copied.accuracy, copied.retry) == (first.accuracy, first.retry)
+
+
+@pytest.mark.usefixtures("charts_not_drawn")
+def test_the_study_that_is_copied_is_the_whole_one_where_a_field_is_empty(tmp_path):
+    (tmp_path / "points.csv").write_text("joint_angle_deg,groove_spin_friction\n4,\n8,0.03\n")
+    text = '[study]\nname = "table"\n[base]\nmodel = "equilibrium"\n[design]\nkind = "table"\ntable = "points.csv"\n'
+    (tmp_path / "a.toml").write_text(text)
+    td.run(tmp_path / "a.toml", out=tmp_path / "a", workers=0)
+    cube = td.open_cube(tmp_path / "a")
+    view = view_of(cube)
+    assert study_of_view(cube, view, seen(cube, view)) == cube.attrs["study"]
+
+
+def test_a_point_is_found_by_its_values(folders):
+    """Regression: an address with a number led to another point after the study had grown."""
+    cube = td.open_cube(folders["grid"])
+    at = values_of(cube, point_of(cube, 6))
+    assert number_of(cube, 6, at) == number_of(cube, 11, at) == number_of(cube, 99, at) == 6
+    assert number_of(cube.isel(joint_angle_deg=[1, 2]), 6, at) == 2
+    assert number_of(cube, 3, "") == 3
+    wide = cube.expand_dims(model=["rollers", "equilibrium"])
+    with pytest.raises(InputError, match="2 points of this study have these values"):
+        number_of(wide.assign(outcome=wide["outcome"].assign_attrs(cube["outcome"].attrs)), 99, at)
+    for wrong in (
+        '{"joint_angle_deg":7.5}',
+        '{"joint_angle_deg":"x"}',
+        '{"unknown":7}',
+        "[" * 9999,
+        "7",
+        '{"torque_n_m":[1]}',
+    ):
+        with pytest.raises(InputError, match=r"of (a point of )?this study"):
+            number_of(cube, 0, wrong)
+    assert number_of(cube, 0, '{"joint_angle_deg":2}') == 0
 
 
 def test_the_difference_of_a_cube_and_itself_is_zero_and_of_others_refused(folders):

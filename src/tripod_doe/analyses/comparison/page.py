@@ -19,6 +19,7 @@ from tripod_doe.analyses.comparison.record_comparison import ComparedRecord
 from tripod_doe.analyses.comparison.sentences import (
     ORDER_HEADS,
     asymmetry_text,
+    cause_text,
     find_in_comparison,
     nothing_decided,
     order_rows,
@@ -155,11 +156,12 @@ def _differing_orders(rows: Sequence[OverviewRow]) -> list[str]:
         sentences = [f"{_agree(partly)} {within}{perhaps}, in {every}{too_small_text(small)}."]
     elif small:
         sentences = [nothing_decided(small)]
-    if lacking:
-        sentences.append(
-            f"{asymmetry_text(sorted(lacking))}; records have more there than their scatter ({_by_count(lacking)} of "
-            f"{every}): joint or rig are not symmetric."
-        )
+    for multiple in (False, True):
+        if group := Counter({order: count for order, count in lacking.items() if (order % 3 == 0) is multiple}):
+            sentences.append(
+                f"{asymmetry_text(sorted(group))}; records have more there than their scatter ({_by_count(group)} of "
+                f"{every}): {cause_text(sorted(group))}."
+            )
     return sentences
 
 

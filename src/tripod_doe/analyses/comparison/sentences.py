@@ -100,18 +100,18 @@ def too_small_text(orders: list[int]) -> str:
 
 
 def _asymmetry(comparison: xr.Dataset) -> list[str]:
-    """Orders of the record that three equal trunnions cannot cause."""
+    """Orders of the record that the model does not have."""
     own = comparison.isel(order=np.flatnonzero(comparison["agrees"].values == NONE_IN_MODEL))
-    if not own.sizes["order"]:
-        return []
+    groups = own.isel(order=own["order"].values % 3 != 0), own.isel(order=own["order"].values % 3 == 0)
+    return [_lacking(group) for group in groups if group.sizes["order"]]
+
+
+def _lacking(own: xr.Dataset) -> str:
     orders = own["order"].values.tolist()
     largest = own.isel(order=int(np.argmax(own["measured_amplitude"].values)))
     size = interval(float(largest["measured_amplitude"]), float(largest["measured_amplitude_uncertainty"]))
     at = f"up to {size} N (order {int(largest['order'])})" if len(orders) > 1 else f"{size} N"
-    return [
-        f"{asymmetry_text(orders)}; the record has {at}, more than its scatter: the joint (skews, clearances, parts "
-        "that differ) or the rig (shaft runout, imbalance) is not symmetric."
-    ]
+    return f"{asymmetry_text(orders)}; the record has {at}, more than its scatter: {cause_text(orders)}."
 
 
 def asymmetry_text(orders: list[int]) -> str:
@@ -119,6 +119,13 @@ def asymmetry_text(orders: list[int]) -> str:
     symmetric = all(order % 3 for order in orders)
     verb = "are" if len(orders) > 1 else "is"
     return f"{orders_text(orders)} {verb} zero in the model{', whose three trunnions are identical' * symmetric}"
+
+
+def cause_text(orders: list[int]) -> str:
+    """What causes orders that the model does not have; all are multiples of 3, which alike trunnions have, or none."""
+    if orders[0] % 3:
+        return "the joint (skews, clearances, parts that differ) or the rig (shaft runout, imbalance) is not symmetric"
+    return "three trunnions that are alike can cause this, so a finer model may have it"
 
 
 def orders_text(orders: Sequence[int]) -> str:

@@ -167,9 +167,13 @@ def _errors(
     finer = (table < 0) & (np.arange(table.shape[1]) > reference[:, None])
     at = np.where(_usable(pilot, table), values[table], np.where(finer, values[cell][:, None], np.nan))
     size = np.maximum(np.abs(values[cell]), floor * largest[cell]) * quantity.allowed
+    return _over(at - values[cell][:, None], size[:, None]), _over(numerical[cell], size)
+
+
+def _over(errors: FloatArray, size: FloatArray) -> FloatArray:
+    """Errors over the allowed ones, at most `HOPELESS`; none is none where a point has no force at all, either."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        differences = np.clip((at - values[cell][:, None]) / size[:, None], -HOPELESS, HOPELESS)
-        return differences, np.minimum(numerical[cell] / size, HOPELESS)
+        return np.where(errors == 0, 0.0, np.clip(errors / size, -HOPELESS, HOPELESS))
 
 
 def _cells(pilot: xr.Dataset, name: str, quantity: Quantity) -> tuple[FloatArray, FloatArray]:

@@ -30,7 +30,16 @@ from tripod_doe.service.explorer.exports import (
 from tripod_doe.service.explorer.figures.elements import NUMBER, blank_reasons, is_failed, label_of, shown
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
-from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells
+from tripod_doe.service.explorer.slices import (
+    colour_range,
+    draw,
+    number_of,
+    numbered,
+    point_of,
+    seen,
+    shown_cells,
+    values_of,
+)
 from tripod_doe.service.explorer.view import View
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
@@ -164,10 +173,14 @@ def extremes(path: str, order: int) -> Any:
         }
 
 
-def point(path: str, number_of_point: int) -> Any:
-    """Everything about one point: its factors, its outcome, its scalar results, figures of the other results."""
+def point(path: str, number_of_point: int, at: str = "") -> Any:
+    """Everything about one point: its factors, its outcome, its scalar results, figures of the other results.
+
+    Args:
+        at: Its factor values, as `number_of` takes them.
+    """
     with opened(path) as cube:
-        return _point(cube, number_of_point)
+        return _point(cube, number_of(cube, number_of_point, at))
 
 
 def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
@@ -184,6 +197,7 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
         "scene": scene,
         "price": _price(point),
         "number": number_of_point,
+        "at": values_of(cube, point),
         "count": cube["outcome"].size,
         "factors": [{"label": label_of(cube[name]), "name": name, "value": _as_text(point[name])} for name in factors],
         "outcome": Outcome(int(point["outcome"])).label,
@@ -204,12 +218,12 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
     }
 
 
-def motion(path: str, number_of_point: int) -> Any:
+def motion(path: str, number_of_point: int, at: str = "") -> Any:
     """The page that animates one point, which is simulated again to get its contacts."""
     with opened(path) as cube:
         if _function(cube) or study_tables(cube).get("study", {}).get("scene", "joint") != "joint":
             raise InputError("only the scene joint can be seen in motion")
-        values = point_values(cube, point_of(cube, number_of_point))
+        values = point_values(cube, point_of(cube, number_of(cube, number_of_point, at)))
     return motion_page(viewed_point(**values))
 
 

@@ -10,7 +10,7 @@ from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.elements import shown
 from tripod_doe.service.explorer.view import View, selected_text
-from tripod_doe.study.cube.dataset import RECORD_ROLE
+from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
 from tripod_doe.study.definition.toml_text import toml_text
 
 _MOST_ROWS = 500
@@ -61,30 +61,44 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     """A study file whose points are the points of a view, for the variable of the view.
 
     Returns:
-        TOML; the whole study if the view has too many points for a list, or does not show points of a study.
+        TOML; the whole study if the view has too many points for a list, points with empty fields, or does not show
+        points of a study.
     """
     whole, study = str(cube.attrs.get("study", "")), study_tables(cube)
     names = factor_names(cube) if design_of(cube) else []
     if not study or not names:
         return whole
-    document: dict[str, Any] = {}
-    head = {key: value for key, value in study["study"].items() if key in ("scene", "function")}
-    document["study"] = {"name": f"{study['study']['name']}: {view.variable}"} | head
-    base = dict(study.get("base", {}))
     listed = "point" in shown(data).dims
     varied = [name for name in names if name in data.coords and (listed or name in shown(data).dims)]
-    if any(data[name].size > _MOST_ROWS for name in varied):
+    columns = {name: data[name].values.tolist() for name in varied}
+    if any(len(column) > _MOST_ROWS or any(value != value for value in column) for column in columns.values()):
         return whole
-    base |= {name: value for name, value in _pinned(cube, view, names).items() if name not in varied}
-    document["base"] = base
-    document["factors"] = {
-        name: {"values": [_number(value) for value in data[name].values.tolist()]} for name in varied
+    fixed = {name: value for name, value in _pinned(cube, view, names).items() if name not in varied}
+    design: dict[str, Any] = {"kind": "zip" if listed else "grid"}
+    if not listed and (constraints := study.get("design", {}).get("constraints")):  # may name any factor
+        design["constraints"] = constraints
+        columns, fixed = columns | {name: [value] for name, value in fixed.items()}, {}
+    head = {key: value for key, value in study["study"].items() if key in ("scene", "function")}
+    document: dict[str, Any] = {
+        "study": {"name": f"{study['study']['name']}: {view.variable}"} | head,
+        "base": {name: value for name, value in study.get("base", {}).items() if name not in columns} | fixed,
+        "factors": {name: {"values": [_number(value) for value in column]} for name, column in columns.items()},
+        "design": design if columns else {},
+        **_kept(cube, view.variable, study),
+        "accuracy": study.get("accuracy", {}),
+        "run": {key: study["run"][key] for key in ("retry", "expected_outcomes") if key in study.get("run", {})},
     }
-    if varied:
-        document["design"] = {"kind": "zip" if listed else "grid"}
-    if view.variable in cube and "user function" not in str(cube[view.variable].attrs.get("long_name")):
-        document["keep"] = {"outputs": [view.variable]}
-    return toml_text(document)
+    return toml_text({key: table for key, table in document.items() if table or key in ("base", "factors")})
+
+
+def _kept(cube: xr.Dataset, variable: str, study: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Tables of a study by which its cube has a variable."""
+    attributes = cube[variable].attrs if variable in cube else {"formula": ""}
+    if "user function" in str(attributes.get("long_name")):
+        return {}
+    if "formula" in attributes or attributes.get("role") == RECORD_ROLE or variable in COST_VARIABLES:
+        return {"responses": study.get("responses", {}), "keep": study.get("keep", {})}
+    return {"keep": {"outputs": [variable]}}
 
 
 def _pinned(cube: xr.Dataset, view: View, names: list[str]) -> dict[str, Any]:

@@ -80,11 +80,14 @@ def preview(measurement: str) -> dict[str, Any]:
     """
     with uploaded(measurement) as file:
         table = read_table_of(file, {})
-    complaint, columns = "", {}
-    try:
-        columns = {role: table.headings[at] for role, at in roles_of(table.headings, {}).items()}
-    except InputError as error:
-        complaint = str(error)
+    complaint, columns = "", dict[str, str]()
+    for role in ROLES:
+        try:
+            found = roles_of(table.headings, dict.fromkeys(ROLES.keys() - {role}, ""))
+        except InputError as error:
+            complaint = str(error)
+        else:
+            columns |= {name: table.headings[at] for name, at in found.items()}
     rows = zip(*(column.head(_PREVIEWED).astype("string").fillna("").tolist() for column in table.columns), strict=True)
     return {
         "headings": list(table.headings),

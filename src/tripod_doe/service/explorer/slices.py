@@ -1,5 +1,6 @@
 """The slice of a cube that a view shows, by the same query as on the command line, and its figure."""
 
+import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -9,6 +10,7 @@ import xarray as xr
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
+from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.page_parts.words import listed
 from tripod_doe.phases import is_phase, shorter_way
 from tripod_doe.quantities import count_of
@@ -52,6 +54,40 @@ def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
         raise InputError(f"point = {number_of_point}: this cube has points 0 to {count - 1}")
     at = dict(zip(design, (int(where) for where in np.unravel_index(number_of_point, shape)), strict=True))
     return numbered(cube).isel(at).load()
+
+
+def values_of(cube: xr.Dataset, point: xr.Dataset) -> str:
+    """The factor values of a point as a text, by which `number_of` finds it again."""
+    return json.dumps({name: point[name].item() for name in factor_names(cube)}, separators=(",", ":"))
+
+
+def number_of(cube: xr.Dataset, number_of_point: int, at: str) -> int:
+    """The number of the point with these factor values, which moves when the study grows.
+
+    Args:
+        number_of_point: Its number when the text was written; stands for itself without a text.
+        at: From `values_of`.
+
+    Raises:
+        InputError: If no point has these values, or several have, and this number has not.
+    """
+    if not at:
+        return number_of_point
+    fits = xr.ones_like(cube["outcome"], dtype=bool)
+    try:
+        for name, value in dict(json.loads(at)).items():
+            column = cube[name]
+            wanted = float(value) if column.dtype.kind in "fiu" else str(value)
+            same = (column if isinstance(wanted, float) else column.astype(str)) == wanted
+            fits = fits & (same | column.isnull() if wanted != wanted else same)
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+        raise InputError(f"at = {at[:100]!r}: not the values of a point of this study") from error
+    found = np.flatnonzero(fits.transpose(*cube["outcome"].dims).values)
+    if number_of_point in found:
+        return number_of_point
+    if found.size != 1:
+        raise InputError(f"at = {at[:100]!r}: {count_of(found.size, 'point')} of this study have these values")
+    return int(found[0])
 
 
 def seen(cube: xr.Dataset, view: View) -> xr.Dataset:

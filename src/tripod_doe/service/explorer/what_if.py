@@ -14,7 +14,7 @@ from tripod_doe.page_parts.main_results import study_tables
 from tripod_doe.service.explorer.exports import point_values
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
-from tripod_doe.service.explorer.slices import point_of
+from tripod_doe.service.explorer.slices import number_of, point_of
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
@@ -65,13 +65,14 @@ def simulated(scene: str, parameters: dict[str, Any]) -> Any:
     }
 
 
-def contribution_study(path: str, number_of_point: int) -> Any:
+def contribution_study(path: str, number_of_point: int, at: str = "") -> Any:
     """A study file whose run shows which friction causes the thrust at one point of a cube.
 
     Raises:
         InputError: If the point does not belong to the scene of the joint.
     """
     with opened(path) as cube:
+        number_of_point = number_of(cube, number_of_point, at)
         point = point_of(cube, number_of_point)
         return _contribution_study(cube, point, number_of_point)
 

@@ -163,9 +163,9 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 
 
 @router.get("/runs/{run_id}/points/{number}")
-def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
+def point(run_id: str, number: int, service: AnyService, at: str = "", step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
-    answer = questions.point(service, run_id, number, step)
+    answer = questions.point(service, run_id, number, at, step)
     text = part(
         "point.html",
         root=service.settings.root,
@@ -175,7 +175,7 @@ def point(run_id: str, number: int, service: AnyService, step: str | None = None
         read_only=service.settings.read_only,
         computes=service.computes,
     )
-    return {"html": text, "figures": answer["figures"]}
+    return {"html": text} | {name: answer[name] for name in ("figures", "number", "at")}
 
 
 @router.get("/parts/parameters")

@@ -21,6 +21,7 @@ def new(
     origin: str = "",
     contributions: str = "",
     point: int = 0,
+    at: str = "",
     step: str | None = None,
     joint: str = "",
     candidate: int | None = None,
@@ -33,7 +34,7 @@ def new(
         upload = {"study": text, "files": {}}
     elif contributions:
         path = str(service.results(contributions, step))
-        study_text = service.ask("explorer.what_if:contribution_study", path=path, number_of_point=point)
+        study_text = service.ask("explorer.what_if:contribution_study", path=path, number_of_point=point, at=at)
         upload = {"study": study_text, "files": {}}
     else:
         upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")

@@ -85,7 +85,9 @@ class Comparison(_Form):
     measurement: str = Field(description="table (CSV) with thrust_n and rotation_deg, or thrust_n, time_s and tacho")
     select: list[str] = Field([], description="name=value, so that one point is left, or the points over speed_rpm")
     nearest: bool = Field(False, description="take the nearest value where none matches")
-    columns: dict[str, str] = Field({}, description="headings of thrust_n, rotation_deg, time_s or tacho in the table")
+    columns: dict[str, str] = Field(
+        {}, description="headings of thrust_n, rotation_deg, time_s or tacho in the table; empty: not used"
+    )
     pulses_per_revolution: int | None = Field(
         None, ge=1, description="rising edges of tacho per revolution; inferred if omitted"
     )

@@ -1,8 +1,8 @@
 """Routes about views: figures of cubes for Plotly, and single points with their figures."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from starlette.responses import HTMLResponse, Response
 
 from tripod_doe.service import questions
@@ -15,6 +15,10 @@ _VIEW = {
     ]
 }
 
+At = Annotated[
+    str, Query(description="factor values from the answer about a point; finds it after the study has grown")
+]
+
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
 
@@ -26,12 +30,12 @@ def figure(run_id: str, request: Request, service: AnyService, step: str | None 
 
 
 @router.get("/points/{number}/motion", response_class=Response, responses=gives("text/html") | CHANGES)
-def motion(run_id: str, number: int, service: AnyService, step: str | None = None) -> Response:
+def motion(run_id: str, number: int, service: AnyService, at: At = "", step: str | None = None) -> Response:
     """A page that moves the joint at one point, which is simulated again with its contacts; not for who only reads."""
-    return HTMLResponse(questions.motion(service, run_id, number, step), headers=IN_SANDBOX)
+    return HTMLResponse(questions.motion(service, run_id, number, at, step), headers=IN_SANDBOX)
 
 
 @router.get("/points/{number}")
-def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
+def point(run_id: str, number: int, service: AnyService, at: At = "", step: str | None = None) -> dict[str, Any]:
     """One point: its factors, how it ended, its numbers, and figures of the rest for Plotly."""
-    return questions.point(service, run_id, number, step)
+    return questions.point(service, run_id, number, at, step)

@@ -69,7 +69,7 @@ async function preview() {
 
 function request(measurement) {
   const angle = at("angle").value.trim(), speeds = at("speeds").value.trim(), pulses = at("pulses").value.trim();
-  const chosen = [...form.querySelectorAll("[data-column]")].filter((field) => field.value && field.value !== guessed[field.dataset.column]);
+  const chosen = [...form.querySelectorAll("[data-column]")].filter((field) => field.value !== (guessed[field.dataset.column] ?? ""));
   return {
     measurement, nearest: true,
     select: [...form.querySelectorAll("[data-select]")].filter((field) => field.value !== "").map((field) => `${field.dataset.select}=${field.value}`),

@@ -3,7 +3,7 @@
 import { ask, askJson, complain, say } from "./asking.js";
 import { makeFrame } from "./frame.js";
 import { saveImage } from "./images.js";
-import { showPoint } from "./point.js";
+import { askPoint, showPoint } from "./point.js";
 import { liveHead } from "./run.js";
 import { whenThemeChanges } from "./theme.js";
 
@@ -18,7 +18,7 @@ const second = makeFrame(document.getElementById("second-figure"), {
 });
 const exports = document.getElementById("exports");
 let shownExports = exports.innerHTML;
-let asked = null;
+let asked = null, opened = null;
 
 const FIELDS = ["analysis", "variable", "x", "by", "low", "high", "where", "minus"];
 const VIEW = ["step", "kind", "select", ...FIELDS];  // what an address says of the view, and of nothing else
@@ -80,7 +80,7 @@ async function look(items, { remember = true } = {}) {
 }
 
 function withKept(items) {  // the point that is open and the view beside stay when the view changes
-  const kept = ["point", "beside"].map((name) => [name, ofAddress(name)]).filter(([, value]) => value !== null && value !== "");
+  const kept = ["point", "at", "beside"].map((name) => [name, ofAddress(name)]).filter(([, value]) => value !== null && value !== "");
   return new URLSearchParams([...items, ...kept]);
 }
 
@@ -134,17 +134,34 @@ async function lookBeside() {
   box.hidden = !query;
 }
 
-async function open(number) {
+async function open(number, at = "") {
   if (controls.elements.analysis?.value) {  // a number of an analysis leads to the points behind it
     location.assign(`${page}/behind?${new URLSearchParams([...itemsOfControls(), ["cell", number]])}`);
     return;
   }
-  changeAddress("point", number);
-  await showPoint(document.getElementById("point"), explorer, number, { open, close });
+  try {
+    takePoint(await askPoint(number, at));
+  } catch (error) {
+    complain(error);
+  }
+}
+
+function takePoint(answer) {
+  opened = answer;
+  changeAddress("point", answer.number);
+  changeAddress("at", answer.at);
+  showPoint(document.getElementById("point"), answer, { open, close });
+}
+
+async function followPoint() {  // its number moves when the study grows
+  if (!opened) return;
+  const answer = await askPoint(opened.number, opened.at);
+  if (answer.number !== opened?.number) takePoint(answer);
 }
 
 function close() {
-  changeAddress("point", null);
+  opened = null;
+  for (const name of ["point", "at"]) changeAddress(name, null);
   document.getElementById("point").hidden = true;
   place.focus();
 }
@@ -216,7 +233,8 @@ whenThemeChanges(() => { for (const frame of [main, second]) if (frame.figure) f
 liveHead(() => {
   look(controls.elements.variable ? itemsOfControls() : itemsOfAddress(), { remember: false });
   lookBeside().catch(complain);
+  followPoint().catch(complain);
 });
 if (controls.elements.variable) await look(itemsOfAddress(), { remember: false });
 lookBeside().catch(complain);
-if (ofAddress("point")) open(Number(ofAddress("point")));
+if (ofAddress("point")) open(Number(ofAddress("point")), ofAddress("at") ?? "");

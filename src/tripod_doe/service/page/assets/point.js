@@ -8,15 +8,14 @@ const PAUSE = 400;  // ms after the last key
 const PREFERRED = ["thrust", "axial_drift_mm", "thrust_amplitude", "friction_power_w"];
 let figures = {}, again = {};
 
-export async function showPoint(place, explorer, number, { open, close }) {
-  const step = document.getElementById("step")?.value;
-  let answer;
-  try {
-    answer = await askJson(`${location.pathname.replace(/\/$/, "")}/points/${number}${step ? `?step=${encodeURIComponent(step)}` : ""}`);
-  } catch (error) {
-    complain(error);
-    return;
-  }
+// A point by its number, or wherever its values are since the study has grown.
+export function askPoint(number, at) {
+  const query = new URLSearchParams({ at }), step = document.getElementById("step")?.value;
+  if (step) query.set("step", step);
+  return askJson(`${location.pathname.replace(/\/$/, "")}/points/${number}?${query}`);
+}
+
+export function showPoint(place, answer, { open, close }) {
   [figures, again] = [answer.figures, {}];
   place.innerHTML = answer.html;
   place.hidden = false;
