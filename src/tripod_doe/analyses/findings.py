@@ -157,8 +157,8 @@ def _not_asked(cube: xr.Dataset) -> str:
     formulas = mixed_formulas(cube)
     users = f", nor {listed(formulas)} which may use them" if formulas else ""
     return (
-        f" Accuracy was asked for the {asked} only: other orders{others} are not shown{users}, since they come from "
-        "models of different error."
+        f" Accuracy was asked for the {asked} only: other orders{others} are not shown{users}, since the model "
+        "was not chosen for them."
     )
 
 

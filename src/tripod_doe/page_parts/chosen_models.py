@@ -22,7 +22,7 @@ def is_chosen(cube: xr.Dataset) -> bool:
 
 
 def asked_orders(cube: xr.Dataset) -> list[int] | None:
-    """Orders of the thrust with a requested accuracy; None if all points have one model, so that no order differs."""
+    """Orders of the thrust with a requested accuracy; None where no pilot chose a model."""
     if not is_chosen(cube) or "thrust_amplitude" not in cube:
         return None
     matches = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
@@ -30,7 +30,7 @@ def asked_orders(cube: xr.Dataset) -> list[int] | None:
 
 
 def mixed_formulas(cube: xr.Dataset) -> list[str]:
-    """Responses that may use what no accuracy was asked for, from models of different error; none with one model."""
+    """Responses that may use what no accuracy was asked for, for which no model was chosen; none without a pilot."""
     if asked_orders(cube) is None:
         return []
     known = {str(name).removesuffix(_ESTIMATE) for name in cube.data_vars if str(name).endswith(_ESTIMATE)}

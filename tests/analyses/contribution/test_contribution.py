@@ -242,6 +242,14 @@ def test_models_that_differ_between_combinations_are_stated(ablate):
     result = contribution_shares(one, settings)
     assert result.attrs["model"] == "coarse"
     assert not any("several models" in text for text in find_in_contribution(result, "c"))
+    # regression: where a pilot chose one model, an order that it was not chosen for was stated
+    chosen = one.assign(
+        accuracy_met=("point", np.ones(16, np.int8)),
+        thrust_amplitude=one["force_amplitude"],
+        thrust_amplitude_3_error_estimate=("point", np.full(16, 0.1)),
+    )
+    assert contribution_shares(chosen, settings).attrs["orders_asked"] == "3"
+    assert "orders_asked" not in contribution_shares(one, settings).attrs
     several = cube.assign(model_used=("point", np.array([0] * 9 + [1] * 7, np.int8), words))
     result = contribution_shares(several, settings)
     assert result.attrs["model"] == ""

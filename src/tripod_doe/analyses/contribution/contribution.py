@@ -186,18 +186,16 @@ def _of_fixed(fixed: Mapping[str, Any]) -> dict[str, str]:
 def _of_models(cube: xr.Dataset, operating: OperatingPoints) -> dict[str, Any]:
     """Attributes where a pilot or retries chose models: the only one, or where combinations have several of them.
 
-    Shares there hold what the models differ by. `orders_asked` are those of which they were asked to differ little.
+    Shares there hold what the models differ by. `orders_asked` are those for which they were chosen.
     """
-    used = models_used(cube)
+    used, asked = models_used(cube), asked_orders(cube)
+    orders = {} if asked is None else {"orders_asked": " ".join(map(str, asked))}
     if len(used) < 2:
-        return {"model": used[0]} if used else {}
+        return ({"model": used[0]} if used else {}) | orders
     done = np.flatnonzero(cube["outcome"].values == Outcome.FINISHED)
     pairs = set(zip(operating.of_point[done].tolist(), chosen_models(cube)[done].tolist(), strict=True))
     each = np.bincount([at for at, _ in pairs], minlength=operating.count)
-    asked = asked_orders(cube)
-    return {"model": "", "models": ", ".join(used), "points_of_several_models": int((each > 1).sum())} | (
-        {} if asked is None else {"orders_asked": " ".join(map(str, asked))}
-    )
+    return {"model": "", "models": ", ".join(used), "points_of_several_models": int((each > 1).sum())} | orders
 
 
 def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.DataArray, FloatArray]:
