@@ -14,6 +14,7 @@ from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.model_interface import ZERO_AT, Outcome
 from tripod_doe.service.explorer.figures.lines import lines
+from tripod_doe.service.explorer.slices import numbered
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
 ZEROS = " ".join(JOINT_OUTPUTS["thrust_amplitude"].zero_at)
@@ -60,13 +61,13 @@ def test_no_line_crosses_a_zero_that_was_not_computed(seed):
                 assert np.array_equal(y[x == 0], [at_zero], equal_nan=True)
         assert charts[name].data["torque_n_m"].tolist() == torques.tolist()
         assert ("0 N m" in charts[name].caption) == crosses
-    shown = lines(data[["thrust_amplitude", "outcome"]].sel(order=3), "torque_n_m", "joint_angle_deg")["data"]
+    shown = lines(numbered(data)[["thrust_amplitude", "outcome"]].sel(order=3), "torque_n_m", "joint_angle_deg")["data"]
     assert len(shown) == data.sizes["joint_angle_deg"]
 
 
 def test_a_line_over_its_zero_is_broken_in_the_explorer():
     """Regression: the line in the browser joined drive and coast."""
-    data = cube(np.array([-150.0, -20.0, 10.0]), np.array([5.0, 8.0]))
+    data = numbered(cube(np.array([-150.0, -20.0, 10.0]), np.array([5.0, 8.0])))
     (first, _) = lines(data[["thrust_amplitude", "outcome"]].sel(order=3), "torque_n_m", "joint_angle_deg")["data"]
     broken = np.frombuffer(base64.b64decode(first["y"]["bdata"]))
     assert np.isnan(broken).tolist() == [False, False, True, False]
