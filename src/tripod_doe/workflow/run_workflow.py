@@ -149,7 +149,9 @@ def _notice(workflow: Workflow) -> str:
 
     for step, table in workflow.file.quick.items():
         walk(step, table.model_dump(exclude_unset=True, exclude_none=True))
-    changes = ", ".join(settings) or "nothing: the file has no [quick]"
+    if not settings:
+        return "The file has no [quick]: these are the studies of a run without --quick."
+    changes = ", ".join(settings)
     return f"Quick run: smaller studies, whose numbers are not results. Changed in the study files: {changes}."
 
 

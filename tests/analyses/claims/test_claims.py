@@ -70,6 +70,14 @@ def test_a_proportion_holds_and_another_curve_does_not():
     assert "24 N at 100 N m" in str(fails["reason"].sel(claim="third_proportional_to_torque").item())
 
 
+def test_a_known_reason_is_not_said_of_another_joint():
+    """Regression: numbers of the usual joint (0.107, 0.113, 0.104 N) stood there as the reason for any joint."""
+    rows = [skewed(case, joint_angle_deg=angle) for case in (1, 2) for angle in (4.0, 8.0, 14.0)]
+    claims = check_claims({"angles": points(rows, [4.0, 8.0, 14.0] * 2, [0.7, 1.1, 2.4] * 2)}, SETTINGS)
+    reason = str(claims["reason"].sel(claim="second_independent_of_angle").item())
+    assert reason.index("2.4 N at 14 deg") < reason.index("usual values of all parameters") < reason.index("0.107")
+
+
 def test_a_point_that_failed_decides_nothing():
     """Two finished points lie on a proportion; the third ended badly, and its number, were it one, would fit."""
     outcome = [Outcome.FINISHED, Outcome.FINISHED, Outcome.INACCURATE]

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import os
+import shutil
 import struct
 import tracemalloc
+from pathlib import Path
 
+import h5py
 import netCDF4
 import numpy as np
 import pytest
@@ -18,6 +21,7 @@ from tripod_doe.errors import CubeError, InputError
 from tripod_doe.model_interface import OUTCOME_ATTRIBUTES
 from tripod_doe.study.cube.file_links import refuse_outside
 from tripod_doe.study.cube.netcdf import dataset_of, opened_file, write_dataset
+from tripod_doe.study.result_directory.directory import make_directory
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -257,3 +261,39 @@ def test_texts_that_share_their_letters_are_refused(tmp_path):
     path.write_bytes(content)
     with pytest.raises(CubeError, match="more text than fits"):
         dataset_of(path)
+
+
+@pytest.mark.parametrize("read", [td.open_cube, by_query, by_file, dataset_of])
+def test_the_file_of_the_name_is_the_one_that_is_read(tmp_path, monkeypatch, secret, read):
+    r"""Regression: netCDF drops white space at the front and takes a \ for a /, so it read a file that was not checked."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a\\b").mkdir()
+    (tmp_path / "a").mkdir()
+    written(tmp_path / "good.nc")
+    hostile(tmp_path, external_link, secret).rename(tmp_path / "a" / "b")
+    shutil.copy(tmp_path / "good.nc", tmp_path / " a.nc")
+    shutil.copy(tmp_path / "a" / "b", tmp_path / "a.nc")
+    assert set(by_file(Path(" a.nc"))) == {"x", "y", "word"}
+    dataset_of(" a.nc").close()
+    shutil.copy(tmp_path / "good.nc", tmp_path / "a\\b" / "cube.nc")
+    with pytest.raises(CubeError, match="which netCDF takes for a /"):
+        read(Path("a\\b/cube.nc"))
+
+
+def test_results_are_kept_where_netcdf_finds_them(tmp_path, monkeypatch):
+    r"""Regression: after all points of a run, its cube could not be written: "Permission denied; free space"."""
+    monkeypatch.chdir(tmp_path)
+    write_dataset(xr.Dataset({"y": ("x", [1.0])}), Path(" a") / "b.nc")
+    assert os.listdir(tmp_path / " a") == ["b.nc"]
+    for write in (make_directory, lambda path: write_dataset(xr.Dataset(), path)):
+        with pytest.raises(InputError, match="which netCDF takes for a /"):
+            write(Path("a\\b"))
+
+
+def test_many_groups_are_refused(tmp_path):
+    """Regression: netCDF ended the process at a file of 7 MB with 50,000 groups."""
+    with h5py.File(tmp_path / "a.nc", "w", libver="latest") as file:
+        for name in range(5001):
+            file.create_group(str(name))
+    with pytest.raises(CubeError, match="more than 5,000 variables"):
+        dataset_of(tmp_path / "a.nc")

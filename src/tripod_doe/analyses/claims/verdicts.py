@@ -31,6 +31,8 @@ class Verdict(Flag):
 VERDICT_FLAGS = Verdict.attributes("whether the claim holds")
 """CF attributes of verdicts."""
 
+_KNOWN = "The reason that is known for the usual values of all parameters, from which these may differ: "
+
 
 class ClaimsSettings(Table):
     """Settings of the claims as a step of a workflow."""
@@ -91,7 +93,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
         measured = Measured(math.nan, math.nan, "not decided: the value could not be computed")
     reach = measured.error if math.isfinite(measured.error) else 0.0
     ends = {_inside(rule, measured.value + change) for change in (-reach, 0.0, reach)}
-    reasons = [rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []
+    reasons = [_KNOWN + rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []
     return {
         "statement": rule.statement,
         "place": rule.place,
@@ -103,7 +105,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
         "high": math.nan if rule.high is None else rule.high,
         "verdict": verdict,
         "sure": np.int8(verdict is not Verdict.NOT_DECIDED and len(ends) == 1),
-        "reason": " ".join([*reasons, *([measured.note] if measured.note else [])]),
+        "reason": " ".join([*([measured.note] if measured.note else []), *reasons]),
         "points": "; ".join(" ".join(map(str, [name, *sorted(used)])) for name, used in evidence.used.items()),
     }
 

@@ -12,7 +12,8 @@ from tripod_doe.errors import CubeError
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 
 _CLASSIC = (b"CDF\x01", b"CDF\x02", b"CDF\x05")  # netCDF files without HDF5, which hold no links
-_MOST_LINKS, _DEEPEST = 100_000, 30
+# netCDF takes up to 1 ms for each name, and 40,000 groups or more end the process
+_MOST_LINKS, _DEEPEST = 5_000, 30
 
 
 def refuse_outside(path: str | Path) -> None:

@@ -105,14 +105,16 @@ def opened_store(path: Path, listed: bool = False) -> Iterator[NetCDF4DataStore]
 
     Raises:
         StorageError: If it cannot be written; the old file stays.
+        CubeError: If netCDF would write another file.
     """
     from xarray.backends import NetCDF4DataStore
 
+    refuse_backslash(path)
     with (listed_file if listed else replace_file)(path) as fresh:
         # as `to_netcdf` does, which would import dask.distributed to ask which lock it needs
         with NETCDF_LOCK:
             store = NetCDF4DataStore.open(  # type: ignore[no-untyped-call]
-                fresh, mode="w", format="NETCDF4", lock=NETCDF_LOCK
+                _own_name(fresh), mode="w", format="NETCDF4", lock=NETCDF_LOCK
             )
         try:
             yield store
@@ -154,12 +156,29 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     """
     import netCDF4
 
+    name = _own_name(path)
     refuse_outside(path)
-    stored = netCDF4.Dataset(path, mode)
+    stored = netCDF4.Dataset(name, mode)
     if excess := _excess(stored, os.path.getsize(path)):
         stored.close()
         raise CubeError(f"{path}: {excess}, its end is lost, or it was made to fill the memory of its reader")
     return stored
+
+
+def _own_name(path: str | Path) -> str:
+    r"""The name by which netCDF opens this very file: it drops white space at the front of a name, and reads \ as /.
+
+    Raises:
+        CubeError: If there is none.
+    """
+    refuse_backslash(path)
+    return os.path.join(".", path)
+
+
+def refuse_backslash(path: str | Path) -> None:
+    r"""Raise a `CubeError` if a path has a \, for which netCDF takes a /: it would read or write another file."""
+    if "\\" in str(path):
+        raise CubeError(f"{path}: netCDF files have no name with a \\, which netCDF takes for a /; rename it")
 
 
 def _excess(stored: netCDF4.Dataset, own: int) -> str:

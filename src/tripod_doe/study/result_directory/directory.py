@@ -22,6 +22,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.file_checks import analysis_files
+from tripod_doe.study.cube.netcdf import refuse_backslash
 from tripod_doe.study.cube.writing import StoredResults, write_cube
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.journal import (
@@ -51,9 +52,11 @@ def make_directory(path: str | Path) -> Path:
     """Make a directory for results if it is not there.
 
     Raises:
-        InputError: If it cannot be made, or holds links by which results would be written elsewhere.
+        InputError: If it cannot be made, netCDF cannot write into it, or it holds links by which results would be
+            written elsewhere.
     """
     path = Path(path)
+    refuse_backslash(path)
     try:
         str(path).encode()
     except UnicodeEncodeError as error:  # netCDF takes names in UTF-8 only
