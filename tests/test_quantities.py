@@ -20,6 +20,7 @@ from tripod_doe.quantities import (
     number,
     numbers_in_words,
     pace,
+    rounded_down,
     rounded_up,
     size,
     squared,
@@ -104,6 +105,7 @@ def test_a_bound_holds_after_rounding():
         value = 10 ** draw.uniform(-6, 6)
         told = float(rounded_up(value).replace(",", ""))
         assert value <= told <= 1.1 * value
+    assert [rounded_down(value) for value in (0.29, 0.0, 31, 215.4, 1.1)] == ["0.29", "0", "31", "210", "1.1"]
     assert [rounded_up(value) for value in (0.3, 0.0, 31, 0.301)] == ["0.3", "0", "31", "0.31"]
 
 

@@ -112,7 +112,8 @@ def rounded_down(value: float, digits: int = 2) -> str:
     if value == 0 or not math.isfinite(value):
         return number(value)
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
-    return number(math.copysign(math.floor(abs(value) / unit) * unit, value), digits + 1)
+    steps = math.floor(abs(value) / unit * (1 + 1e-12))
+    return number(math.copysign(steps * unit, value), digits + 1)
 
 
 def interval(value: float, half: float) -> str:

@@ -74,7 +74,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
         "[base]",
         *(f"{name} = {json.dumps(value)}" for name, value in _of_these_needles(result, base).items()),
         *(
-            f"{name} = {json.dumps(value.item())}  # median of the records"
+            f"{name} = {json.dumps(value.item())}  # in the middle of the records"
             for name, value in operating.items()
             if name not in base
         ),

@@ -8,7 +8,7 @@ import xarray as xr
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
 from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.words import spoken, unit_text
-from tripod_doe.quantities import capital, count_of, duration, level, number, text_range, with_unit
+from tripod_doe.quantities import capital, count_of, duration, level, number, rounded_down, text_range, with_unit
 
 _HEADS = [
     "Varied",
@@ -98,13 +98,15 @@ def _defaults(borders: xr.Dataset, where: str) -> list[str]:
             continue
         said = f"{method} {border_text(borders, default)}"
         if math.isfinite(low) and default <= low:
-            times = number(low / default, 2)
+            times = rounded_down(low / default * (1 + 1e-9))  # limits are kept as logarithms
             none = f"has no limit up to {border_text(borders, low)}, {times} times as large"
             parts.append(f"{said} {none}" if math.isinf(high) else f"{said} is at least {times} times below it")
         elif math.isinf(high):
             parts.append(f"{said} is larger than every {what} that was tried, up to {border_text(borders, low)}")
         elif default >= high:
-            parts.append(f"{said} is {number(default / high, 2)} times above it, where runs fail or are wrong")
+            parts.append(
+                f"{said} is at least {rounded_down(default / high)} times above it, where runs fail or are wrong"
+            )
         elif math.isfinite(low):
             parts.append(f"{said} lies between the last right run and the first that is not")
     if not parts:
