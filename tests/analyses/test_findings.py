@@ -401,7 +401,11 @@ def test_few_points_show_a_bend_where_a_trend_is_none(make_cube):
         )
     )
     assert any(s.startswith("By regression on all factors, y is curved over x: the ends lie 0.9") for s in told)
-    assert any(" points resolve no trend or curvature of y over z; they do not " in s for s in told)
+    assert any(
+        " points resolve no trend or curvature of y over z by a regression that takes interactions for scatter; they "
+        in sentence
+        for sentence in told
+    )
 
 
 def test_a_factor_that_acts_by_interaction_alone_is_not_said_to_have_no_effect(make_cube):

@@ -193,6 +193,16 @@ def test_the_nearest_point_is_named_and_nothing_is_simulated(rig, capsys):
     assert "simulated" not in text
 
 
+def test_a_factor_of_one_value_counts_for_points_that_are_simulated(rig, tmp_path):
+    """Regression: a cube with [factors.model] values = ["equilibrium"] refused points between its own."""
+    study = STUDY.replace('model = "equilibrium"\n', "") + '\n[factors.model]\nvalues = ["equilibrium"]\n'
+    assert study.count("equilibrium") == 1
+    (tmp_path / "study.toml").write_text(study)
+    td.run(tmp_path / "study.toml", out=tmp_path / "out", progress=False, workers=0)
+    (tmp_path / "one.csv").write_text(f"file,joint_angle_deg,torque_n_m\n{rig / 'between.csv'},8,140\n")
+    assert main(["compare", str(tmp_path / "out"), "--table", str(tmp_path / "one.csv")]) == 0
+
+
 def test_a_point_that_can_neither_be_taken_nor_simulated_says_what_differs(rig, tmp_path, capsys):
     """Regression: "the cube has another speed_rpm"."""
     (tmp_path / "one.csv").write_text(f"file,speed_rpm\n{rig / 'same.csv'},700\n")

@@ -210,3 +210,25 @@ def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly
     sure = within[np.argsort(apart, axis=1, kind="stable")[:, :10]].mean(axis=1) >= 0.9
     assert sure.sum() >= 40
     assert within[sure].mean() >= 0.85
+
+
+@pytest.mark.parametrize("model", COMPARED)
+def test_light_points_tell_nothing_of_a_heavy_one(model):
+    """Regression: `kinetostatic` was 33 and 10 % off needles at these joints, and stated 0.1 % (90th percentile 1 %).
+
+    Of 16 such joints by chance, 14 were beyond the limit that was stated; of 22 of an inertia ratio from 0.03 to 0.1
+    none was off by more than 2 %.
+    """
+    block = points(
+        pitch_radius_mm=[30.8, 30.0, 30.0],
+        roller_radius_mm=[19.3, 19.0, 19.0],
+        joint_angle_deg=[15.1, 18.0, 18.0],
+        torque_n_m=[61.0, -60.0, -400.0],
+        speed_rpm=[2800.0, 3000.0, 2000.0],
+    )
+    assert (operating_ratios(block)["inertia_ratio"] > 0.1).tolist() == [True, True, False]
+    expected, limit, unknown = known_errors(model, block)
+    assert np.isnan(expected).tolist() == np.isnan(limit).tolist() == [True, True, False]
+    assert [reason.startswith("inertia_ratio is above 0.1") for reason in unknown] == [True, True, False]
+    alike = similar_errors(model, block, Accuracy((THIRD,), 0.01))
+    assert np.isnan(alike[:2]).all()

@@ -141,11 +141,12 @@ def _selected(select: Sequence[str]) -> dict[str, float | str]:
 
 
 def _base(cube: xr.Dataset) -> dict[str, Any]:
-    """Base values of the study of a cube; without a model that a pilot chose."""
+    """Base values of the study of a cube, and factors of one value; without a model that a pilot chose."""
     base = dict(parsed_study(str(cube.attrs.get("study", ""))).get("base", {}))
     if base.get("model") == "auto":
         del base["model"]
-    return base
+    alone = {name: np.unique(cube[name].values) for name in factors_of(cube)}
+    return base | {name: values.item() for name, values in alone.items() if values.size == 1}
 
 
 def _shared_value(cube: xr.Dataset, name: str) -> Any:

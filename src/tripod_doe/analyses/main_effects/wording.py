@@ -431,6 +431,7 @@ class EffectWording:
             )
         over = listed(labels) if len(labels) <= _MOST_UNSEEN else f"any of {len(labels)} factors"
         return (
-            f"The {points:,} points resolve no trend or curvature of {self.name} over {over}; they do not "
-            f"exclude trends of up to {with_unit(rounded_up(most), self.response.unit)}, and other effects."
+            f"The {points:,} points resolve no trend or curvature of {self.name} over {over} by a regression that "
+            "takes interactions for scatter; they do not exclude trends of up to "
+            f"{with_unit(rounded_up(most), self.response.unit)}, and other effects."
         )
