@@ -124,7 +124,7 @@ def _notes(cube: xr.Dataset) -> list[str]:
     cube = computed_once(cube)
     details = cube["outcome_detail"].values[finished(cube).values]
     noted = details[details != ""]
-    text = f"{noted.size:,} points finished with a note (outcome_detail)"
+    text = f"{noted.size:,} {'point' if noted.size == 1 else 'points'} finished with a note (outcome_detail)"
     return design + ([f"{text}, the first: {noted[0]}."] if noted.size else [])
 
 
