@@ -15,6 +15,9 @@ from tripod_doe.joint.unit_conversion import internal_values
 LINEAR = ("skew_deg", "direction")
 """Ratios that are compared as they are, not by their logarithms."""
 
+UNFELT = 0.01
+"""Inertia ratio that adds nothing to friction: below it, none is less similar than another."""
+
 RATIOS = {
     "joint_angle_deg": "joint angle",
     "groove_friction": "sliding friction coefficient of the grooves, 0 if switched off",
@@ -67,6 +70,10 @@ def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
 
 
 def coordinates(ratios: Mapping[str, FloatArray]) -> FloatArray:
-    """Coordinates by which points are similar: logarithms of all ratios but `LINEAR`; shape (point, ratio)."""
+    """Coordinates by which points are similar, shape (point, ratio).
+
+    Logarithms of all ratios but `LINEAR`; of the inertia ratio twice that of `UNFELT` and it.
+    """
+    columns = {"inertia_ratio": UNFELT + ratios["inertia_ratio"]}
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.stack([each if name in LINEAR else np.log(each) for name, each in ratios.items()], axis=1)
+        return np.stack([each if name in LINEAR else np.log(each) for name, each in {**ratios, **columns}.items()], axis=1)
