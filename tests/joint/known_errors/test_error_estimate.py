@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,8 +29,11 @@ STUDIES = [
         "needles_field",
         "needles_reference",
         "needles_wide_field",
+        "needles_fast_field",
     )
 ] + ["studies/rungs.toml"]
+HELD_OUT = Path(__file__).with_name("fast_joints_held_out.csv")
+"""Third order of the thrust in N by three models, at joints that are not in the record."""
 SECOND = Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
 THIRD = Quantity("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
 
@@ -212,23 +216,29 @@ def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly
     assert within[sure].mean() >= 0.85
 
 
-@pytest.mark.parametrize("model", COMPARED)
-def test_light_points_tell_nothing_of_a_heavy_one(model):
-    """Regression: `kinetostatic` was 33 and 10 % off needles at these joints, and stated 0.1 % (90th percentile 1 %).
-
-    Of 16 such joints by chance, 14 were beyond the limit that was stated; of 22 of an inertia ratio from 0.03 to 0.1
-    none was off by more than 2 %.
-    """
+def test_heavy_rollers_are_judged_by_heavy_ones():
+    """Regression: `kinetostatic` is 33, 10 and 6 % off needles at these joints, and stated 0.1 % (90th percentile 1 %)."""
     block = points(
-        pitch_radius_mm=[30.8, 30.0, 30.0],
-        roller_radius_mm=[19.3, 19.0, 19.0],
-        joint_angle_deg=[15.1, 18.0, 18.0],
-        torque_n_m=[61.0, -60.0, -400.0],
-        speed_rpm=[2800.0, 3000.0, 2000.0],
+        pitch_radius_mm=[30.8, 30.0, 32.5],
+        roller_radius_mm=[19.3, 19.0, 19.9],
+        joint_angle_deg=[15.1, 18.0, 15.8],
+        torque_n_m=[61.0, -60.0, -64.0],
+        speed_rpm=[2800.0, 3000.0, 2563.0],
     )
-    assert (operating_ratios(block)["inertia_ratio"] > 0.1).tolist() == [True, True, False]
-    expected, limit, unknown = known_errors(model, block)
-    assert np.isnan(expected).tolist() == np.isnan(limit).tolist() == [True, True, False]
-    assert [reason.startswith("inertia_ratio is above 0.1") for reason in unknown] == [True, True, False]
-    alike = similar_errors(model, block, Accuracy((THIRD,), 0.01))
-    assert np.isnan(alike[:2]).all()
+    assert (operating_ratios(block)["inertia_ratio"] > 0.1).all()
+    _, limit, unknown = known_errors("kinetostatic", block)
+    assert (limit > 0.05).all()  # nothing is called sure
+    assert limit[0] > 0.33
+    assert not unknown.any()
+
+
+def test_limits_hold_at_fast_joints_that_the_record_has_not():
+    """Statistic: of 27 joints by chance (1,200 to 3,000 rpm, 6 to 19.5 deg, 30 to 150 N m), which `needles` ran."""
+    with HELD_OUT.open(encoding="utf-8") as file:
+        table = np.genfromtxt(file, delimiter=",", names=True)
+    given = {name: table[name] for name in table.dtype.names if name in simulator.parameters}
+    for model in ("kinetostatic", "rollers"):
+        _, limit, _ = known_errors(model, points(**given))
+        errors, known = np.abs(table[model] / table["needles"] - 1), np.isfinite(limit)
+        assert known.sum() >= 25
+        assert np.mean(errors[known] <= limit[known]) >= 0.85

@@ -1,15 +1,14 @@
 """The error of each model of the joint at any operating point, from errors measured at other points.
 
 `model_errors.csv` holds the third order of each model relative to `needles`, at operating points that cover the
-field in which joints are used (`benchmarks/model_error.py` makes it from six studies). At points without a `needles`
+field in which joints are used (`benchmarks/model_error.py` makes it from eight studies). At points without a `needles`
 run, `equilibrium` is compared with `rollers`, and the typical error of `rollers` is added; `kinetostatic` is compared
 with needles of constant skew, as in `rollers`, and its typical error against `needles` is added. The errors at the most
 similar measured points give the estimate: the median is the typical error, the 90th percentile its limit. Similarity
 uses the ratios on which the errors depend. The record contains few self-excited vibrations: `vibration_record` holds
 the error that a balance makes by omitting vibration. Every error of a similar point is combined with every such error
 of joints with similar angle and friction, unless a result says whether the joint vibrates. The error is unknown outside
-the measured range, and if one of the two models has no result at most similar points. Errors grow with the inertia
-ratio from 0.1 on, where few points were measured: far lighter points tell nothing there.
+the measured range, and if one of the two models has no result at most similar points.
 
 Errors of the second order are recorded at points with a `needles` run of small numerical error. `similar_errors` gives
 the errors of both orders at each similar point, to choose a model.
@@ -29,7 +28,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
-from tripod_doe.joint.known_errors.operating_ratios import RATIOS, coordinates, has_no_thrust, operating_ratios
+from tripod_doe.joint.known_errors.operating_ratios import RATIOS, WEIGHTS, coordinates, has_no_thrust, operating_ratios
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Accuracy, Quantity
@@ -53,13 +52,6 @@ _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
 WITHOUT_ITS_VIBRATION = "the joint vibrates by itself, and this model leaves the vibration out"
 NOT_LOOKED_AT = "similar joints vibrate by themselves (the output vibrates shows whether these do)"
-_HEAVY = 0.1
-"""Inertia ratio above which errors grow: the median of `kinetostatic` is 1.8 % from 0.03 to 0.1, and 11 % above."""
-_LIGHTER = 3
-"""Ratio of inertia ratios from which the lighter of two points tells nothing of the heavier."""
-_TOO_LIGHT = (
-    "inertia_ratio is above 0.1, and most of the similar points have far less, or one of the models did not finish"
-)
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 
@@ -70,7 +62,7 @@ class _Measured:
     names: tuple[str, ...]  # names of the ratios
     values: FloatArray  # of the ratios, shape (measured, ratio)
     places: FloatArray  # their coordinates, over the spread of each, shape (measured, ratio)
-    spread: FloatArray  # standard deviations of the coordinates, shape (ratio,)
+    spread: FloatArray  # standard deviations of the coordinates over their `WEIGHTS`, shape (ratio,)
     # by model: relative error of its third order, shape (measured,); NaN if one of the two models has no result,
     # infinite if not run
     errors: dict[str, FloatArray]
@@ -93,16 +85,10 @@ class _Measured:
         return f"{name}{meaning} is outside of the compared range {value_range(low, high)}"
 
     def near(self, model: str, places: FloatArray) -> FloatArray:
-        """Errors of a model at the measured points nearest to some places, shape (place, nearest); NaN if `lighter`."""
+        """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""
         asked = ~np.isinf(self.errors[model])
         nearest = nearest_rows(self.places[asked], places, ALIKE)
-        return np.where(self.lighter(places, self.places[asked][nearest]), np.nan, self.errors[model][asked][nearest])
-
-    def lighter(self, places: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
-        """Whether inertia counts at a place and far less at others, (place, other, ratio); shape (place, other)."""
-        inertia = self.names.index("inertia_ratio")
-        own, theirs = (each[..., inertia] * self.spread[inertia] for each in (places, others))
-        return (own[:, None] > math.log(_HEAVY)) & (theirs < own[:, None] - math.log(_LIGHTER))
+        return self.errors[model][asked][nearest]
 
     def over_allowed(self, model: str, quantity: Quantity, floor: float) -> FloatArray | None:
         """Errors of a model over the allowed error, shape (measured,), as `errors`; None if not measured."""
@@ -158,7 +144,7 @@ def _measured() -> _Measured:
     values, places = np.stack(list(ratios.values()), axis=1), coordinates(ratios)
     parameters = {name: table[name] for name in given if name in JOINT_PARAMETERS}
     second_missed = {model: np.abs(table[f"{model}_2"] - table["needles_2"]) for model in COMPARED}
-    spread = places.std(axis=0)
+    spread = places.std(axis=0) / [WEIGHTS.get(name, 1.0) for name in ratios]
     direct = table["needles"] == 1
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
@@ -216,7 +202,6 @@ def errors_at(
     nothing = has_no_thrust(ratios)  # there all models agree
     expected[nothing], limit[nothing] = 0.0, 0.0
     unknown[np.isnan(expected)] = _NO_ANSWER
-    unknown[np.isnan(expected) & (ratios["inertia_ratio"] > _HEAVY)] = _TOO_LIGHT
     for ratio in range(len(measured.names))[::-1]:  # the first of several reasons wins
         unknown[~inside[:, ratio] & ~nothing] = measured.outside(ratio, low[ratio], high[ratio])
     if model in WITHOUT_VIBRATION:
@@ -235,8 +220,8 @@ def similar_errors(
 
     Returns:
         Over the allowed errors, shape (point, similar, quantity); NaN if one of the two models has no result or the
-        point is unlike the measured points: a parameter leaves its range, the similar points are farther away than for
-        nine of ten measured points, or far lighter. None if a quantity was not measured.
+        point is unlike the measured points: a parameter leaves its range, or the similar points are farther away than
+        for nine of ten measured points. None if a quantity was not measured.
     """
     measured = _measured()
     known = model if model in COMPARED else COMPARED[0]
@@ -255,8 +240,7 @@ def similar_errors(
     places[~np.isfinite(places)] = _FAR
     nearest = nearest_rows(measured.places[asked], places, ALIKE)
     near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
-    told = near[:, None] & ~measured.lighter(places, measured.places[asked][nearest])
-    similar[inside] = np.where(told[:, :, None], errors[asked][nearest], np.nan)
+    similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
     if model in WITHOUT_VIBRATION:
         by_vibration = _by_vibration(points, accuracy)
         if vibrates is not None:

@@ -16,7 +16,10 @@ LINEAR = ("skew_deg", "direction")
 """Ratios that are compared as they are, not by their logarithms."""
 
 UNFELT = 0.01
-"""Inertia ratio that adds nothing to friction: below it, none is less similar than another."""
+"""Inertia ratio far below friction coefficients: smaller ones are alike."""
+
+WEIGHTS = {"inertia_ratio": 2.0}
+"""How many times more than its spread a ratio counts: heavy rollers are to be judged by heavy ones."""
 
 RATIOS = {
     "joint_angle_deg": "joint angle",
@@ -72,8 +75,8 @@ def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
 def coordinates(ratios: Mapping[str, FloatArray]) -> FloatArray:
     """Coordinates by which points are similar, shape (point, ratio).
 
-    Logarithms of all ratios but `LINEAR`; of the inertia ratio twice that of `UNFELT` and it.
+    Logarithms of all ratios but `LINEAR`, of the inertia ratio after `UNFELT` has been added.
     """
-    columns = {"inertia_ratio": UNFELT + ratios["inertia_ratio"]}
+    felt = {**ratios, "inertia_ratio": UNFELT + ratios["inertia_ratio"]}
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.stack([each if name in LINEAR else np.log(each) for name, each in {**ratios, **columns}.items()], axis=1)
+        return np.stack([each if name in LINEAR else np.log(each) for name, each in felt.items()], axis=1)
