@@ -19,7 +19,7 @@ UNFELT = 0.01
 """Inertia ratio far below friction coefficients: smaller ones are alike."""
 
 WEIGHTS = {"inertia_ratio": 2.0}
-"""How many times more than its spread a ratio counts: heavy rollers are to be judged by heavy ones."""
+"""Factors of distances, over the spread of a ratio; 1 for others. Heavy rollers are to be judged by heavy ones."""
 
 RATIOS = {
     "joint_angle_deg": "joint angle",

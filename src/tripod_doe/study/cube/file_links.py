@@ -26,7 +26,7 @@ def refuse_outside(path: str | Path) -> None:
     with open(path, "rb") as stream:
         if stream.read(4) in _CLASSIC:
             return
-    import h5py  # with an HDF5 library of its own, which shares no open file with that of netCDF4
+    import h5py  # its own HDF5 library shares no open file with the one in netCDF4
 
     try:
         with NETCDF_LOCK, h5py.File(path, "r", locking=False) as file:
