@@ -49,14 +49,14 @@ def test_the_readme_is_short_and_names_every_command():
         assert f"tripod-doe {command}" in readme, command
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_links_and_named_files_exist(page):
+def test_links_and_named_files_exist():
     """Links, and the study and workflow files and folders of this repository that commands name."""
-    text = page.read_text()
-    for target in re.findall(r"\]\((?!http)([^)#]+)", text):
-        assert (page.parent / target).exists(), target
-    for target in re.findall(r"(?<![\w/])(?:studies|workflows|benchmarks|docs|tests)/[\w/]+\.\w+", text):
-        assert (ROOT / target).exists(), target
+    for page in PAGES:
+        text = page.read_text()
+        for target in re.findall(r"\]\((?!http)([^)#]+)", text):
+            assert (page.parent / target).exists(), f"{page}: {target}"
+        for target in re.findall(r"(?<![\w/])(?:studies|workflows|benchmarks|docs|tests)/[\w/]+\.\w+", text):
+            assert (ROOT / target).exists(), f"{page}: {target}"
 
 
 def test_the_index_leads_to_every_page():
@@ -66,13 +66,13 @@ def test_the_index_leads_to_every_page():
     )
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_tables_are_whole(page):
+def test_tables_are_whole():
     """Rows below an empty line belong to no table: a page shows them as text."""
-    lines = page.read_text().splitlines()
-    for before, line, after in zip(["", *lines], lines, [*lines[1:], ""], strict=False):
-        if line.startswith("|") and not before.startswith("|"):
-            assert after.startswith("| ---"), line
+    for page in PAGES:
+        lines = page.read_text().splitlines()
+        for before, line, after in zip(["", *lines], lines, [*lines[1:], ""], strict=False):
+            if line.startswith("|") and not before.startswith("|"):
+                assert after.startswith("| ---"), f"{page}: {line}"
 
 
 @pytest.mark.slow
@@ -107,13 +107,13 @@ def calls(text):
             yield list(itertools.takewhile(lambda word: word[0] not in "&|;<>", words))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_command_of_a_page_exists(page):
+def test_every_command_of_a_page_exists():
     """Commands, flags and the number of their arguments, as the command line reads them; nothing runs."""
-    for words in calls(page.read_text()):
-        if words[-1] not in ("--help", "--version"):
-            _, unknown = build_parser(words).parse_known_args(words)
-            assert not unknown, words
+    for page in PAGES:
+        for words in calls(page.read_text()):
+            if words[-1] not in ("--help", "--version"):
+                _, unknown = build_parser(words).parse_known_args(words)
+                assert not unknown, f"{page}: {words}"
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from slow_cases import first_fast
 from tripod_doe.cli.main import main
 
 STUDY = '[study]\nname = "größe"\nfunction = "squares:f"\n[factors.x]\nvalues = [1, 2, 3]\n'
@@ -45,7 +46,7 @@ def called(words, folder, environment=None, output=subprocess.PIPE, most_bytes=N
     )
 
 
-@pytest.mark.parametrize("buffered", ["", "1"])
+@pytest.mark.parametrize("buffered", first_fast(["", "1"], 1))
 @pytest.mark.parametrize("words", [["query", "out", "--variable", "y"], ["query", "--help"], ["--version"]])
 def test_an_answer_that_cannot_be_written_is_told(bench, words, buffered):
     """Regression: it was an internal error, or nothing at all."""
@@ -140,6 +141,7 @@ def test_a_step_whose_record_is_damaged_runs_again(bench, tmp_path, record, caps
 COMMAND = str(Path(sys.executable).with_name("tripod-doe"))
 
 
+@pytest.mark.slow
 def test_settings_of_libraries_in_the_current_folder_are_ignored(tmp_path):
     """Regression: numba overwrote any file that the folder of a stranger named; a pipe was waited for without end."""
     precious = tmp_path / "precious"
@@ -163,6 +165,7 @@ def test_settings_of_libraries_in_the_current_folder_are_ignored(tmp_path):
     assert precious.read_text() == "precious"
 
 
+@pytest.mark.slow
 def test_the_folder_of_temporary_files_of_others_is_not_used_by_workers(bench, tmp_path):
     """Regression: Dask's scheduler emptied the file that a link in /tmp/dask-scratch-space led to, and imported there."""
     shared, precious = tmp_path / "shared", tmp_path / "precious"

@@ -9,6 +9,7 @@ from combinations import FOLDER
 from test_phases import DESIGN_OF, cube_of
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
 from tripod_doe.analyses.factorial_effects.sentences import find_in_effects
 from tripod_doe.analyses.registry import ANALYSES, findings_of, findings_of_all
@@ -119,7 +120,7 @@ def corner(a, b=0.0, c=0.0):
 """
 
 
-@pytest.mark.parametrize("kind", ["tolerance", "effects", "surrogate", "pawn", "sobol"])
+@pytest.mark.parametrize("kind", first_fast(["tolerance", "effects", "surrogate", "pawn", "sobol"], 2))
 def test_an_answer_for_the_rest_says_for_which_range_it_holds(tmp_path, kind):
     """Regression: 43 points that finished were called missing, and numbers for a < 0.8 stood without this range."""
     (tmp_path / "corners.py").write_text(CORNER)

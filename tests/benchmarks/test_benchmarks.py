@@ -120,6 +120,7 @@ def test_a_sample_of_the_field_finishes(benchmark, name):
     assert field.moved(orders[~lifted], field.answers(name, columns, 0.1)[3][~lifted]).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_field_goes_on_where_it_was_stopped(benchmark, tmp_path, monkeypatch):
     field, record, solved = benchmark("field"), tmp_path / "field.jsonl", []
     field.main(["equilibrium", "--count", "3", "--seed", "5", "--record", str(record)])

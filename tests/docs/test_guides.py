@@ -16,6 +16,7 @@ LONG = {"extending"}
 GUIDES = [path for path in sorted((ROOT / "docs" / "guides").glob("*.md")) if path.stem not in LONG]
 LINES, WORDS = 80, 380
 SLOW = {"best_joint", "below_a_limit", "halve_a_friction", "which_friction", "which_friction_does_my_joint_have"}
+SLOW |= {"an_output_that_is_not_there", "how_long_will_it_take", "my_own_points", "show_it_to_a_colleague"}
 
 
 def marked(path):

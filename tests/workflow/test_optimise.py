@@ -17,6 +17,7 @@ from moocore import hypervolume
 from scipy.stats import qmc
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.analyses.optimisation.confirmation import largest_gains
 from tripod_doe.analyses.optimisation.optimisation_file import load_optimisation
 from tripod_doe.analyses.optimisation.problem import make_problem
@@ -109,6 +110,7 @@ def test_the_front_of_zdt1(solve, tmp_path):
     assert (front["f_2"].values >= 1 - np.sqrt(front["f_1"].values) - 1e-12).all()
 
 
+@pytest.mark.slow
 def test_the_front_of_dtlz2(solve):
     """Published: Deb and others 2002; its front is an octant of the unit sphere. With 10,000 candidates 2 % are left."""
     aims = {f"f_{k}": {"output": f"f{k}"} for k in (1, 2, 3)}
@@ -334,6 +336,7 @@ def test_the_joint_is_confirmed_by_a_better_model(tmp_path):
     assert "pitch_radius_mm at its" not in page
 
 
+@pytest.mark.slow
 def test_a_limit_that_the_better_model_moves_is_used_up(tmp_path):
     """Brute force by `kinetostatic`, 29 x 17 joints with a cubic between: 71.75 mm. Its pressures are 24 % above those of
     the search. Regression: 3 to 4 % above it, and a pressure of 1,768 to 1,777 MPa."""
@@ -799,7 +802,7 @@ def test_a_bent_limit_is_followed(solve):
     assert float(best.front["filled"][0]) >= 1
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", first_fast([1, 3], 1))
 def test_a_ridge_between_two_bent_limits_is_followed_to_its_end(solve, seed):
     """Exact: along both limits torque grows until rollers overlap at 15.3. Regression: steps along the ridge ended beyond a
     limit, by up to 0.5 %, all of them; what was left was 10 % below the end."""

@@ -74,6 +74,7 @@ def test_a_limit_that_is_kept_needs_no_other_points(study, tmp_path):
     assert not (tmp_path / "out" / "confirmation").exists()
 
 
+@pytest.mark.slow
 def test_another_change_is_confirmed_anew(study, tmp_path):
     """Regression: with another `keep`, every later run ended since the points were those of another change."""
     for keep in (0.99, 0.98, 0.99):

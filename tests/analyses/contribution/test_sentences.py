@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes, contribution_table
@@ -414,7 +415,13 @@ def test_both_ends_of_a_change_have_their_sign():
 
 @pytest.mark.parametrize(
     ("factors", "rest"),
-    [(None, "is not due to friction"), (["groove_sliding", "needle_sliding"], "mechanisms that this study does not")],
+    first_fast(
+        [
+            (["groove_sliding", "needle_sliding"], "mechanisms that this study does not"),
+            (None, "is not due to friction"),
+        ],
+        1,
+    ),
 )
 def test_the_rest_beside_some_mechanisms_is_not_that_of_no_friction(tmp_path, factors, rest):
     """Regression: 10.8 % were said to be inertia and numerical error, where groove rolling made 7.2 % of them."""

@@ -21,7 +21,7 @@ def orders():
 @pytest.mark.parametrize(
     ("factor", "high", "told"),
     [
-        (1.0, 0.2, []),
+        pytest.param(1.0, 0.2, [], marks=pytest.mark.slow),
         (-1.0, 0.2, ["Check the sign of the force and reference_angle_deg", "No joint within the bounds"]),
         pytest.param(1e-3, 0.2, ["Check the unit of the force", "No joint within the bounds"], marks=pytest.mark.slow),
         pytest.param(1.0, 0.05, ["No joint within the bounds fits these records"], marks=pytest.mark.slow),

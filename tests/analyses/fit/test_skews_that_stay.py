@@ -98,6 +98,7 @@ def test_records_say_whether_needles_turn(rig, stay):
     assert any("turn by up to 1.9 deg" in line and 'fit with model = "rollers"' in line for line in find_in_fit(fit))
 
 
+@pytest.mark.slow
 def test_intervals_reach_over_both_where_records_do_not_say(rig):
     """Second orders that scatter by 40 % hide the quarter to half by which both differ."""
     _, solution, fit = rig(False, 0.4)

@@ -11,6 +11,7 @@ from published import ANGLE, CASES, ISHIGAMI, cube_of, ishigami, linear_interact
 from SALib.analyze import delta, dgsm, fast, morris, pawn, rbd_fast, sobol
 from scipy.stats import norm
 
+from slow_cases import first_fast
 from tripod_doe.analyses import bootstrap, output_table
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
@@ -113,7 +114,7 @@ def test_curves_and_samples_give_what_salib_gives():
 
 
 @pytest.mark.parametrize(
-    ("analyse", "settings"), [(pawn_indices, PawnSettings), (borgonovo_delta, SensitivitySettings)]
+    ("analyse", "settings"), first_fast([(pawn_indices, PawnSettings), (borgonovo_delta, SensitivitySettings)], 1)
 )
 def test_an_index_without_honest_intervals_has_none_and_is_tested_against_chance(analyse, settings):
     """Of factors without effect one in twenty counts as resolved: at most 10 of 60 with a probability of 99.9 %."""

@@ -15,6 +15,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer import analysis_tables, exports
@@ -275,7 +276,7 @@ PARTS = {
 
 
 @pytest.mark.usefixtures("charts_not_drawn")
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", first_fast(PARTS, 2))
 def test_the_study_that_is_copied_runs_as_the_one_that_it_is_of(tmp_path, part):
     """Regression: some copies were refused; others left out constraints, accuracy and retries without a word."""
     text = (

@@ -110,7 +110,7 @@ def test_a_flipped_bit_is_refused_or_harmless(folder, whole, capsys, file, seed)
         assert message
 
 
-@pytest.mark.parametrize("file", FILES)
+@pytest.mark.parametrize("file", first_fast(FILES, 1))
 def test_check_names_a_damaged_file_and_the_next_run_mends_it(folder, capsys, file):
     out = folder / "out"
     before = td.open_cube(out)
@@ -222,7 +222,7 @@ def test_where_nothing_can_be_checked_that_is_said(tmp_path, capsys, place):
     assert "there is no such file" in errors or "no file with a checksum here" in errors
 
 
-@pytest.mark.parametrize("file", ["cube.nc", "cost.nc", "analysis/sobol.nc"])
+@pytest.mark.parametrize("file", first_fast(["cube.nc", "cost.nc", "analysis/sobol.nc"], 1))
 def test_results_of_another_study_are_not_those_of_the_directory(folder, other, capsys, file):
     """They are made of the journal, as while a study runs; a report says how an analysis is made anew."""
     out = folder / "out"
@@ -243,7 +243,7 @@ def test_results_of_another_study_are_not_those_of_the_directory(folder, other, 
             read_file(out / file)
 
 
-@pytest.mark.parametrize("lost", ["last sector", "last sector, and one of texts", "the checksum alone"])
+@pytest.mark.parametrize("lost", first_fast(["last sector", "last sector, and one of texts", "the checksum alone"], 1))
 def test_a_result_without_its_checksum_is_refused_and_made_anew(folder, capsys, lost):
     """Texts vanished in silence, or HDF5 looped for ever, as a file without a checksum counted as whole."""
     out, before, damaged = folder / "out", {}, {}
@@ -286,7 +286,8 @@ def without_checksum(content, lost):
 
 
 @pytest.mark.parametrize(
-    "file", [*FILES, "study.toml", "report/index.html", ".lock", "journal.sqlite-wal", "journal.sqlite-journal"]
+    "file",
+    first_fast([*FILES, "study.toml", "report/index.html", ".lock", "journal.sqlite-wal", "journal.sqlite-journal"], 4),
 )
 @pytest.mark.parametrize("kind", first_fast(["pipe", "device"], 1))
 def test_what_is_no_file_is_refused_and_not_opened(folder, capsys, file, kind):
