@@ -208,6 +208,32 @@ def test_the_plan_of_an_upload_makes_its_points_once(tmp_path, monkeypatch):
     assert plan_upload(tmp_path, "study", Limits(), timing=False)["points"] == 16
 
 
+def test_a_workflow_whose_pilot_may_take_all_points_says_what_to_set(tmp_path):
+    """Regression: a chain of any study and one of several models was refused without a remedy."""
+    several = """
+        [study]
+        name = "two models"
+        [factors.joint_angle_deg]
+        low = 5
+        high = 12
+        [factors.model]
+        values = ["equilibrium", "kinetostatic"]
+        [design]
+        kind = "multifidelity"
+        samples = 20
+        [keep]
+        outputs = ["thrust_amplitude"]
+        """
+    (tmp_path / "coast.toml").write_text(COAST)
+    (tmp_path / "two.toml").write_text(several)
+    steps = CHAIN.partition("[steps.page]")[0] + '[steps.two]\nkind = "study"\nstudy = "two.toml"\n'
+    (tmp_path / "workflow.toml").write_text(steps)
+    with pytest.raises(TooLargeError, match="allowed here: set most_points in .design. of two$"):
+        plan_upload(tmp_path, "workflow", Limits(), timing=False)
+    (tmp_path / "two.toml").write_text(several.replace("samples = 20", "samples = 20\n        most_points = 5000"))
+    assert plan_upload(tmp_path, "workflow", Limits(), timing=False)["points"] == 24 + 120
+
+
 def test_points_that_confirm_a_tolerance_are_counted(tmp_path, capsys):
     """Regression: neither the plan of a workflow nor the limits of the service knew of them."""
     (tmp_path / "study.toml").write_text(TOLERANCE)

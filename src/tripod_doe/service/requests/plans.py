@@ -1,5 +1,6 @@
 """Prices of uploads, before any of their points run."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -67,8 +68,18 @@ def plan_upload(folder: Path, kind: str, limits: Limits, timing: bool) -> dict[s
     blocks = [study["blocks"] for study in studies]
     whole["blocks"] = None if None in blocks else sum(blocks)
     whole["warnings"] = [f"{name}: {text}" for name, step in steps.items() for text in step.get("warnings", [])]
-    _check_limits(limits, "workflow.toml", sum(price.most for price in plans.values()), whole["bytes"], hours)
+    try:
+        _check_limits(limits, main.name, sum(price.most for price in plans.values()), whole["bytes"], hours)
+    except TooLargeError as error:
+        raise TooLargeError(f"{error}{_smaller_pilots(plans, limits)}") from error
     return whole
+
+
+def _smaller_pilots(plans: Mapping[str, Plan], limits: Limits) -> str:
+    """Remedy for a workflow whose pilots may take more points than are allowed."""
+    piloted = [name for name, price in plans.items() if price.most_points]
+    fits = sum(price.points for price in plans.values()) <= limits.points < sum(price.most for price in plans.values())
+    return f": set most_points in [design] of {' and '.join(piloted)}" if piloted and fits else ""
 
 
 def _plan_fit(path: Path, limits: Limits, timing: bool) -> dict[str, Any]:

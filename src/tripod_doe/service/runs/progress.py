@@ -108,6 +108,7 @@ class Progress:
             try:
                 with Journal(self._directory, read_only=True) as journal:
                     self._add(journal)
+                    self._total = max(self._total, journal.points())  # a plan counts the pilot of several models
             except CubeError:
                 pass
         outcomes = {Outcome(number).label: count for number, count in self._counts.items() if count}

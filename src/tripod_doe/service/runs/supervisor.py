@@ -445,7 +445,7 @@ class Supervisor:
                 return
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
-            if run.is_search and state is State.FINISHED:  # its points are now the total
+            if state is State.FINISHED:  # the points of a search or a fed step are known only now
                 counts = replace(counts, total=counts.finished + counts.failed)
             ended = run.changed(eta_seconds=None, retry_failed=False)
             self._store(ended.changed(state=state, message=message, counts=counts, steps=steps))

@@ -3,7 +3,17 @@
 The cube is made elsewhere.
 """
 
-from tripod_doe.study.journal.damage import COMPUTING, KERNELS, OUTDATED, SHOWN, STUDY, STUDY_HASH, damage, text_digest
+from tripod_doe.study.journal.damage import (
+    COMPUTING,
+    KERNELS,
+    OUTDATED,
+    POINTS,
+    SHOWN,
+    STUDY,
+    STUDY_HASH,
+    damage,
+    text_digest,
+)
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.journal import PILOT, FinishedEnds, Journal, Mark, journal_path
 
@@ -12,6 +22,7 @@ __all__ = [
     "KERNELS",
     "OUTDATED",
     "PILOT",
+    "POINTS",
     "SHOWN",
     "STUDY",
     "STUDY_HASH",

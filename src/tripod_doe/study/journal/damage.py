@@ -32,6 +32,9 @@ SHOWN, KERNELS, COMPUTING = "shown", "kernel_source_hash", "computing"
 OUTDATED = "outdated"
 """Note: whether the study was replaced since the cube was written, and with it perhaps which points it has."""
 
+POINTS = "points"
+"""Note: how many points the study computes, which is known only after the pilot of a multifidelity design."""
+
 STUDY, STUDY_HASH = "study_digest", "study_hash"
 """Notes on the study: the digest of its text, and its hash, which its cube names, too."""
 
@@ -181,7 +184,7 @@ def _note_damage(connection: sqlite3.Connection) -> str:
         if reason := _reason(note.check):
             return f"note {note.key!r}: {reason}"
     for note in notes:
-        if note.key in (SHOWN, REPAIRS) and (reason := _reason(partial(counted, note.key, note.value))):
+        if note.key in (SHOWN, REPAIRS, POINTS) and (reason := _reason(partial(counted, note.key, note.value))):
             return reason
     shown = next((counted(SHOWN, note.value) for note in notes if note.key == SHOWN), 0)
     ((newest,),) = connection.execute("SELECT coalesce(max(id), 0) FROM block")
@@ -228,7 +231,7 @@ def rescue(path: Path, reason: str) -> str:
     """
     whole = {row.id: row.kernels for row in _blocks(stored_rows(path))}
     notes = {note.key: note.value for note in _notes(stored_rows(path))}
-    for key in (SHOWN, REPAIRS):
+    for key in (SHOWN, REPAIRS, POINTS):
         if _reason(partial(counted, key, notes.get(key))):
             del notes[key]
     if not whole:

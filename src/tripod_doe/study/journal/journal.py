@@ -23,6 +23,7 @@ from tripod_doe.errors import CubeError, StorageError
 from tripod_doe.study.journal.damage import (
     KERNELS,
     OUTDATED,
+    POINTS,
     REPAIRS,
     SHOWN,
     connected,
@@ -154,6 +155,11 @@ class Journal:
         if newest < shown:
             raise self._damaged(f"block {shown} is not there")
         return str(newest)
+
+    def points(self) -> int:
+        """Read how many points the study computes; 0 before that is known."""
+        with self._reading("its notes"):
+            return counted(POINTS, self.recall(POINTS))
 
     def keys(self) -> NDArray[np.void]:
         """Read the fingerprints of all committed points, oldest first; a repeated run of a point counts again."""

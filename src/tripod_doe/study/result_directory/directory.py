@@ -29,6 +29,7 @@ from tripod_doe.study.journal import (
     COMPUTING,
     KERNELS,
     OUTDATED,
+    POINTS,
     STUDY,
     STUDY_HASH,
     FinishedBlock,
@@ -130,6 +131,7 @@ class ResultDirectory:
         self.resume.refuse_changes(asked, fewer=fewer)
         self._check_space(asked)
         self.adopt(asked.study)
+        self._journal.remember({POINTS: str(int(asked.to_compute.sum()))})
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All finished blocks, the oldest first."""

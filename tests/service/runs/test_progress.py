@@ -1,0 +1,36 @@
+"""Counts of the points of a run, from its journal."""
+
+from __future__ import annotations
+
+from tripod_doe.service.runs.progress import Progress
+from tripod_doe.study.definition.study_file import load_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.result_directory.directory import ResultDirectory
+from tripod_doe.study.study_points import StudyPoints
+
+SEVERAL = """
+[study]
+name = "two models"
+[factors.joint_angle_deg]
+low = 5
+high = 12
+[factors.model]
+values = ["equilibrium", "kinetostatic"]
+[design]
+kind = "multifidelity"
+samples = 8
+pilot = 4
+split = { equilibrium = 30, kinetostatic = 8 }
+prices = { equilibrium = 0.001, kinetostatic = 0.01 }
+"""
+
+
+def test_the_points_that_a_pilot_asks_for_are_counted_before_they_run(tmp_path):
+    """Regression: such a study said that no point was missing while most of them were computed."""
+    (tmp_path / "study.toml").write_text(SEVERAL)
+    study = load_study(tmp_path / "study.toml")
+    progress = Progress(tmp_path / "out", total=8)
+    assert progress.read().missing == 8
+    with ResultDirectory(tmp_path / "out") as directory:
+        directory.accept(StudyPoints(study, make_points(study)))
+        assert (progress.read().total, progress.read().missing) == (38, 38)
