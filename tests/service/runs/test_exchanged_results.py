@@ -166,3 +166,20 @@ def test_a_run_whose_table_alone_the_command_line_exchanged_is_shown_anew(servic
     (place / "cube.nc").touch()
     look()
     assert service.runs.find(run.id).place == run.id
+
+
+def test_a_run_whose_pilot_has_decided_its_samples_stays_a_run_of_the_service(service, look, tmp_path):
+    """Regression: once its report was made again or its folder copied, it was one of the command line."""
+    upload = tmp_path / "upload"
+    upload.mkdir()
+    design = '[study]\n[design]\nkind = "multifidelity"\nsamples = 20\n'
+    (upload / "study.toml").write_text(design)
+    run = service.runs._store(service.runs.submit(upload, PLAN).changed(state=State.FINISHED))
+    place = service.directory(run.id)
+    (place / "study.toml").write_text(f"{design}split = {{ equilibrium = 90 }}\nprices = {{ equilibrium = 0.1 }}\n")
+    Journal(place).close()
+    look()
+    assert not service.runs.find(run.id).place
+    (place / "study.toml").write_text(design.replace("20", "30"))
+    look()
+    assert service.runs.find(run.id).place == run.id

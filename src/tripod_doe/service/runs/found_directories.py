@@ -137,25 +137,35 @@ def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
 def _is_another_study(path: Path) -> bool:
     """Whether the study of a directory, or a table of it, is another one than was submitted there.
 
-    Variables by formula do not count: a run keeps those that were added before, which a later upload need not name.
+    What a run adds does not count: variables by formula, which a later upload need not name, and the samples of each
+    model that a pilot has decided.
     """
     submitted = {file.name: file for file in (path / UPLOAD).glob("*")}
     main, stored = submitted.pop(main_file("study"), None), path / "study.toml"
     if main and stored.is_file():
         ours, its = read_regular(main), read_regular(stored)
-        if ours != its and _without_responses(ours) != _without_responses(its):
+        if ours != its and not _is_grown(_tables(ours), _tables(its)):
             return True
     tables = [(file, table_copy(path, name)) for name, file in submitted.items()]
     return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in tables)
 
 
-def _without_responses(study: bytes) -> dict[str, Any] | None:
-    """The tables of a study but for its variables by formula; None if they cannot be read."""
+def _is_grown(ours: dict[str, Any], its: dict[str, Any]) -> bool:
+    """Whether the tables of a study are those that were submitted, with what the run itself adds."""
+    added = ("split", "prices") if "split" not in ours.get("design", {}) else ()
+    for tables in (ours, its):
+        tables.pop("responses", None)
+        for key in added:
+            tables.get("design", {}).pop(key, None)
+    return ours == its
+
+
+def _tables(study: bytes) -> dict[str, Any]:
+    """The tables of a study; empty if they cannot be read."""
     try:
-        tables = parse_toml(study.decode(errors="replace"), "study")
+        return parse_toml(study.decode(errors="replace"), "study")
     except InputError:
-        return None
-    return {name: table for name, table in tables.items() if name != "responses"}
+        return {}
 
 
 def _signature(path: Path) -> Signature | None:
