@@ -20,7 +20,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.errors import InputError, StorageError
+from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
@@ -408,6 +408,17 @@ def test_a_report_that_seems_older_than_its_cube_is_the_last_word(tmp_path):
     assert ending_of(run, run.counts, (), tmp_path) == (State.FINISHED, "")
     remove_report(tmp_path)
     assert ending_of(run, run.counts, (), tmp_path)[0] is State.FAILED
+
+
+def test_a_run_whose_cube_is_damaged_at_its_end_says_so(tmp_path, monkeypatch):
+    """Regression: the service could not supervise it, with a traceback in its log and its folder in the message."""
+
+    def damaged(directory):
+        raise CubeError(f"{directory}/cube.nc: damaged")
+
+    monkeypatch.setattr("tripod_doe.service.runs.run_end.is_shown", damaged)
+    run = Run("a" * 16, "study", "n", "", State.RUNNING, counts=PointCounts(1, 1))
+    assert ending_of(run, run.counts, (), tmp_path) == (State.FAILED, "cube.nc: damaged")
 
 
 def test_a_failed_workflow_says_what_its_studies_were_to_look_for(tmp_path):

@@ -14,7 +14,7 @@ from typing import Any
 from tripod_doe.atomic_files import refuse_links, remove_tree
 from tripod_doe.checksum_list import results_number
 from tripod_doe.errors import CubeError, InputError
-from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs.processes import last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
@@ -39,7 +39,10 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         whole = not left and has_report(directory)
         failed = [f"{step['name']}: {step['detail']}" for step in steps if step["state"] == "failed"]
     else:
-        whole = not counts.missing and is_shown(directory) and has_report(directory)
+        try:
+            whole = not counts.missing and is_shown(directory) and has_report(directory)
+        except CubeError as error:
+            return State.FAILED, among_runs(str(error), directory)
         failed = []
     if whole:
         return State.FINISHED, found_sentences(directory)

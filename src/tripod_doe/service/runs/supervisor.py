@@ -250,7 +250,9 @@ class Supervisor:
         """Replace the upload of a run, and queue the run."""
         run_end.replace_upload(self.directory(run.id), upload)
         run_end.remove_answers(self.directory(run.id))
-        new = {"counts": replace(run.counts, total=plan["unique"]), "name": plan["name"], "question": plan["question"]}
+        ended = run.counts.finished + run.counts.failed  # more than the plan counts, where a pilot asked for them
+        counts = replace(run.counts, total=max(plan["unique"], ended))
+        new = {"counts": counts, "name": plan["name"], "question": plan["question"]}
         return self._store(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
