@@ -33,5 +33,5 @@ def test_what_is_wrong_is_named(tmp_path, text, message):
 def test_a_file_that_is_not_there_or_no_file(tmp_path):
     with pytest.raises(InputError, match=r"the table: cannot read .*No such file"):
         read_csv_table(tmp_path / "t.csv", "the table")
-    with pytest.raises(InputError, match="a folder has the name of this file"):
+    with pytest.raises(InputError, match="a folder, but a file is needed: name a file, or move this away"):
         read_csv_table(tmp_path, "the table")

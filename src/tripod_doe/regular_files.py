@@ -46,7 +46,7 @@ def refuse_irregular(path: Path, error: type[InputError] = InputError, links: bo
         return
     if not stat.S_ISREG(mode):
         kind = next((kind for kind, is_kind in _KINDS.items() if is_kind(mode)), "something else")
-        raise error(f"{path}: {kind} has the name of this file; delete it")
+        raise error(f"{path}: {kind}, but a file is needed: name a file, or move this away")
 
 
 @contextmanager

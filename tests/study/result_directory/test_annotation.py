@@ -62,7 +62,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
             read_annotation(tmp_path)
     (tmp_path / FILE).unlink()
     (tmp_path / FILE).symlink_to("/etc/hostname")
-    with pytest.raises(InputError, match="a link has the name of this file"):
+    with pytest.raises(InputError, match="a link, but a file is needed"):
         read_annotation(tmp_path)
     (tmp_path / FILE).unlink()
     os.mkfifo(tmp_path / FILE)  # nobody writes to it: reading it would wait for ever
