@@ -353,9 +353,12 @@ class ServiceRun:
         """Its cube, or a step's cube: of a search, the step ``points``; while it runs, with the points so far."""
         return _dataset(self._ask("GET", "/cube.nc", query={"step": step}))
 
-    def analysis(self, name: str) -> xr.Dataset:
-        """The result of one of its analyses; of a fit ``fit``, of an optimisation ``candidates`` and ``front``."""
-        return _dataset(self._ask("GET", f"/analysis/{quote(name, safe='')}.nc"))
+    def analysis(self, name: str, step: str | None = None) -> xr.Dataset:
+        """The result of one of its analyses; of a fit ``fit``, of an optimisation ``candidates`` and ``front``.
+
+        Of a workflow: one of its analysis steps, or of the study of a step.
+        """
+        return _dataset(self._ask("GET", f"/analysis/{quote(name, safe='')}.nc", query={"step": step}))
 
     def diff(self, other: ServiceRun) -> dict[str, Any]:
         """What differs between two runs."""

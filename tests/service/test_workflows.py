@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.service import Service
+from tripod_doe.service.settings import Settings
+
 RUN_UP = (Path(__file__).parent.parent.parent / "measurements" / "run_up.csv").read_text()
 CHAIN = """
 [workflow]
@@ -124,6 +128,23 @@ def test_analyses_come_with_their_sentences_and_cubes(api, chain):
     near = api.get(f"/runs/{chain}/analysis/contributions.nc", params={"step": "switched"})
     assert near.status_code == 404
     assert "did you mean 'contribution'?" in near.json()["errors"][0]["message"]
+
+
+def test_the_analysis_steps_of_a_workflow_are_its_analyses(tmp_path):
+    """Regression: they were listed, but asked for by name the answer was to name a step."""
+    (tmp_path / "runs").mkdir()
+    service = Service(Settings(tmp_path / "runs", workers=0))
+    (tmp_path / "upload").mkdir()
+    steps = {"map": {"kind": "study", "inputs": []}, "shares": {"kind": "contribution", "inputs": ["map"]}}
+    plan = {"kind": "workflow", "name": "chain", "question": "", "unique": 0, "steps": steps}
+    run = service.runs.submit(tmp_path / "upload", plan)
+    cube = service.directory(run.id) / "steps" / "shares" / "cube.nc"
+    cube.parent.mkdir(parents=True)
+    cube.touch()
+    assert service.analysis_file(run.id, "shares") == cube
+    with pytest.raises(RefusedError, match="not made; did you mean 'shares'"):
+        service.analysis_file(run.id, "share")
+    service.runs._table.close()
 
 
 @pytest.mark.slow

@@ -387,10 +387,7 @@ class Service:
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
         """The result of an analysis of a run, or of a study step; RefusedError 404 if there is no such analysis."""
-        if self.runs.find(run_id).is_search and step is None:
-            made = {name: Path(path) for name, path in self.analysis_files(run_id).items()}
-        else:
-            made = analysis_files(self.results(run_id, step))
+        made = self.analysis_files(run_id, step)
         if name not in made:  # a client's name only chooses; it never becomes a path
             raise RefusedError(404, f"analysis: {name[:100]}: not made{near_match(name, made)}")
-        return made[name]
+        return Path(made[name])
