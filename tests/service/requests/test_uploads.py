@@ -15,7 +15,7 @@ from tripod_doe.errors import ForbiddenError, TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import place_of, problems_of
 from tripod_doe.service.requests.plans import plan_upload
-from tripod_doe.service.requests.uploads import write_upload
+from tripod_doe.service.requests.uploads import upload_texts, write_upload
 from tripod_doe.service.runs.processes import run_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 from tripod_doe.study.definition.study_file import parse_study
@@ -84,6 +84,12 @@ def test_tables_come_from_the_upload_alone(send, name):
     assert status == 403
     assert error["key"] == "table"
     assert error["line"] == TABLE.format(name).split("\n").index(f'table = "{name}"') + 1
+
+
+def test_marks_in_front_of_texts_are_left_out():
+    """Regression: a study that Notepad had saved was refused, which the command line takes."""
+    body = {"study": "\ufeff[study]\n", "files": {"points.csv": "\ufeffx\n1\n"}}
+    assert upload_texts(body) == ("study", {"study.toml": "[study]\n", "points.csv": "x\n1\n"})
 
 
 def test_an_uploaded_table_is_used(api):

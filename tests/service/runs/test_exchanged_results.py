@@ -147,11 +147,11 @@ def test_no_note_is_written_beside_or_read_from_the_results_of_another_run(servi
 
 
 def test_a_run_whose_table_alone_the_command_line_exchanged_is_shown_anew(service, look, tmp_path):
-    """Regression: the list kept the counts of the table that was submitted; a mark of UTF-8 made it another one."""
+    """Regression: the list kept the counts of the table that was submitted."""
     upload = tmp_path / "upload"
     upload.mkdir()
     (upload / "study.toml").write_text("[study]\n")
-    (upload / "points.csv").write_text("x\n1\n", encoding="utf-8-sig")
+    (upload / "points.csv").write_text("x\n1\n")
     run = service.runs._store(service.runs.submit(upload, PLAN).changed(state=State.FINISHED))
     place = service.directory(run.id)
     assert (place / UPLOAD / "points.csv").is_file()

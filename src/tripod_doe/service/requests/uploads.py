@@ -21,6 +21,7 @@ STUDY = "study.toml"
 UPLOAD = "upload"
 """Folder of a result directory with the files that the client submitted."""
 
+_MARK = "\ufeff"
 _RECORDS = (".csv", ".txt")  # endings of tables and records, which may be large
 
 
@@ -36,17 +37,19 @@ _SHOWN = 100  # characters of a name in a message
 def upload_texts(body: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
     """The kind of a request and all its texts by name: ``{"study": text, "files": {name: text}}`` or another kind.
 
+    The mark that some editors put in front of a text is left out.
+
     Raises:
         ForbiddenError: If a file's name is not a plain one.
     """
     kind = next(kind for kind in KINDS if body.get(kind) is not None)
     main = main_file(kind)
-    texts = {main: str(body[kind])}
+    texts = {main: str(body[kind]).removeprefix(_MARK)}
     for name, text in (body.get("files") or {}).items():
         _check_plain(name, "files")
         if name == main:
             raise ForbiddenError(f"files: {name}: this is the name of the submitted file itself; choose another")
-        texts[name] = text
+        texts[name] = text.removeprefix(_MARK)
     return kind, texts
 
 

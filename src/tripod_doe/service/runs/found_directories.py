@@ -3,7 +3,6 @@
 import logging
 import os
 import threading
-from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
@@ -144,16 +143,11 @@ def _is_another_study(path: Path) -> bool:
     submitted = {file.name: file for file in (path / UPLOAD).glob("*")}
     main, stored = submitted.pop(main_file("study"), None), path / "study.toml"
     if main and stored.is_file():
-        ours, its = _content(main), _content(stored)
+        ours, its = read_regular(main), read_regular(stored)
         if ours != its and not _is_grown(_tables(ours), _tables(its)):
             return True
     tables = [(file, table_copy(path, name)) for name, file in submitted.items()]
-    return any(copy.is_file() and _content(file) != _content(copy) for file, copy in tables)
-
-
-def _content(file: Path) -> bytes:
-    """A text without the mark that some editors put in front of it, which a run leaves out of its copies."""
-    return read_regular(file).removeprefix(BOM_UTF8)
+    return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in tables)
 
 
 def _is_grown(ours: dict[str, Any], its: dict[str, Any]) -> bool:
