@@ -228,7 +228,7 @@ def test_a_workflow_whose_pilot_may_take_all_points_says_what_to_set(tmp_path):
     (tmp_path / "two.toml").write_text(several)
     steps = CHAIN.partition("[steps.page]")[0] + '[steps.two]\nkind = "study"\nstudy = "two.toml"\n'
     (tmp_path / "workflow.toml").write_text(steps)
-    with pytest.raises(TooLargeError, match="allowed here: set most_points in .design. of two$"):
+    with pytest.raises(TooLargeError, match=r"allowed here: set most_points in \[design\] of two$"):
         plan_upload(tmp_path, "workflow", Limits(), timing=False)
     (tmp_path / "two.toml").write_text(several.replace("samples = 20", "samples = 20\n        most_points = 5000"))
     assert plan_upload(tmp_path, "workflow", Limits(), timing=False)["points"] == 24 + 120

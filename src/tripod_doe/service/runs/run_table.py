@@ -65,6 +65,10 @@ class PointCounts:
         """Points that have not ended."""
         return max(0, self.total - self.finished - self.failed)
 
+    def of(self, total: int) -> PointCounts:
+        """The same of another total, or of the points that have ended where a pilot or a search asked for more."""
+        return replace(self, total=max(total, self.finished + self.failed))
+
 
 @dataclass(frozen=True)
 class Run:

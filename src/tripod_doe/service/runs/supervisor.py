@@ -250,9 +250,7 @@ class Supervisor:
         """Replace the upload of a run, and queue the run."""
         run_end.replace_upload(self.directory(run.id), upload)
         run_end.remove_answers(self.directory(run.id))
-        ended = run.counts.finished + run.counts.failed  # more than the plan counts, where a pilot asked for them
-        counts = replace(run.counts, total=max(plan["unique"], ended))
-        new = {"counts": counts, "name": plan["name"], "question": plan["question"]}
+        new = {"counts": run.counts.of(plan["unique"]), "name": plan["name"], "question": plan["question"]}
         return self._store(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
@@ -448,7 +446,7 @@ class Supervisor:
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
             if state is State.FINISHED:  # the points of a search or a fed step are known only now
-                counts = replace(counts, total=counts.finished + counts.failed)
+                counts = counts.of(0)
             ended = run.changed(eta_seconds=None, retry_failed=False)
             self._store(ended.changed(state=state, message=message, counts=counts, steps=steps))
             self._forget_work(run_id)
