@@ -52,7 +52,7 @@ def cube(tmp_path_factory):
 @pytest.mark.parametrize(
     ("command", "needs"),
     [
-        ("--help", set()),
+        pytest.param("--help", set(), marks=pytest.mark.slow),
         ("run --help", set()),
         ("plan {study} --no-timing", {"numpy", "pydantic"}),
         ("simulate", {"numba", "numpy", "scipy"}),

@@ -240,6 +240,7 @@ def crowded(name: str, count: int) -> Chart:
     return Chart(name, f"Cloud {name}", "Very many markers.", figure, data)
 
 
+@pytest.mark.slow
 def test_very_many_markers_are_an_image_in_the_figure():
     few, many = crowded("few", 100).svg(), crowded("many", 30_000)
     assert "<image" not in few

@@ -160,6 +160,7 @@ def test_texts_of_strangers_are_no_formulas_and_names_of_sheets_are_free():
         workbook([Sheet("a", ["x"] * 20_000, [])])
 
 
+@pytest.mark.slow
 def test_each_figure_is_an_svg_and_a_png(results, tmp_path):
     assert main(["report", str(results), "--format", "figures", "--output", str(tmp_path / "out")]) == 0
     files = sorted((tmp_path / "out").iterdir())

@@ -140,6 +140,7 @@ def test_four_points_confirm_a_record_that_holds(recorded):
     assert len(bench.calls()) == len(calls) + 11  # no further pilot
 
 
+@pytest.mark.slow
 def test_a_study_that_grows_to_where_another_candidate_is_cheapest(recorded):
     """Regression: its run ended with an internal error. The pilot did not run model 1: nothing confirms its record."""
     bench = recorded(model_0=lambda x: np.where(x > 0.5, 0.2, 0.002), model_1=0.01)

@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from slow_cases import first_fast
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import find_in_fit
@@ -174,7 +175,9 @@ def test_what_it_leaves_in_its_directory(fitted, capsys):
     assert list(tolerance.factors) == list(TRUTH)
 
 
-@pytest.mark.parametrize("name", ["base.toml", "tolerance.toml", "fit.toml", "report/index.html", "steps.json"])
+@pytest.mark.parametrize(
+    "name", first_fast(["base.toml", "tolerance.toml", "fit.toml", "report/index.html", "steps.json"], 2)
+)
 def test_a_flipped_bit_in_its_files_is_named(fitted, tmp_path, capsys, name):
     """Regression: texts had no checksum, and base.toml went into the page, the service and the next study as it was."""
     path = shutil.copytree(fitted[0], tmp_path / "copy") / name

@@ -427,6 +427,7 @@ evaluations = 36
 """
 
 
+@pytest.mark.slow
 def test_whole_numbers_a_catalogue_and_a_value_that_follows_by_brute_force(tmp_path):
     """Exact: all 36 joints, and the pitch diameter that follows each; the front and the best one within a limit."""
     joints = [(count, size) for count in range(23, 32) for size in (1.6, 1.8, 2.0, 2.2)]

@@ -105,6 +105,7 @@ def test_a_large_answer_keeps_no_small_one_waiting(two, monkeypatch):
     assert asked == [("ask", "small_query"), ("ask_large", "query")]
 
 
+@pytest.mark.slow
 def test_an_answer_that_proves_long_is_made_where_large_ones_are(two, monkeypatch):
     """It frees the worker of small questions; threads are left where all questions that may wait do so."""
     api, _ = two

@@ -219,6 +219,7 @@ def test_more_points_than_memory_are_refused(tmp_path, monkeypatch):
         td.open_cube(sparse_cube(tmp_path / "cube.nc", 100_000), chunks="auto")
 
 
+@pytest.mark.slow
 def test_values_that_pack_well_are_read(tmp_path):
     path = tmp_path / "cube.nc"
     with netCDF4.Dataset(path, "w") as stored:
@@ -247,6 +248,7 @@ def test_a_chunk_that_fills_the_memory_is_refused(tmp_path):
         dataset_of(tmp_path / "a.nc")
 
 
+@pytest.mark.slow
 def test_texts_that_share_their_letters_are_refused(tmp_path):
     """Regression: 20,000 texts of a file of 2.5 MB named one text of 1 MB, and took 20 GB of memory."""
     path = tmp_path / "a.nc"

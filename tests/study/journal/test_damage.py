@@ -108,7 +108,7 @@ def test_a_cut_keeps_all_blocks_before_it(out, seed):
     assert len(left) >= at // (2 * PAGE_BYTES) - 4  # a block has two pages
 
 
-@pytest.mark.parametrize("page", range(12))
+@pytest.mark.parametrize("page", first_fast(range(12), 5))
 def test_a_lost_page_costs_the_blocks_on_it_whatever_it_holds(out, page):
     """The schema, the root of a table, the notes, leaves and long rows."""
     change(
@@ -134,7 +134,7 @@ def is_read(out):
     return True
 
 
-@pytest.mark.parametrize("seed", first_fast(range(40), 15))
+@pytest.mark.parametrize("seed", first_fast(range(40), 6))
 def test_a_flipped_bit_costs_at_most_the_block_it_hits(out, seed):
     """A reader never gets a wrong number; a writer keeps all other blocks, and names the damaged file."""
     rng = random.Random(seed)
@@ -152,7 +152,7 @@ def test_a_flipped_bit_costs_at_most_the_block_it_hits(out, seed):
             assert journal.repaired == ""
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", first_fast(range(6), 2))
 def test_blocks_behind_damage_in_the_log_of_a_killed_run_are_kept(whole, tmp_path, seed):
     """SQLite ends at the first damaged frame of its log, and does not say so."""
     out = shutil.copytree(whole, tmp_path / "out")
@@ -197,7 +197,9 @@ def test_a_study_with_a_damaged_journal_runs_what_is_lost(tmp_path, capsys):
     assert (td.open_cube(tmp_path / "out")["y"] == before).all()
 
 
-@pytest.mark.parametrize("column", ["keys", "outcomes", "cpu_seconds", "worker", "payload", "kernels", "digest"])
+@pytest.mark.parametrize(
+    "column", first_fast(["keys", "payload", "digest", "outcomes", "cpu_seconds", "worker", "kernels"], 3)
+)
 def test_a_value_of_another_kind_is_no_block(out, column):
     """As a damaged page may hold it: values of each type, none the column's own."""
     with closing(sqlite3.connect(journal_path(out))) as connection, connection:
