@@ -14,6 +14,15 @@ def test_rows_are_known_by_their_lines(tmp_path):
     assert read_csv_table(tmp_path / "t.csv", "t") == (["a", "b"], {4: ["1", "x\ny"], 5: ["", ""]})
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_tables_of_spreadsheets_that_write_decimal_commas(tmp_path, separator):
+    """Regression: they were one column. Exact: 1,200 may be 1200 and stays a text."""
+    rows = [["file", "torque_n_m"], ["a,b.csv", "1,5"], ["c.csv", "-12,25"], ["d.csv", "1,200"]]
+    (tmp_path / "t.csv").write_text("\n".join(separator.join(row) for row in rows))
+    read = read_csv_table(tmp_path / "t.csv", "t")[1]
+    assert list(read.values()) == [["a,b.csv", "1.5"], ["c.csv", "-12.25"], ["d.csv", "1,200"]]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -1,4 +1,8 @@
-"""Tables that people write as CSV files: a header, and rows with a field for each of its columns."""
+"""Tables that people write as CSV files: a header, and rows with a field for each of its columns.
+
+Fields are separated by commas; by semicolons or tabs, as spreadsheets write them in some countries, decimal commas are
+read, too.
+"""
 
 import csv
 import re
@@ -9,6 +13,7 @@ from pathlib import Path
 from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError, closest, misspelt
 from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.typed_numbers import readings
 
 
 def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[list[str], dict[int, list[str]]]:
@@ -29,9 +34,12 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
     refuse_changed(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.reader(stream, strict=True)
+            first = next((line for line in stream if line.strip()), "")
+            stream.seek(0)
+            separator = max(",;\t", key=first.count)
+            reader = csv.reader(stream, delimiter=separator, strict=True)
             for row in filter(None, reader):
-                rows[reader.line_num] = [field.strip() for field in row]
+                rows[reader.line_num] = [_with_point(field.strip(), separator) for field in row]
                 if most is not None and len(rows) > most + 1:  # one is the header
                     raise TooLargeError(f"{where}: more than {most:,} rows; at most {most:,} are allowed here")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -47,6 +55,13 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         if len(row) != len(header):
             raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
     return header, rows
+
+
+def _with_point(field: str, separator: str) -> str:
+    """A field, with a decimal point where its comma can only be the decimal sign: 1,5 but not 1,200."""
+    if separator == "," or "," not in field or len(read := readings(field)) != 1:
+        return field
+    return repr(read[0])
 
 
 def read_record_table(

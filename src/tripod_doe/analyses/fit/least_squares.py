@@ -23,7 +23,7 @@ _STEP = 0.01  # of a range, for differences: above the noise of a solved balance
 _SMALLEST_STEP = 1e-5  # in places, from which on an evaluation corrects derivatives
 _ROUNDS = 4  # descents from new differences
 _GAIN = 0.02  # of chi squared: a descent that gains less has arrived; a 95 % interval ends at 3.84
-_FTOL, _XTOL, _EVALUATIONS = 3e-4, 1e-5, 25
+_FTOL, _XTOL, _GTOL, _EVALUATIONS = 3e-4, 1e-5, 1e-15, 25  # a gradient of zero gives SciPy no step
 _APART = 0.5  # from zero to the lower bounds: SciPy's first step is as long as its variables are large
 _SAME = 0.02  # places nearer than this are one minimum
 
@@ -168,7 +168,7 @@ class Problem:
             loss=self.scipy_loss if np.isfinite(self.loss) else "linear",
             ftol=ftol,
             xtol=_XTOL,
-            gtol=None,
+            gtol=_GTOL,
             max_nfev=_EVALUATIONS,
         )
         return here if here.cost <= start.cost else start

@@ -16,6 +16,7 @@ from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Value
 
+_RANGE = 1 / np.sqrt(12)  # standard deviation of a place of which only the bounds are known
 _MOST_RECORDS = 1000  # beyond which records of one point are said not to reach an aim
 
 
@@ -24,7 +25,7 @@ class CandidateRows:
     """Prediction and derivatives of the model at one candidate."""
 
     prediction: ComplexArray  # at the fitted values, shape (order,)
-    slope: ComplexArray  # its derivatives by the scalars, and by those of a new record alone, shape (order, scalar)
+    slope: ComplexArray  # its derivatives by the scalars, and by one of an unknown in a new record alone, (order, scalar)
     error: ModelError  # of the model in this record
 
 
@@ -43,7 +44,8 @@ class Next:
 
     unknown: str  # the one to narrow, with its record or group
     within: float  # relative half width that is aimed at
-    operating: Mapping[str, Sequence[Value]]  # what differs between the candidates
+    operating: Mapping[str, Sequence[Value]]  # what differs between candidates or records
+    group: str  # of records to which the candidates belong, in words; empty where there are none
     gains: Sequence[Gain | None]  # None where the model fails
     predicted: Sequence[FloatArray | None]  # amplitudes, shape (order,)
 
@@ -115,7 +117,9 @@ def _variance(
     width = candidate.slope.shape[1]
     mean, std = problem.layout.priors()
     extra = width - old  # scalars of the new record alone: known to their range before
-    prior = np.append(mean, np.full(extra, 0.5)), np.append(std, np.full(extra, 1 / np.sqrt(12)))
+    ended = [own.open_low or own.open_high for own in solution.profiles]  # by a bound, which also holds later on
+    std = np.where(ended, np.minimum(std, _RANGE), std)
+    prior = np.append(mean, np.full(extra, 0.5)), np.append(std, np.full(extra, _RANGE))
     misfit = Misfit(more, np.append(problem.misfit.used, True), prior)
     prediction = np.append(np.nan_to_num(best.prediction), candidate.prediction)
     slope = np.vstack([np.hstack([best.slope, np.zeros((best.slope.shape[0], extra))]), candidate.slope])
@@ -134,7 +138,8 @@ def _band(solution: Solution, candidate: CandidateRows) -> FloatArray:
     """Half widths of the predicted amplitudes: what is not known of the unknowns, and the error of the model."""
     size = np.abs(candidate.prediction)
     unit = candidate.prediction / np.where(size > 0, size, 1)
-    slope = (np.conj(unit)[:, None] * candidate.slope).real[:, : solution.problem.layout.count]
-    variance = np.einsum("ij,jk,ik->i", slope, solution.covariance, slope)
+    slope = (np.conj(unit)[:, None] * candidate.slope).real
+    known, new = np.split(slope, [solution.problem.layout.count], axis=1)
+    variance = np.einsum("ij,jk,ik->i", known, solution.covariance, known) + ((_RANGE * new) ** 2).sum(axis=1)
     wide = np.sqrt(variance + candidate.error.whole[0] ** 2)
     return np.asarray(np.sqrt(solution.allowed / solution.scatter) * wide, float)

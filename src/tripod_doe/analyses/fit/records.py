@@ -1,6 +1,7 @@
 """Records of a rig as a fit takes them: orders of each revolution, and what is known of the joint in each record."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_record_table
-from tripod_doe.errors import InputError, near_match, speaking_of_keys
+from tripod_doe.errors import InputError, speaking_of_keys
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.operating_point import differ
 from tripod_doe.measurements.order_tracking import track_orders
@@ -30,8 +31,12 @@ _PRIOR = 8  # degrees of freedom for which the usual scatter of all records coun
 _MOST_RECORDS = 10_000  # rows of a table of records
 _FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
 _ROUNDING = 1e-12  # of the largest thrust of a record: smaller orders are rounding
-_OWN = ("reference_angle_deg", "pulses_per_revolution", "sign")
-"""Keys of [records] that a column of the table may give for each record."""
+_OWN: dict[str, tuple[str, Callable[[float], bool]]] = {
+    "reference_angle_deg": ("a finite number", math.isfinite),
+    "pulses_per_revolution": ("a whole number from 1 on", lambda value: value >= 1 and value.is_integer()),
+    "sign": ("1, -1 or free", lambda value: abs(value) == 1),
+}
+"""Keys of [records] that a column of the table may give for each record, with what their numbers must be."""
 
 
 @dataclass(frozen=True)
@@ -153,12 +158,17 @@ def _record_path(request: FitRequest, table: str, name: str) -> Path:
 
 
 def _value_of_key(key: str, text: str) -> Any:
-    if key == "sign" and text not in ("1", "+1", "-1", "free"):
-        raise InputError(f"sign = {text!r}: unknown{near_match(text, ('1', '-1', 'free'))}")
+    """A value of [records] in a field of the table; spreadsheets and pandas write 1.0 for 1 beside empty fields."""
+    if (key, text) == ("sign", "free"):
+        return text
     try:
-        return text if text == "free" else int(text) if key != "reference_angle_deg" else typed_number(text)
-    except ValueError as error:
-        raise InputError(f"{key} = {text!r}: expected a number") from error
+        value = typed_number(text)
+    except ValueError:
+        value = math.nan
+    wanted, is_right = _OWN[key]
+    if not is_right(value):
+        raise InputError(f"{key} = {text!r}: must be {wanted}")
+    return value if key == "reference_angle_deg" else int(value)
 
 
 def _read(request: FitRequest, asked: _Asked, parameters: Mapping[str, Parameter]) -> RigRecord:

@@ -66,7 +66,7 @@ def fit_dataset(
         more, places = _candidates(following, width)
         variables |= more
         coordinates |= places
-        attrs |= {"next_unknown": following.unknown, "next_within": following.within}
+        attrs |= {"next_unknown": following.unknown, "next_within": following.within, "next_group": following.group}
     return xr.Dataset(variables, coordinates, attrs)
 
 

@@ -363,31 +363,42 @@ class RigFit:
             scalars = [s for s in scalars if names[layout.owner[s]] == self.file.next.narrow]
         scalar = max(scalars, key=lambda s: relative[s])
         value, slope = _value_and_slope(layout, best.place, scalar)
-        rows = self._candidate_rows(points, solution)
+        like = int(np.flatnonzero((layout.index == scalar).any(axis=0))[0])
+        rows = self._candidate_rows(points, solution, like)
         able = [at for at, row in enumerate(rows) if row is not None]
         gained: list[Gain | None] = [None] * len(rows)
         aim = self.file.next.within * abs(value) / slope
         for at, gain in zip(able, gains(solution, self.orders, [rows[a] for a in able], scalar, aim), strict=True):  # type: ignore[misc]
             gained[at] = gain
         predicted = [None if row is None else np.abs(row.prediction) for row in rows]
-        operating = [self._operating(candidate) for candidate in self.candidates]
-        shown = [name for name in self.varied if any(name in candidate for candidate in self.candidates)]
+        every = [self._operating(each) for each in (*self.candidates, *(each.parameters for each in self.records))]
+        shown = [n for n in self.varied if any(n in each for each in self.candidates) or len({row[n] for row in every}) > 1]
+        labels = self.records[like].labels
+        grouped = [unknown.per for unknown in layout.unknowns if unknown.per in labels]
         return Next(
             layout.names()[scalar],
             self.file.next.within,
-            {name: [row[name] for row in operating] for name in shown},
+            {name: [row[name] for row in every[: len(rows)]] for name in shown},
+            ", ".join(f"{column} {labels[column]}" for column in dict.fromkeys(grouped)),
             gained,
             predicted,
         )
 
-    def _candidate_rows(self, points: Answers, solution: Solution) -> list[CandidateRows | None]:
-        """The model and its derivatives at every candidate; None where it fails."""
+    def _candidate_rows(self, points: Answers, solution: Solution, like: int) -> list[CandidateRows | None]:
+        """The model and its derivatives at every candidate; None where it fails.
+
+        Args:
+            like: The record in whose groups a candidate is.
+        """
         layout, count, width = self.layout, len(self.candidates), len(self.layout.unknowns)
-        own_value = np.array([_of_candidate(layout, which, solution.best.place) for which in range(width)])
-        trials = np.vstack([own_value, own_value + np.diag(np.where(own_value > 0.5, -_STEP, _STEP))])
-        values = np.stack([u.physical(trials[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
-        flat = np.repeat(values, count, axis=0)
-        columns = self.columns(self.candidates * (width + 1), flat, self.cheap)
+        scalars = np.array([self._scalars_of(candidate, like) for candidate in self.candidates])
+        usual = np.array([solution.best.place[row].mean() for row in layout.index])
+        here = np.clip(np.where(scalars < layout.count, np.append(solution.best.place, usual)[scalars], usual), 0, 1)
+        steps = np.where(here > 0.5, -_STEP, _STEP)
+        trials = here + steps * np.vstack([np.zeros(width), np.eye(width)])[:, None]  # (trial, candidate, unknown)
+        flat = trials.reshape(-1, width)
+        values = np.stack([u.physical(flat[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
+        columns = self.columns(self.candidates * (width + 1), values, self.cheap)
         orders, needles = points(columns)
         chosen = orders[:, self.orders].reshape(width + 1, count, -1)
         columns = {name: column[:count] for name, column in columns.items()}
@@ -395,20 +406,29 @@ class RigFit:
         error = self._error(
             columns, np.nan_to_num(chosen[0]), Needles(needles.second[:count], needles.skew[:count])
         ).times(solution.error_size.of(self.orders))
-        steps = np.diag(trials[1:] - own_value)
         rows: list[CandidateRows | None] = []
-        new = [which for which, u in enumerate(layout.unknowns) if u.per != "all"]
         for at in range(count):
             if not np.isfinite(chosen[:, at]).all():
                 rows.append(None)
                 continue
-            by_unknown = (chosen[1:, at] - chosen[0, at]) / steps[:, None]  # (unknown, order)
-            slope = np.zeros((len(self.orders), layout.count + len(new)), complex)
-            for which, unknown in enumerate(layout.unknowns):
-                scalar = layout.index[which, 0] if unknown.per == "all" else layout.count + new.index(which)
-                slope[:, scalar] = by_unknown[which]
+            slope = np.zeros((len(self.orders), layout.count + width), complex)
+            slope[:, scalars[at]] = ((chosen[1:, at] - chosen[0, at]) / steps[at][:, None]).T
             rows.append(CandidateRows(chosen[0, at], slope, error.at(at)))
         return rows
+
+    def _scalars_of(self, candidate: Mapping[str, Value], like: int) -> list[int]:
+        """The scalar of each unknown at a candidate; those that no record has follow the others, one an unknown."""
+        layout, operating = self.layout, self._operating(candidate)
+        scalars = []
+        for which, unknown in enumerate(layout.unknowns):
+            own, new = layout.index[which], layout.count + which
+            if unknown.per in operating:  # a group may have the value that the candidate has
+                label = f"{unknown.per} {level_or_word(operating[unknown.per])}"
+                same = [scalar for scalar in own.tolist() if layout.groups[scalar] == label]
+                scalars.append(same[0] if same else new)
+            else:
+                scalars.append(new if unknown.per == "record" else int(own[like]))
+        return scalars
 
 
 def _middle(values: Sequence[Value]) -> Value:
@@ -420,11 +440,6 @@ def _middle(values: Sequence[Value]) -> Value:
 def measured_sizes(records: Sequence[RigRecord], orders: Sequence[int]) -> FloatArray:
     """Measured amplitudes, shape (record, order)."""
     return np.array([np.abs(measured_orders(record, orders).mean) for record in records])
-
-
-def _of_candidate(layout: Layout, which: int, place: FloatArray) -> float:
-    """Place of an unknown at a candidate: its own, or the mean over records."""
-    return float(np.clip(place[layout.index[which]].mean(), 0, 1))
 
 
 def _value_and_slope(layout: Layout, place: FloatArray, scalar: int) -> tuple[float, float]:

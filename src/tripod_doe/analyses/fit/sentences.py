@@ -193,7 +193,7 @@ def _reaches_over_others(fit: xr.Dataset) -> bool:
 
 
 def candidate_text(fit: xr.Dataset, at: int) -> str:
-    """The operating values of a candidate in words."""
+    """The operating values of a candidate in words, and the group of records to which it would belong."""
     names = [str(name) for name in fit.coords if fit[name].dims == ("candidate",) and str(name) != "candidate"]
     parts = []
     for name in names:
@@ -201,7 +201,7 @@ def candidate_text(fit: xr.Dataset, at: int) -> str:
         value = fit[name].values[at]
         shown = str(value) if isinstance(value, str) else level(float(value))
         parts.append(with_unit(f"{spoken(own)} {shown}", _unit(own)))
-    return ", ".join(parts)
+    return ", ".join(filter(None, [*parts, str(fit.attrs.get("next_group", ""))]))
 
 
 def _cautions(fit: xr.Dataset) -> Iterator[str]:
