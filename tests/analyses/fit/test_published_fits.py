@@ -7,6 +7,7 @@ import pytest
 from fit_problems import MISRA1A, THURBER, model_of, one_record, real_rows
 
 from tripod_doe.analyses.fit.fit import solve
+from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
 
 
 def deviations(solution):
@@ -84,3 +85,12 @@ def test_an_unidentifiable_pair_is_a_combination(bacteria):
     factors = dict(bacteria.combinations[0].parts)
     rate, half = bacteria.problem.layout.physical(bacteria.best.place)
     assert -factors[1] / factors[0] == pytest.approx(rate / half, rel=0.02)  # along the valley, rate over half stays
+
+
+def test_what_is_known_before_counts_like_a_measured_value():
+    """Exact: chi squared of two values of one number is over one degree of freedom. Regression: over none."""
+    unknowns = [Unknown("b", 0.0, 10.0, mean=4.0, std=0.3)]
+    layout = make_layout(unknowns, ["data"], [[""]])
+    solution = solve(layout, real_rows(np.array([6.0]), 0.4), model_of(layout, lambda b: b[:, :1]))
+    assert solution.freedom == 1
+    assert solution.best.cost == solution.scatter == pytest.approx(2**2 / (0.3**2 + 0.4**2), rel=1e-3)

@@ -216,7 +216,7 @@ def _with_profiles(
         best = replace(descents[0], slope=problem.slopes(descents[0].place, descents[0].prediction))
         compared = problem.compare(best.prediction, best.place)
         jacobian = problem.misfit.jacobian(compared, best.slope)
-        freedom = problem.misfit.data - problem.misfit.free - problem.layout.count
+        freedom = problem.misfit.data + problem.misfit.expected - problem.misfit.free - problem.layout.count
         scatter = max(best.cost / freedom, 1.0) if freedom > 0 else 1.0
         # deviations that explain the scatter are known but for the size of the model's errors
         known = min(size.freedom, freedom if scatter > 1 else np.inf)

@@ -121,8 +121,9 @@ def _check(request: FitRequest) -> None:
         where = f"[unknowns.{name}]"
         if table.low >= table.high:
             raise request.fail(where, f"low = {table.low:g} must be below high = {table.high:g}")
-        if table.scale == "log" and table.low <= 0:
-            raise request.fail(where, f'low = {table.low:g}: must be above 0 with scale = "log"')
+        for key, value in (("low", table.low), ("mean", table.mean)):
+            if table.scale == "log" and value is not None and value <= 0:
+                raise request.fail(where, f'{key} = {value:g}: must be above 0 with scale = "log"')
         if (table.mean is None) != (table.std is None):
             raise request.fail(where, "mean and std belong together: give both, or neither")
         if name in file.base:

@@ -110,6 +110,11 @@ class Misfit:
         return int(self._angles.size)
 
     @property
+    def expected(self) -> int:
+        """Number of scalars of which something is known before: each counts like a measured value."""
+        return int(np.isfinite(self._std).sum())
+
+    @property
     def _nuisances(self) -> int:
         """Shared nuisances: two factors of each error with any phase, one of others, and the sensor's scale."""
         return 2 * int(self._changes.shape[1]) + int(self._turning.shape[1]) + bool(self.rows.scale_error)
