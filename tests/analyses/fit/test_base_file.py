@@ -47,7 +47,13 @@ def test_correlations_are_those_of_the_fit(result, correlation):
     assert np.std(one + other) == pytest.approx(0.001 * np.sqrt(2 + 2 * correlation), rel=0.03)
 
 
-def test_unknowns_of_each_record_leave_no_study_of_correlations(result):
-    """Regression: a fit whose unknowns are all of single records ended with an error of numpy."""
-    own = result.assign(value=("unknown", [np.nan]))
-    assert "correlation" not in tolerance_text(own, {"torque_n_m": 200.0})
+@pytest.mark.parametrize("text_of", [base_text, tolerance_text])
+def test_values_of_groups_are_comments_to_choose_from(result, text_of):
+    """Exact values. Regressions: the study took the default without a word; without a shared unknown, numpy failed."""
+    groups = {"value_of_record": [[0.07, 0.05, 0.07]], "group_of_record": [["oil A", HOSTILE, "oil A"]]}
+    own = result.assign({name: (("unknown", "record"), values) for name, values in groups.items()})
+    text = text_of(own.assign(value=("unknown", [np.nan])), {"torque_n_m": 200.0})
+    assert tomllib.loads(text)["base"] == {"torque_n_m": 200.0}
+    assert text.count("\n# groove_sliding_friction = 0.07  # oil A\n") == 1
+    assert "# groove_sliding_friction = 0.05  # x\\n[study]" in text
+    assert "correlation" not in text

@@ -57,7 +57,9 @@ def fitted(tmp_path):
         for at, (angle, torque, grease, friction) in enumerate(records):
             point = {"joint_angle_deg": angle, "torque_n_m": torque, "groove_sliding_friction": friction}
             size = answers({name: np.array([v]) for name, v in {**point, "needle_sliding_friction": 0.04}.items()})
-            force = np.abs(size[0][0, 3]) * (np.cos(np.radians(3 * turned)) + 0.01 * random.standard_normal(turned.size))
+            force = np.abs(size[0][0, 3]) * (
+                np.cos(np.radians(3 * turned)) + 0.01 * random.standard_normal(turned.size)
+            )
             lines = [f"{a},{f:.6f}" for a, f in zip(turned, force, strict=True)]
             (tmp_path / f"{at}.csv").write_text("\n".join(["rotation_deg,thrust_n", *lines]))
             rows.append(f"{at}.csv;{angle};{str(torque).replace('.', ',')};{grease};1.0")

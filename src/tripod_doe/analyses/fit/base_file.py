@@ -26,12 +26,22 @@ def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     for name in result["unknown"].values.tolist():
         own = result.sel(unknown=name, unknown_2=name)
         if not math.isfinite(float(own["value"])):
-            lines.append(f"# {name}: each record or group has its own, see value_of_record in fit.nc")
+            lines += _values_of_groups(own)
             continue
         words = value_range(float(own["low"]), float(own["high"]))
         verdict = str(own["verdict"].item())
         lines.append(f"{name} = {_rounded(own)}  # 95 %: {words}; {verdict}")
     return "\n".join(lines) + "\n"
+
+
+def _values_of_groups(own: xr.Dataset) -> list[str]:
+    """Comments with the value of an unknown in each record or group: which one a study is of, its user knows."""
+    name, values = own["unknown"].item(), own["value_of_record"].values.tolist()
+    groups = dict(zip(map(_in_a_comment, own["group_of_record"].values.tolist()), values, strict=True))
+    return [
+        f"# {name} differs between records; without one of these lines, it has its default:",
+        *(f"# {name} = {value:.6g}  # {group}" for group, value in groups.items()),
+    ]
 
 
 def _of_these_needles(result: xr.Dataset, base: Mapping[str, Value]) -> Mapping[str, Value]:
@@ -77,6 +87,12 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
             f"{name} = {json.dumps(value.item())}  # in the middle of the records"
             for name, value in operating.items()
             if name not in base
+        ),
+        *(
+            line
+            for name in result["unknown"].values
+            if name not in shared
+            for line in _values_of_groups(result.sel(unknown=name))
         ),
         "",
     ]

@@ -372,7 +372,9 @@ class RigFit:
             gained[at] = gain
         predicted = [None if row is None else np.abs(row.prediction) for row in rows]
         every = [self._operating(each) for each in (*self.candidates, *(each.parameters for each in self.records))]
-        shown = [n for n in self.varied if any(n in each for each in self.candidates) or len({row[n] for row in every}) > 1]
+        shown = [
+            n for n in self.varied if any(n in each for each in self.candidates) or len({row[n] for row in every}) > 1
+        ]
         labels = self.records[like].labels
         grouped = [unknown.per for unknown in layout.unknowns if unknown.per in labels]
         return Next(
