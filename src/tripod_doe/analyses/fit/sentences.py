@@ -65,17 +65,16 @@ def _no_fit(fit: xr.Dataset) -> list[str]:
     if root <= _NO_FIT:
         return []
     return [
-        f"No joint within the bounds fits these records: {_differing(fit)} differ by "
+        f"No joint within the bounds fits these records: measured and fitted orders{_or_expected(fit)} differ by "
         f"{number(root, 2)} times what their uncertainties explain. What follows is of the joint that differs least, "
         "with intervals widened by this factor. Check the bounds, the values in [base], the operating points, and sign "
         "and unit of the force."
     ]
 
 
-def _differing(fit: xr.Dataset) -> str:
-    """What chi squared counts."""
-    before = ", or fitted values and those expected before (mean, std)," if fit.attrs.get("expected_values") else ""
-    return f"measured and fitted orders{before}"
+def _or_expected(fit: xr.Dataset) -> str:
+    """What chi squared counts beside orders."""
+    return ", or fitted values and those expected before (mean, std)," if fit.attrs.get("expected_values") else ""
 
 
 def _unit(name: str) -> str:
@@ -217,8 +216,8 @@ def _cautions(fit: xr.Dataset) -> Iterator[str]:
     root = math.sqrt(float(attrs["scatter"]))
     if _WIDE < root <= _NO_FIT:
         yield (
-            f"{capital(_differing(fit))} differ by {number(root, 2)} times what their uncertainties explain; all "
-            "intervals are widened by this factor."
+            f"Measured and fitted orders{_or_expected(fit)} differ by {number(root, 2)} times what their uncertainties "
+            "explain; all intervals are widened by this factor."
         )
     if attrs["other_minima"]:
         count = int(attrs["other_minima"])
