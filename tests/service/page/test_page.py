@@ -311,6 +311,13 @@ def test_marks_on_parallel_axes_narrow_points_down(served, page, sampled):
     assert 5 < int(kept[1]) < 25  # the sample is even along each factor
 
 
+@pytest.mark.parametrize("kind", ["parallel", "matrix"])
+def test_finished_points_without_a_value_are_drawn(served, page, sampled, kind):
+    explore(page, served, sampled, f"kind={kind}&where=joint_angle_deg < 8")  # the others are blank
+    assert inked(page, "#figure canvas.base")
+    assert page.locator("#complaint").inner_text() == ""
+
+
 def test_filters_of_a_list_of_points_are_those_of_a_query(served, page, sampled):
     explore(page, served, sampled)
     low = page.locator("[data-range=torque_n_m] input").first
@@ -331,6 +338,23 @@ def test_a_wrong_condition_is_told_beside_it(served, page, coast):
     field.fill("thrust_amplitud > 3")
     field.press("Enter")
     until(page, "document.getElementById('complaint').textContent.includes('thrust_amplitude')")
+
+
+def test_what_is_typed_stays_while_the_run_changes(served, page, sampled):
+    """Regression: a field was replaced under the keys, and its half of a condition sent, at each change of the run."""
+    explore(page, served, sampled, "kind=points")
+    address, field = page.url, page.get_by_label("Only where")
+    for name, half in (("changed", "joint_angle_deg <"), ("", " 1")):
+        field.press_sequentially(half)
+        typed = field.input_value()
+        served.ask("PATCH", f"/api/v1/runs/{sampled}", {"name": name})
+        until(page, f"document.querySelector('h1').textContent.includes('changed') === {str(bool(name)).lower()}")
+        page.wait_for_timeout(500)
+        assert (field.input_value(), page.url, page.locator("#complaint").inner_text()) == (typed, address, "")
+    field.press_sequentially("3")
+    change(page, lambda: field.press("Enter"))
+    assert "where=joint_angle_deg+%3C+13" in page.url
+    assert "kind=points" in page.url
 
 
 def test_text_and_form_follow_each_other_and_complaints_stand_at_their_line(served, page):

@@ -20,8 +20,9 @@ from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer import analysis_tables, exports
 from tripod_doe.service.explorer.analysis_tables import view_behind
-from tripod_doe.service.explorer.answers import explore, extremes, failures, figure, numbers, point
+from tripod_doe.service.explorer.answers import explore, extremes, failures, figure, numbers, parameters, point
 from tripod_doe.service.explorer.axes import drawn_view, full_view
+from tripod_doe.service.explorer.controls import controls, view_title
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import point_figures
@@ -35,6 +36,7 @@ from tripod_doe.service.requests.gallery import gallery, gallery_upload, study_o
 from tripod_doe.service.requests.plans import plan_upload
 from tripod_doe.service.requests.study_form import changed_text, study_form
 from tripod_doe.service.requests.uploads import main_file, upload_texts, write_upload
+from tripod_doe.study.definition.simulators import SCENES, load_simulator
 from tripod_doe.study.definition.study_file import load_study, parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
@@ -95,6 +97,44 @@ def test_an_address_is_a_view_and_a_view_an_address():
     assert View.from_items(view.items()) == view
     with pytest.raises(InputError, match="did you mean 'lines'"):
         View.from_items([("kind", "line")])
+
+
+@pytest.mark.parametrize(("kind", "lost"), [("lines", True), ("map", True), ("points", False)])
+def test_the_level_at_which_a_factor_stood_does_not_narrow_its_axis(folders, kind, lost):
+    cube = td.open_cube(folders["grid"])
+    view = view_of(cube, f"kind={kind}&x=joint_angle_deg&by=torque_n_m&select=torque_n_m=90&select=joint_angle_deg=2:8")
+    assert ("torque_n_m=90" in view.select) is not lost
+    assert "joint_angle_deg=2:8" in view.select  # a range is a choice
+
+
+@pytest.mark.parametrize("kind", ["points", "parallel", "matrix"])
+def test_a_list_of_points_has_a_control_for_each_selection(folders, kind):
+    """Regression: a word that was selected before narrowed the points, and no control said so."""
+    cube = td.open_cube(folders["grid"]).assign_coords(torque_n_m=["weak", "full"])
+    view = view_of(cube, f"kind={kind}&x=joint_angle_deg&by=order&select=torque_n_m=weak")
+    ((axis, chosen),) = controls(cube, view)["words"]
+    assert (axis["name"], axis["texts"], chosen) == ("torque_n_m", ["full", "weak"], "weak")
+    assert kind != "points" or "order" in [axis["name"] for axis in controls(cube, view)["beside"]]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"), [("2:7", "2 to 7 deg"), (":7", "up to 7 deg"), ("2:", "2 deg or more"), ("7", "7 deg")]
+)
+def test_a_title_says_ranges_in_words(folders, wanted, told):
+    view = view_of(td.open_cube(folders["list"]), f"kind=points&x=torque_n_m&select=joint_angle_deg={wanted}")
+    assert f", joint angle {told}, order 3" in view_title(td.open_cube(folders["list"]), view)
+
+
+def test_values_in_fields_are_read_as_they_are_written(folders):
+    """Regression: a comma between thousands was refused when the field was sent."""
+    for scene in SCENES:
+        known = load_simulator(scene).parameters
+        for name, default in parameters(scene):
+            assert default == "" or known[name].choices or float(default) == known[name].default
+    shown = point(str(folders["grid"]), 0) | {"parameters": {"speed_rpm": 10000.0, "torque_n_m": -1234.56789}}
+    page = part("point.html", root="", point=shown, run_id="", step=None, read_only=False, computes=True)
+    assert 'value="10000"' in page
+    assert 'value="-1234.56789"' in page
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ from tripod_doe.service.explorer.slices import (
     shown_cells,
     values_of,
 )
-from tripod_doe.service.explorer.view import View
+from tripod_doe.service.explorer.view import View, selected_text
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
 from tripod_doe.study.query.query import records, without_rounding
@@ -237,7 +237,7 @@ def parameters(scene: str) -> Any:
     if scene not in SCENES:
         raise InputError(f"scene = {scene!r}: unknown{near_match(scene, SCENES)}")
     known = load_simulator(scene).parameters.values()
-    return [(p.name, "" if p.default is None else _word(p.default)) for p in known]
+    return [(p.name, "" if p.default is None else selected_text(p.default)) for p in known]
 
 
 def _price(found: xr.Dataset) -> str:

@@ -108,14 +108,19 @@ def full_view(cube: xr.Dataset, view: View) -> View:
     x, by = (name if name in axes else "" for name in (view.x, view.by))  # others belong to another variable
     view = replace(view, variable=variable, x=x, by=by)
     view = _with_kind(view, axes)
-    shown = {axes[name].dim for name in (view.x, view.by) if name}
-    if view.kind in OF_POINTS:
-        shown |= set(design_of(cube))
-    kept = tuple(text for text in view.select if text.partition("=")[0] in axes)
+    listed = view.kind in OF_POINTS  # there a level of an axis is a range of points
+    own = set() if listed else {view.x, view.by}
+    kept = tuple(text for text in view.select if _stays(*text.partition("=")[::2], axes, own))
+    shown = {axes[name].dim for name in (view.x, view.by) if name} | (set(design_of(cube)) if listed else set())
     fixed = {text.partition("=")[0] for text in kept}
     still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and axis.name not in fixed]
     kept += tuple(f"{axis.name}={_start_value(cube, axis)}" for axis in still)
     return replace(view, select=kept, minus=view.minus if _can_subtract(cube, view, kept) else "")
+
+
+def _stays(name: str, wanted: str, axes: dict[str, Axis], own: set[str]) -> bool:
+    """Whether a selection is one of this view: not the level at which a dimension stood before it became an axis."""
+    return name in axes and not (name in own and wanted in axes[name].texts)
 
 
 def drawn_view(cube: xr.Dataset, asked: View) -> View:

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from tripod_doe.page_parts.words import unit_text
@@ -17,8 +18,8 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
 
     Returns:
         ``kinds`` of views that suit the variable; axes that can be ``below`` and ``beside``; ``still``, the axes at a
-        fixed value, with their values; their ``levels`` that can be subtracted; and ``ranges`` of factors with both
-        ends as texts, empty for an open end.
+        fixed value, with their values; their ``levels`` that can be subtracted; and for lists of points ``words`` of
+        factors with the chosen one, and ``ranges`` of factors with both ends as texts: empty for all, or an open end.
     """
     axes = variable_axes(cube, view.variable)
     own = [axis for axis in axes if axis.name == axis.dim and axis.name != "point"]
@@ -34,11 +35,16 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
     return {
         "kinds": kinds,
         "below": [asdict(axis) for axis in (factors if view.kind == "points" else own)] if view.x else [],
-        "beside": [asdict(axis) for axis in (factors if view.kind == "points" else beside)],
+        "beside": [asdict(axis) for axis in (dict.fromkeys(factors + own) if view.kind == "points" else beside)],
         "still": [
             (asdict(axis), values.get(axis.name, ""))
             for axis in axes
             if axis.name == axis.dim not in shown and not (listed and axis in ranges)
+        ],
+        "words": [
+            (asdict(axis) | {"texts": np.unique(cube[axis.name].astype(str)).tolist()}, values.get(axis.name, ""))
+            for axis in factors
+            if listed and not axis.numeric and axis.dim in shown
         ],
         "levels": [
             (asdict(axis), [text for text in axis.texts if text != values.get(axis.name)])
@@ -77,4 +83,7 @@ def _selection_text(cube: xr.Dataset, name: str, wanted: str) -> str:
     known = name in cube.variables
     unit = unit_text(str(cube[name].attrs.get("units", "1"))) if known else ""
     words = label_of(cube[name]).partition(" (")[0] if known else name
-    return f"{words} {wanted.replace(':', ' to ')} {unit}".rstrip()
+    low, _, high = wanted.partition(":")
+    ends = f"up to {high}" if high and not low else wanted.replace(":", " to ") if high else low
+    more = " or more" * wanted.endswith(":")
+    return f"{words} {ends} {unit}".rstrip() + more

@@ -11,7 +11,8 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from tripod_doe.page_parts.markdown import markdown
-from tripod_doe.quantities import duration, in_words, level, number, size
+from tripod_doe.quantities import duration, in_words, number, size
+from tripod_doe.service.explorer.view import selected_text
 from tripod_doe.service.page.asset_files import stamp
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.security import content_policy
@@ -51,7 +52,7 @@ def _templates() -> Environment:
     )
     words = {
         "duration": duration,
-        "level": level,
+        "selected_text": selected_text,
         "round_level": number,
         "size": size,
         "to_come": _to_come,
@@ -102,7 +103,7 @@ def _in_file(value: object) -> str:
     """A value as in a study file; a dash if it is not set."""
     if value is None:
         return "-"
-    return value if isinstance(value, str) else level(value) if isinstance(value, float) else json.dumps(value)
+    return selected_text(value) if isinstance(value, str | float) else json.dumps(value)
 
 
 def _day(stamp: str) -> str:

@@ -18,7 +18,7 @@ const second = makeFrame(document.getElementById("second-figure"), {
 });
 const exports = document.getElementById("exports");
 let shownExports = exports.innerHTML;
-let asked = null, opened = null;
+let asked = null, opened = null, unsaved = false;
 
 const FIELDS = ["analysis", "variable", "x", "by", "low", "high", "where", "minus"];
 const VIEW = ["step", "kind", "select", ...FIELDS];  // what an address says of the view, and of nothing else
@@ -50,14 +50,20 @@ function itemsOfControls() {
   }
   for (const range of controls.querySelectorAll("[data-range]")) {
     const [low, high] = [...range.querySelectorAll("input")].map((field) => field.value.trim());
-    if (low || high) items.push(["select", `${range.dataset.range}=${low}:${high}`]);
+    if (low || high) items.push(["select", `${range.dataset.range}=${low === high ? low : `${low}:${high}`}`]);
   }
   return items;
 }
 
-async function look(items, { remember = true } = {}) {
+function isEdited(field) {  // its text would be lost, and sent half written, if the controls were replaced now
+  return controls.contains(field) && field.type === "text" && field.value !== field.defaultValue;
+}
+
+async function look(items, { remember = true, live = false } = {}) {
+  if (live && isEdited(document.activeElement)) return;
   asked?.abort();
   asked = new AbortController();
+  unsaved ||= remember;  // of a view that this one replaces before it was there
   const query = new URLSearchParams(items).toString();
   try {
     const parts = askJson(`${page}/view?${query}`, { signal: asked.signal });
@@ -67,12 +73,15 @@ async function look(items, { remember = true } = {}) {
     }
     const drawn = askJson(`${api}/figure?${query}`, { signal: asked.signal });
     const [taken, figure] = await Promise.all([parts, drawn]);
+    if (live && isEdited(document.activeElement)) return;
     take(taken);
-    if (remember) history.pushState(null, "", `${page}?${withKept(items)}`);
+    if (unsaved) history.pushState(null, "", `${page}?${withKept(items)}`);
+    unsaved = false;
     await main.draw(figure);
     if (document.getElementById("numbers").open) fillNumbers();
   } catch (error) {
     if (error.name === "AbortError") return;
+    unsaved = false;
     const complaint = document.getElementById("complaint");
     if (complaint) complaint.textContent = error.message;
     else complain(error);
@@ -231,7 +240,7 @@ document.addEventListener("keydown", (event) => {
 window.addEventListener("popstate", () => { look(itemsOfAddress(), { remember: false }); lookBeside().catch(complain); });
 whenThemeChanges(() => { for (const frame of [main, second]) if (frame.figure) frame.draw(frame.figure); });
 liveHead(() => {
-  look(controls.elements.variable ? itemsOfControls() : itemsOfAddress(), { remember: false });
+  look(controls.elements.variable ? itemsOfControls() : itemsOfAddress(), { remember: false, live: true });
   lookBeside().catch(complain);
   followPoint().catch(complain);
 });

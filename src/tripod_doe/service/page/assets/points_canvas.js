@@ -5,6 +5,7 @@ import { colour } from "./theme.js";
 
 export const FINISHED = 0, NOT_RUN = 10;
 export const MOST_MARKS = 4000;  // points above which marks and lines give way to their density
+const NO_VALUE = "#8b96a3";  // of a finished point
 const STOPS = [[31, 59, 115], [38, 100, 142], [42, 145, 135], [107, 181, 107], [201, 201, 79], [251, 225, 131]];
 
 export function unpacked(packed) {
@@ -67,7 +68,7 @@ function mixed(part) {
 }
 
 export function shade(part, alpha) {
-  return `rgba(${mixed(part).join()},${alpha})`;
+  return Number.isNaN(part) ? NO_VALUE : `rgba(${mixed(part).join()},${alpha})`;
 }
 
 const INKS = Uint32Array.from({ length: 256 }, (_, level) => {  // little-endian: alpha, blue, green, red
