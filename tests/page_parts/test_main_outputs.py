@@ -31,7 +31,7 @@ def test_an_answer_at_one_label_of_many_names_it():
     power, thrust = np.array([2.0, 5.0]), np.array([[1.0], [8.0]]) + np.arange(4.0)
     tables = [power[:, None, None] + np.zeros((2, 2, 4)), thrust + np.zeros((2, 2, 4)), np.full((2, 2, 4), 7.0)]
     result = xr.Dataset(
-        {"mean": (("output", "mechanism", "groove", "order"), tables)},
+        {"mean": (("output", "mechanism", "groove", "order"), tables), "wave_mean": ("order", np.arange(4.0))},
         {"output": outputs, "mechanism": ["sliding", "rolling"], "groove": [1, 2], "order": [0, 1, 2, 3]},
         {"outputs": ", ".join(outputs)},
     )

@@ -52,17 +52,22 @@ def main_outputs(
     own = [name for name in str(result.attrs.get(RESPONSES, "")).split(", ") if name in outputs]
     if _AMPLITUDE in outputs:
         outputs = [_AMPLITUDE, *own]
-    parts = []
+    parts, table = [], in_table(result)
     for output in outputs[: max(_MOST, len(own))]:
         of_output = result.sel(output=output) if several else result
-        for order in _own_orders(of_output, orders) or (None,):
+        for order in _own_orders(of_output[table], orders) or (None,):
             part = of_output if order is None else of_output.sel(order=order)
             first = dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0)
-            named = {dim: at for dim, at in first.items() if differ(part, dim)}
+            named = {dim: at for dim, at in first.items() if differ(part[table], dim)}
             part, place = part.isel(first), place_text(part, named)
             if part[key].notnull().any():
                 parts.append(output_part(output, _words(output, order) + place, part))
     return parts
+
+
+def in_table(result: xr.Dataset) -> list[Hashable]:
+    """Names of the answers on several outputs at once; all of a result without such: others are on one output each."""
+    return [name for name, each in result.data_vars.items() if "output" in each.dims] or [*result.data_vars]
 
 
 def output_part(output: str, what: str, answers: xr.Dataset) -> OutputPart:

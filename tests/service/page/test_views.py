@@ -115,6 +115,9 @@ def test_a_list_of_points_has_a_control_for_each_selection(folders, kind):
     ((axis, chosen),) = controls(cube, view)["words"]
     assert (axis["name"], axis["texts"], chosen) == ("torque_n_m", ["full", "weak"], "weak")
     assert kind != "points" or "order" in [axis["name"] for axis in controls(cube, view)["beside"]]
+    cube = td.open_cube(folders["list"])
+    ((axis, chosen),) = controls(cube, view_of(cube, f"kind={kind}&select=point=5"))["words"]
+    assert (axis["name"], axis["texts"], chosen) == ("point", ["5"], "5")
 
 
 @pytest.mark.parametrize(

@@ -48,9 +48,7 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
         known = np.isfinite(part["r_squared"]) and not saturated
         explained = f", R2 {number(float(part['r_squared']), 4)}" if known else ""
         if text:
-            squared = any(" squared" in each for each in text)
-            way = "from low to high" + ", of squares from the middle to the ends" * squared
-            sentences.append(f"Largest effects on {what}, {way}: {listed(text)}{weak}{explained} (analysis {name}).")
+            sentences.append(f"{_largest(what, text)}{weak}{explained} (analysis {name}).")
         elif saturated and rows:
             sentences.append(_without_scatter(what, unit, rows, name))
         else:
@@ -68,11 +66,14 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
 def _without_scatter(what: str, unit: str, rows: list[tuple[str, float, float, float]], name: str) -> str:
     """The largest effects where the only scatter that they could be judged by is that among themselves."""
     largest = sorted(rows, key=lambda row: -abs(row[1]))[:_MOST_NAMED]
-    text = listed([f"{term_text(str(row[0]))} {with_unit(number(float(row[1])), unit)}" for row in largest])
-    return (
-        f"Largest effects on {what}, from low to high: {text}; there are as many terms as points, so their "
-        f"significance is not known, and none is much larger than the others (analysis {name})."
-    )
+    text = [f"{term_text(str(row[0]))} {with_unit(number(float(row[1])), unit)}" for row in largest]
+    told = "there are as many terms as points, so their significance is not known"
+    return f"{_largest(what, text)}; {told} (analysis {name})."
+
+
+def _largest(what: str, text: list[str]) -> str:
+    way = "from low to high" + ", of squares from the middle to the ends" * any(" squared" in each for each in text)
+    return f"Largest effects on {what}, {way}: {listed(text)}"
 
 
 def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:

@@ -11,7 +11,15 @@ import xarray as xr
 from tripod_doe.analyses.tolerance.chances import points_to_decide
 from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, limit_key
 from tripod_doe.analyses.tolerance.narrower_scatter import together
-from tripod_doe.page_parts.main_outputs import OutputPart, differ, left_points, main_outputs, output_part, quantile_text
+from tripod_doe.page_parts.main_outputs import (
+    OutputPart,
+    differ,
+    in_table,
+    left_points,
+    main_outputs,
+    output_part,
+    quantile_text,
+)
 from tripod_doe.page_parts.words import listed, place_text, spoken, unit_text
 from tripod_doe.quantities import chance_in_percent, count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
@@ -30,18 +38,19 @@ def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
     parts = main_outputs(result, "mean", orders=_orders(result))
     outputs = result["output"].values.tolist() if "output" in result.dims else []
     return parts + [
-        _most_exceeding(result.sel(output=output), output)
+        _most_exceeding(result, output)
         for output in outputs
         if output not in {part.output for part in parts}
         and bool(result["exceedance"].sel(output=output).notnull().any())
     ]
 
 
-def _most_exceeding(answers: xr.Dataset, output: str) -> OutputPart:
+def _most_exceeding(result: xr.Dataset, output: str) -> OutputPart:
     """An output with limits at the labels where it exceeds its limit most often."""
+    answers = result.sel(output=output)
     chance = answers["exceedance"]
     place = {dim: int(at) for dim, at in chance.argmax(...).items()}
-    named = {dim: at for dim, at in place.items() if differ(answers, dim)}
+    named = {dim: at for dim, at in place.items() if differ(answers[in_table(result)], dim)}
     return output_part(output, output + place_text(answers, named), answers.isel(place))
 
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 from tripod_doe.page_parts.words import unit_text
 from tripod_doe.quantities import capital
-from tripod_doe.service.explorer.axes import design_of, variable_axes
+from tripod_doe.service.explorer.axes import Axis, design_of, variable_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
 
@@ -42,9 +42,10 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
             if axis.name == axis.dim not in shown and not (listed and axis in ranges)
         ],
         "words": [
-            (asdict(axis) | {"texts": np.unique(cube[axis.name].astype(str)).tolist()}, values.get(axis.name, ""))
-            for axis in factors
-            if listed and not axis.numeric and axis.dim in shown
+            (asdict(axis) | {"texts": _words(cube, axis, values)}, values.get(axis.name, ""))
+            for axis in axes
+            if (listed and axis in factors and not axis.numeric and axis.dim in shown)
+            or (view.kind in OF_POINTS and axis.name == "point" in values)
         ],
         "levels": [
             (asdict(axis), [text for text in axis.texts if text != values.get(axis.name)])
@@ -53,6 +54,11 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
         ],
         "ranges": [(asdict(axis), *_ends(values.get(axis.name, ""))) for axis in ranges],
     }
+
+
+def _words(cube: xr.Dataset, axis: Axis, values: dict[str, str]) -> list[str]:
+    """Words of a factor; of the points only the chosen one, as they may be many."""
+    return [values[axis.name]] if axis.name == "point" else np.unique(cube[axis.name].astype(str)).tolist()
 
 
 def _ends(wanted: str) -> tuple[str, str]:

@@ -18,7 +18,7 @@ const second = makeFrame(document.getElementById("second-figure"), {
 });
 const exports = document.getElementById("exports");
 let shownExports = exports.innerHTML;
-let asked = null, opened = null, unsaved = false;
+let asked = null, opened = null, unsaved = false, taking = false;
 
 const FIELDS = ["analysis", "variable", "x", "by", "low", "high", "where", "minus"];
 const VIEW = ["step", "kind", "select", ...FIELDS];  // what an address says of the view, and of nothing else
@@ -103,7 +103,9 @@ function changeAddress(name, value) {
 function take(parts) {
   const focused = document.activeElement?.name || document.activeElement?.id;
   const start = document.activeElement?.selectionStart;
+  taking = true;  // a field that is removed while it is written in tells of a change
   controls.innerHTML = parts.controls;
+  taking = false;
   takeExports(parts.exports);
   document.getElementById("seen-title").textContent = parts.title;
   if (!focused) return;
@@ -187,6 +189,7 @@ async function fillNumbers() {
 
 controls.addEventListener("submit", (event) => { event.preventDefault(); look(itemsOfControls()); });
 controls.addEventListener("change", (event) => {  // what is chosen for one cube says nothing of another
+  if (taking) return;
   const { name, value } = event.target;
   look(name === "analysis" ? [...stepItems(), ["analysis", value]] : itemsOfControls());
 });
