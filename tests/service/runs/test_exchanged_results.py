@@ -132,6 +132,21 @@ def test_a_run_that_goes_on_keeps_its_results(service, tmp_path, monkeypatch, ki
     assert refused(service, run_id) == 404
 
 
+@pytest.mark.parametrize("kind", ["study", "workflow"])
+def test_a_run_that_died_before_its_results_goes_on_with_those_of_the_command_line(
+    service, tmp_path, monkeypatch, kind
+):
+    """Regression: resumed, it failed for ever, as its directory held the results of another run."""
+    monkeypatch.setattr("tripod_doe.service.runs.processes.start_run", lambda *arguments: None)
+    (tmp_path / "upload").mkdir()
+    plan = PLAN | {"kind": kind} | ({} if kind == "study" else {"steps": {}})
+    run = service.runs._store(service.runs.submit(tmp_path / "upload", plan).changed(state=State.FAILED))
+    begun(service.directory(run.id), kind)
+    service.runs.resume(run.id)
+    service.runs._start(run.id)
+    assert service.runs.find(run.id).state is State.RUNNING
+
+
 def test_no_note_is_written_beside_or_read_from_the_results_of_another_run(service, tmp_path):
     """Regression: the name for a run went into the directory that had taken its place, and its note to the link."""
     run_id, place = at_work(service, tmp_path)

@@ -221,6 +221,7 @@ class Supervisor:
                 raise RefusedError(409, "another process computes into the directory of this run")
             run_end.refuse_exchanged(run, self.directory(run_id))
             self._refuse_full_queue()
+            run = run_end.with_results(run, self.directory(run_id))  # perhaps begun by the command line
             return self._store(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
     def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any], note: Callable[[], None]) -> Run:
@@ -418,9 +419,7 @@ class Supervisor:
 
     def _look_at(self, run_id: str) -> None:
         """Count the points of a run at work, and notice its end."""
-        directory = self.directory(run_id)
-        with self._lock:
-            run = self._runs.get(run_id)
+        directory, run = self.directory(run_id), self._runs.get(run_id)
         if run is None or not run.state.alive:
             return
         alive = processes.is_held(directory)
