@@ -288,6 +288,11 @@ def test_only_runs_a_step_and_what_it_needs(bench):
     assert bench.summary.good
     assert {tag for tag, _ in bench.calls()} == {0, 1}
     assert bench.run(only="other")["second"] == "reused"
+    stored = bench.out / "steps" / "second" / "study.toml"
+    text = stored.read_text()
+    stored.write_text(text.replace("second", "sec"))  # Regression: reused, its points could not be read any more
+    assert bench.run(only="second")["second"] == "finished"
+    assert stored.read_text() == text
     with pytest.raises(td.InputError, match=r"only='secnd': no such step.*did you mean 'second'"):
         bench.run(only="secnd")
 

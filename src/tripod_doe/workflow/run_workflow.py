@@ -20,7 +20,7 @@ import xarray as xr
 from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import refuse_links
 from tripod_doe.checksum_list import checksums, refuse_changed, remove_listed, remove_pages, write_listed
-from tripod_doe.errors import CubeError, InputError, StorageError
+from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
 from tripod_doe.quantities import capital, duration
@@ -35,6 +35,7 @@ from tripod_doe.study.result_directory.directory import make_directory
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.study.result_directory.latest_run import FOUND, found_in
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
+from tripod_doe.study.result_directory.stored_study import stored_text
 from tripod_doe.workflow.run_study import run_on
 from tripod_doe.workflow.steps_file import write_steps
 from tripod_doe.workflow.workflow import Step, Workflow, fed_study, load_workflow
@@ -208,9 +209,11 @@ class _Chain:
         try:
             for mark in (*marks, *(folder / listed for listed in checksums(folder))):
                 refuse_changed(mark, unlisted=step.study is None)
+            if step.study is not None:
+                stored_text(folder)  # which readers of its results refuse where it was damaged or is missing
             if cube != self._digest(step.name):  # `run` or `derive` wrote other results there
                 return None
-        except CubeError:
+        except InputError:
             return None
         if any(is_damaged(mark) or (mark.suffix == ".nc" and not is_sealed(mark)) for mark in marks if mark.is_file()):
             return None
