@@ -293,6 +293,12 @@ def test_only_runs_a_step_and_what_it_needs(bench):
     stored.write_text(text.replace("second", "sec"))  # Regression: reused, its points could not be read any more
     assert bench.run(only="second")["second"] == "finished"
     assert stored.read_text() == text
+    journal = stored.with_name("journal.sqlite")
+    content = bytearray(journal.read_bytes())
+    content[content.index(b"outputs")] ^= 4
+    journal.write_bytes(content)
+    assert bench.run(only="second")["second"] == "finished"
+    assert all(checked.is_whole for checked in check_files(stored.parent))
     with pytest.raises(td.InputError, match=r"only='secnd': no such step.*did you mean 'second'"):
         bench.run(only="secnd")
 

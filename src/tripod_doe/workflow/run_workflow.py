@@ -31,6 +31,7 @@ from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
+from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.directory import make_directory
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.study.result_directory.latest_run import FOUND, found_in
@@ -210,7 +211,9 @@ class _Chain:
             for mark in (*marks, *(folder / listed for listed in checksums(folder))):
                 refuse_changed(mark, unlisted=step.study is None)
             if step.study is not None:
-                stored_text(folder)  # which readers of its results refuse where it was damaged or is missing
+                stored_text(folder)  # what readers of its results refuse is made again, too
+                with Journal(folder, read_only=True) as journal:
+                    journal.check()
             if cube != self._digest(step.name):  # `run` or `derive` wrote other results there
                 return None
         except InputError:

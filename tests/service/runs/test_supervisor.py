@@ -26,7 +26,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD
 from tripod_doe.service.runs import annotations, processes
-from tripod_doe.service.runs.run_end import ending_of, remove_report
+from tripod_doe.service.runs.run_end import ending_of, remove_report, work_beside_points
 from tripod_doe.service.runs.run_table import TABLE, PointCounts, Run, RunTable, State
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.settings import Settings
@@ -148,6 +148,13 @@ def test_a_run_says_what_it_does_after_its_last_point(start, tmp_path):
     wait_for_message(supervisor, run_id, "")
     supervisor.stop(run_id)
     assert wait(supervisor, run_id, State.STOPPED).message == ""
+
+
+def test_a_run_says_that_a_pilot_comes_before_its_points(tmp_path):
+    """Regression: it was "running" with no point for minutes, and said nothing."""
+    run = Run("a" * 16, "study", "n", "", State.RUNNING, plan={"model_chosen_by_pilot": True})
+    said = [work_beside_points(run, PointCounts(3, ended), tmp_path) for ended in (0, 1)]
+    assert said == ["a pilot chooses the model of each point before the first one", ""]
 
 
 def wait_for_message(supervisor, run_id, message, seconds=20):

@@ -185,7 +185,7 @@ class RunRecord(BaseModel):
     kind: Literal["study", "workflow", "fit", "optimisation"]
     question: str
     state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]
-    message: str = Field(description="why it failed or stopped, what it does after its last point, or what it found")
+    message: str = Field(description="why it failed or stopped, what it does beside its points, or what it found")
     points: Points
     outcomes: dict[str, int] = Field(description="points by outcome")
     cpu_seconds: float = Field(description="CPU time of all points (s)")

@@ -25,6 +25,7 @@ from tripod_doe.workflow.steps_file import STEPS, found_sentences
 
 _LEAST = 1_000_000  # free bytes that a run needs to end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
+_CHOOSES = "a pilot chooses the model of each point before the first one"
 _WRITES_CUBE = "all points have ended; now the cube is written"
 _MAKES_REPORT = "all points have ended; now the analyses and the report are made"
 _SILENT = "its process ended without a message; resume goes on at the next missing point"
@@ -57,11 +58,13 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
     return State.FAILED, last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
 
 
-def work_after_points(run: Run, counts: PointCounts, directory: Path) -> str:
-    """What a study at work does after its last point; empty before, and if it cannot be read now.
+def work_beside_points(run: Run, counts: PointCounts, directory: Path) -> str:
+    """What a study at work does before its first or after its last point; else, and if it cannot be read now, empty.
 
     Workflows and searches say it in their steps.
     """
+    if run.plan.get("model_chosen_by_pilot") and not counts.finished + counts.failed:
+        return _CHOOSES
     if run.kind != "study" or counts.missing or (run.retry_failed and counts.failed):
         return ""
     with suppress(CubeError):

@@ -429,7 +429,7 @@ class Supervisor:
                 self._stop_or_kill(run_id)
             return
         counts, steps = progress.read()
-        doing = run_end.work_after_points(run, counts, directory) if alive else ""
+        doing = run_end.work_beside_points(run, counts, directory) if alive else ""
         with self._lock:
             run = self._runs[run_id]
             if not run.state.alive:

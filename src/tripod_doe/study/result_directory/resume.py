@@ -79,8 +79,8 @@ class Resume:
                 if text_digest(text.encode()) in known_texts(self._journal):
                     return read_again(self._path, text, str(self._path / STORED))
             raise CubeError(
-                f"{self._path}: neither {STORED} nor cube.nc there belongs to its journal: put back what was exchanged, "
-                f"run the study as it was before, or choose another {option('out')}"
+                f"{self._path}: neither {STORED} nor cube.nc there belongs to its journal: put back what was "
+                f"exchanged, run the study as it was, or choose another {option('out')}"
             ) from error
 
     def refuse_other_kernels(self, study: Study) -> None:
