@@ -19,24 +19,23 @@ import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import refuse_links
-from tripod_doe.checksum_list import checksums, refuse_changed, remove_listed, remove_pages, write_listed
+from tripod_doe.checksum_list import refuse_changed, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
 from tripod_doe.quantities import capital, duration
 from tripod_doe.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.reports.workflow_report import StepView, chain_page, step_page, write_charts
-from tripod_doe.study.cube.file_digest import is_damaged, is_sealed, stored_digest
+from tripod_doe.study.cube.file_digest import is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failure_summary import failure_lines
-from tripod_doe.study.journal import Journal
+from tripod_doe.study.result_directory.check import check_files
 from tripod_doe.study.result_directory.directory import make_directory
 from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.study.result_directory.latest_run import FOUND, found_in
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube
-from tripod_doe.study.result_directory.stored_study import stored_text
 from tripod_doe.workflow.run_study import run_on
 from tripod_doe.workflow.steps_file import write_steps
 from tripod_doe.workflow.workflow import Step, Workflow, fed_study, load_workflow
@@ -204,24 +203,29 @@ class _Chain:
             seconds, detail = float(record["seconds"]), str(record["detail"])
         except (OSError, ValueError, KeyError, TypeError, InputError):  # missing or damaged: the step runs again
             return None
-        marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
+        marks = [*self._marks(step), *self._exported(step)]
         if of != step.hash or not all(mark.exists() for mark in marks):
             return None
         try:
-            for mark in (*marks, *(folder / listed for listed in checksums(folder))):
+            for mark in marks:
                 refuse_changed(mark, unlisted=step.study is None)
-            if step.study is not None:
-                stored_text(folder)  # what readers of its results refuse is made again, too
-                with Journal(folder, read_only=True) as journal:
-                    journal.check()
             if cube != self._digest(step.name):  # `run` or `derive` wrote other results there
+                return None
+            if not all(file.is_whole and file.path.exists() for file in check_files(folder)):
                 return None
         except InputError:
             return None
-        if any(is_damaged(mark) or (mark.suffix == ".nc" and not is_sealed(mark)) for mark in marks if mark.is_file()):
+        if any(mark.suffix == ".nc" and not is_sealed(mark) for mark in marks):
             return None
         self._made[step.name] = cube
         return self.view(step, "reused", seconds, detail)
+
+    def _marks(self, step: Step) -> list[Path]:
+        """Files without which a step is not finished."""
+        names = [_MARKS.get(step.table.kind, "cube.nc")]
+        if step.study is not None:
+            names += ["study.toml", *(f"analysis/{name}.nc" for name in step.study.file.analysis)]
+        return [self.folder(step.name) / name for name in names]
 
     def _digest(self, name: str) -> str:
         """Digest of the cube of a step; empty without a cube, or where it does not show what its journal holds."""
