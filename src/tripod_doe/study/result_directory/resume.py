@@ -73,15 +73,12 @@ class Resume:
         """The study of the results: as stored, or, where that file was edited, as the cube holds it."""
         try:
             return stored_study(self._path)
-        except CubeError as error:
+        except CubeError:
             with suppress(CubeError), lazy_dataset(self._path / "cube.nc") as cube:
                 text = str(cube.attrs["study"])
                 if text_digest(text.encode()) in known_texts(self._journal):
                     return read_again(self._path, text, str(self._path / STORED))
-            raise CubeError(
-                f"{self._path}: neither {STORED} nor cube.nc there belongs to its journal: put back what was "
-                f"exchanged, run the study as it was, or choose another {option('out')}"
-            ) from error
+            raise
 
     def refuse_other_kernels(self, study: Study) -> None:
         """Refuse (InputError) a study whose points another version of the code has begun; else note the version."""
