@@ -15,6 +15,7 @@ from tripod_doe.study.plan import RECORDED, Plan, plan
 _DESCENT = 2  # evaluations of all records for a start, its descents after both looks together, per squared unknown
 # evaluations of all records for the profile of a scalar: with one unknown, and for each further one
 _PROFILE, _PER_OTHER = 2, 6
+_AGAIN = 45  # at most beside these: a profile came upon a better minimum, or went along a valley
 # what a fit takes of these, at least and usually: with a known angle of the marker, and where skews may change places
 _LEAST_USUAL, _LEAST_USUAL_IN_A_CIRCLE = (0.4, 0.8), (0.7, 2.0)
 _IN_A_CIRCLE = 3  # places from which a search begins
@@ -45,7 +46,8 @@ class FitPlan:
         lines = [
             f"records      {self.records}",
             f"unknowns     {count_of(len(self.scalars), 'number')}: {', '.join(self.scalars)}",
-            f"points       about {self.search_points:,} with {self.models[1]} ({least} to {most})",
+            f"points       about {self.search_points:,} with {self.models[1]} ({least} to {most}, "
+            "more where records say little)",
         ]
         if self.asked_points:
             lines[-1] += f", about {self.asked_points:,} with {self.models[0]}"
@@ -109,7 +111,8 @@ def evaluations(rig: RigFit) -> tuple[float, float, float]:
     first, each = place_count(rig.layout), descents + profiles
     circle, most = rig.skews_change_places, _MOST_OF_BOTH if rig.skews_may_stay else _MOST
     least, usual = _LEAST_USUAL_IN_A_CIRCLE if circle else _LEAST_USUAL
-    return first + least * each, first + usual * each, first + most * (_IN_A_CIRCLE if circle else 1) * each
+    most *= _IN_A_CIRCLE if circle else 1
+    return first + least * each, first + usual * each, first + most * each + _AGAIN
 
 
 def _distinct(rig: RigFit, model: str) -> int:

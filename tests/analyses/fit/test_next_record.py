@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tripod_doe.analyses.fit.fit_file import load_fit
-from tripod_doe.analyses.fit.model_error import Needles
+from tripod_doe.analyses.fit.model_error import Needles, model_error
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import candidate_rows, find_in_fit
@@ -51,7 +53,7 @@ def answers(every):
 def fitted(tmp_path):
     """The result of a fit to made-up records, whose table is one of a German spreadsheet."""
 
-    def fit(per, records):
+    def fit(per, records, text=FIT):
         random, turned = np.random.default_rng(2), np.arange(6 * 72) * 5.0
         rows = ["file;joint_angle_deg;torque_n_m;grease;sign"]
         for at, (angle, torque, grease, friction) in enumerate(records):
@@ -64,7 +66,7 @@ def fitted(tmp_path):
             (tmp_path / f"{at}.csv").write_text("\n".join(["rotation_deg,thrust_n", *lines]))
             rows.append(f"{at}.csv;{angle};{str(torque).replace('.', ',')};{grease};1.0")
         (tmp_path / "records.csv").write_text("\n".join(rows))
-        (tmp_path / "fit.toml").write_text(FIT.format(per=per))
+        (tmp_path / "fit.toml").write_text(text.format(per=per))
         own = RigFit(load_fit(tmp_path / "fit.toml"))
         points = lambda columns: answers(own.all_columns(columns))  # noqa: E731
         solution, error = own.fit(points, lambda stage: None)
@@ -109,3 +111,17 @@ def test_a_record_with_a_value_of_its_own_says_little_of_others(fitted):
     assert (fit["next"] > 0.5).all()
     wide = fit["predicted_error"] / fit["predicted"]
     assert (wide > 0.3).all()  # its friction may be anything between the bounds
+
+
+def test_a_candidate_may_have_errors_that_records_have_not(fitted, monkeypatch):
+    """Regression: phases of the candidates alone erred by more than amplitudes, and the fit ended with numpy's error."""
+
+    def error_in_drive(simulator, columns, *rest):
+        own = model_error(simulator, columns, *rest)
+        drive = bool((columns["torque_n_m"] > 0).all())
+        return replace(own, turning=np.full((*own.shared.shape[:2], 3), 0.1)) if drive else own
+
+    monkeypatch.setattr("tripod_doe.analyses.fit.rig.model_error", error_in_drive)
+    coast = [(angle, -torque, *rest) for angle, torque, *rest in RECORDS[:2]]
+    fit = fitted("all", coast, FIT + "[next.at.torque_n_m]\nvalues = [100]\n")
+    assert np.isfinite(fit["next"]).all()

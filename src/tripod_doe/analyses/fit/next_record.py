@@ -6,6 +6,7 @@ those that are, and the error of the model there. That needs the derivatives at 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -111,8 +112,8 @@ def _variance(
         along=np.append(rows.along, along / np.sqrt(count)),
         across=np.append(rows.across, across / np.sqrt(count)),
         own_error=np.hstack([rows.own_error, error.own[:, 0] / np.sqrt(count)]),
-        shared=np.vstack([rows.shared, error.shared[0]]),
-        turning=np.vstack([rows.turning, error.turning[0]]),
+        shared=_below(rows.shared, error.shared[0]),
+        turning=_below(rows.turning, error.turning[0]),
         free_phase=np.append(rows.free_phase, free),
         free_sign=np.append(rows.free_sign, False),
     )
@@ -127,6 +128,12 @@ def _variance(
     slope = np.vstack([np.hstack([best.slope, np.zeros((best.slope.shape[0], extra))]), candidate.slope])
     compared = misfit.compare(prediction, np.append(best.place, np.full(extra, 0.5)))
     return float(covariance_of(misfit.jacobian(compared, slope))[scalar, scalar])
+
+
+def _below(errors: Any, more: Any) -> Any:
+    """Errors that records share with those of one more, which may share more kinds, or fewer: these come last."""
+    width = max(errors.shape[1], more.shape[1])
+    return np.vstack([np.pad(each, ((0, 0), (0, width - each.shape[1]))) for each in (errors, more)])
 
 
 def best_aligned(solution: Solution) -> ComplexArray:

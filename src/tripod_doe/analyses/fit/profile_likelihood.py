@@ -134,7 +134,7 @@ def _interval_end(
             if abs(root - goal) < _NEAR * goal and root > 0:
                 leans = _leans(best, here, free)
                 end = _extrapolated(last, (away, root), goal)
-                return _End(start + side * min(end, most), is_open=False, leans=leans)
+                return _End(start + side * min(end, most), is_open=end >= most, leans=leans)
             last = away, root
         if outer[0] - inner[0] < _LEAST:
             break

@@ -28,6 +28,7 @@ from tripod_doe.typed_numbers import typed_number
 _ANGLE, _TORQUE, _SPEED = "joint_angle_deg", "torque_n_m", "speed_rpm"
 _FLOOR = 3e-4  # of the largest fitted order: no chain of measurement is better, whatever its revolutions say
 _PRIOR = 8  # degrees of freedom for which the usual scatter of all records counts in each of them
+_FEW_RECORDS = 2  # up to which these have no usual scatter
 _MOST_RECORDS = 10_000  # rows of a table of records
 _FEW_FREEDOM = 2.5  # fewest degrees of freedom of a scatter for what chance makes of it
 _ROUNDING = 1e-12  # of the largest thrust of a record: smaller orders are rounding
@@ -279,19 +280,29 @@ def deviations(parts: Sequence[MeasuredOrders]) -> FloatArray:
 
     A scatter from few revolutions is itself a matter of chance. So the usual scatter of all records, relative to the
     largest order of each, counts in each record as if it came from eight more revolutions (Smyth 2004), and the rest of
-    chance widens it as Student's distribution is wider than the normal one.
+    chance widens it as Student's distribution is wider than the normal one. One or two records say nothing of what is
+    usual: there no order scatters less than the orders of its record usually do.
     """
     size = np.array([np.abs(part.mean).max() for part in parts])[:, None, None]
     own = np.array([part.variance for part in parts])
     revolutions = np.array([part.freedom for part in parts], float)[:, None, None]
-    each = own / size**2 * (revolutions + 1) * revolutions / chi2.median(revolutions)
-    usual = np.median(each, axis=0) * size**2 / (revolutions + 1)
-    prior = _PRIOR if len(parts) > 2 else 0
-    freedom = np.maximum(revolutions + prior, _FEW_FREEDOM)
-    pooled = (revolutions * own + prior * usual) / (revolutions + prior)
-    variance = pooled * freedom / (freedom - 2) + (_FLOOR * size) ** 2
+    each = own * revolutions / chi2.median(revolutions)
+    if len(parts) > _FEW_RECORDS:
+        usual = np.median(each / size**2 * (revolutions + 1), axis=0) * size**2 / (revolutions + 1)
+        variance = _widened((revolutions * own + _PRIOR * usual) / (revolutions + _PRIOR), revolutions + _PRIOR)
+    else:
+        usual = np.median(each, axis=(1, 2), keepdims=True)
+        pooled = revolutions * own[0].size
+        variance = np.maximum(_widened(own, revolutions), _widened(usual, pooled))
+    variance += (_FLOOR * size) ** 2
     variance[:, 1] += np.array([part.edge for part in parts]) ** 2
     return np.asarray(np.sqrt(variance), float)
+
+
+def _widened(variance: FloatArray, freedom: FloatArray) -> FloatArray:
+    """Variance of Student's distribution from one with these degrees of freedom."""
+    freedom = np.maximum(freedom, _FEW_FREEDOM)
+    return np.asarray(variance * freedom / (freedom - 2), float)
 
 
 def make_rows(records: Sequence[RigRecord], orders: Sequence[int], error: ModelError, scale_error: float) -> Rows:
