@@ -176,6 +176,16 @@ def test_points_whose_outputs_would_have_different_lengths_are_refused(tmp_path,
     assert points_of(text.format("thrust_amplitude"), tmp_path).count == 2
 
 
+def test_the_choice_of_the_model_does_not_replace_columns_of_a_table(tmp_path):
+    """Regression: joints of 11 needles ran with the 27 of the full model, beside a column that said 11."""
+    (tmp_path / "joints.csv").write_text("needle_count,joint_angle_deg\n11,6\n20,8\n")
+    text = '[base]\nmodel = "auto"\n[accuracy]\nthrust_amplitude_3 = 0.03\n{}[design]\nkind = "table"\ntable = "joints.csv"'
+    with pytest.raises(InputError, match=r"would replace needle_count; .* add \[factors.needle_count\] without keys"):
+        points_of(text.format(""), tmp_path)
+    points = points_of(text.format("[factors.needle_count]\n"), tmp_path)
+    assert points.columns["needle_count"].tolist() == [11, 20]
+
+
 def test_an_empty_field_of_a_table_leaves_a_parameter_open(tmp_path):
     (tmp_path / "runs.csv").write_text("method,step_s,relative_tolerance\nbdf2,1e-5,\n,,1e-3\n")
     points = points_of('[base]\nmodel = "rollers"\n[design]\nkind = "table"\ntable = "runs.csv"', tmp_path)

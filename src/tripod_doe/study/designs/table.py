@@ -28,6 +28,12 @@ def _table(request: Request) -> Made:
             )
         if name in study.base:
             raise InputError(f"table = {design.table!r}: {name} is also a base value; remove it from [base]")
+    chosen = study.auto_model.parameters if study.auto_model and not study.folder.has_results else ()
+    if replaced := [name for name in header if name in chosen]:
+        raise InputError(
+            f"table = {design.table!r}: the choice of the model would replace {', '.join(replaced)}; to keep the "
+            f"values of the table, add {', '.join(f'[factors.{name}]' for name in replaced)} without keys"
+        )
     columns = {}
     for index, name in enumerate(header):
         parameter = study.simulator.parameters[name]
