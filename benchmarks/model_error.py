@@ -1,6 +1,6 @@
 """Records the errors of the models, by which every answer states them: src/tripod_doe/joint/known_errors/model_errors.csv.
 
-    studies="rungs_needles joint_angle speed_torque needles_field needles_reference needles_wide_field needles_fast_field rungs"
+    studies="rungs_needles joint_angle speed_torque needles_field needles_reference needles_wide_field needles_fast_field needles_other_joints rungs"
     for study in $studies; do
         tripod-doe run studies/$study.toml --out results/$study
     done
@@ -20,6 +20,7 @@ and so are the rollers at points of the needles. Beside rollers, whose needles k
 do so, too: what needles do moves the third order by 2 % and more at two in five of such points. A value is empty where one of the two did not finish, where the joint
 vibrates (vibrating_joints.py records what that makes of the third order), or where the run of the finer model has a
 numerical error of more than 2 %, as far as it reports.
+`inexact` is the relative numerical error of the run of the finer model; empty where it was not kept.
 Columns with _2 hold the second order of a model over the third of the needles; they are empty where the second order of
 the needles has a numerical error of more than 10 % of itself and of a hundredth of the third.
 """
@@ -77,6 +78,7 @@ def runs(cube: xr.Dataset) -> pd.DataFrame:
     finished, direct = table["outcome"] == Outcome.FINISHED, table["model"] == FINEST
     third, second = table["amplitude_3"], table["amplitude_2"]
     table["reference"] = third.where(finished & (table["amplitude_error_3"] <= SURE * third))
+    table["inexact"] = table["amplitude_error_3"] / table["reference"]
     known = table["amplitude_error_2"] <= SECOND_SURE * np.maximum(second, FLOOR * third)
     table[f"{FINEST}_2"] = (second / table["reference"]).where(direct & known)
     table["needles"] = direct.astype(int)
@@ -106,9 +108,11 @@ def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
     for name in given:
         whole[name] = whole[name].fillna(JOINT_PARAMETERS[name].default)
     whole = whole.sort_values("needles", ascending=False, kind="stable")
-    table = whole.drop_duplicates(given)[[*given, "needles", "reference", f"{FINEST}_2"]].reset_index(drop=True)
+    table = whole.drop_duplicates(given)[[*given, "needles", "reference", "inexact", f"{FINEST}_2"]].reset_index(
+        drop=True
+    )
     without = [vibrates(point) for point in table[given].to_dict("records")]
-    table.loc[without, ["reference", f"{FINEST}_2"]] = np.nan
+    table.loc[without, ["reference", "inexact", f"{FINEST}_2"]] = np.nan
     for model in COMPARED:
         asked = np.isfinite(table["reference"]) & ((table["needles"] == 1) | (model != "rollers"))
         found = [

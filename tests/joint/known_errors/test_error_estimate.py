@@ -30,10 +30,9 @@ STUDIES = [
         "needles_reference",
         "needles_wide_field",
         "needles_fast_field",
+        "needles_other_joints",
     )
 ] + ["studies/rungs.toml"]
-HELD_OUT = Path(__file__).with_name("fast_joints_held_out.csv")
-"""Third order of the thrust in N by three models, at joints that are not in the record."""
 SECOND = Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
 THIRD = Quantity("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
 
@@ -52,8 +51,10 @@ def left_out(measured, model):
     stated = []
     for at in finite:
         others = np.arange(errors.size) != at
-        alone = replace(measured, places=measured.places[others], errors={model: errors[others]})
-        typical, limit = error_estimate._median_and_limit(alone.near(model, measured.places[[at]]))
+        alone = replace(
+            measured, places=measured.places[others], errors={model: errors[others]}, inexact=measured.inexact[others]
+        )
+        typical, limit = error_estimate._median_and_limit(*alone.near(model, measured.places[[at]]))
         stated.append((typical[0], limit[0]))
     return finite, errors[finite], *np.array(stated).T
 
@@ -175,12 +176,13 @@ def test_similar_errors_are_those_of_the_nearest_measured_points():
 @pytest.mark.parametrize(
     "varied",
     [
-        {"needle_count": 19},
+        {"needle_count": 60},
+        {"youngs_modulus_gpa": 100.0},
         {"needle_crown_um": 40.0},
         {"density_kg_m3": 9000.0},
         {"groove_sliding": 0},
         {"joint_angle_deg": 0.0},
-        {"needle_pitch_diameter_mm": 23.0},
+        {"needle_pitch_diameter_mm": 70.0},
         {"groove_sliding_friction": 0.3},
         {"joint_angle_deg": 19.9, "speed_rpm": 3000.0, "needle_sliding_friction": 0.0},
     ],
@@ -232,13 +234,38 @@ def test_heavy_rollers_are_judged_by_heavy_ones():
     assert not unknown.any()
 
 
-def test_limits_hold_at_fast_joints_that_the_record_has_not():
-    """Statistic: of 27 joints by chance (1,200 to 3,000 rpm, 6 to 19.5 deg, 30 to 150 N m), which `needles` ran."""
-    with HELD_OUT.open(encoding="utf-8") as file:
+@pytest.mark.parametrize(
+    ("name", "models"), [("fast_joints", COMPARED[1:]), ("other_joints", COMPARED)], ids=["fast joints", "other joints"]
+)
+def test_limits_hold_at_joints_that_the_record_has_not(name, models):
+    """Statistic: of joints by chance, which `needles` ran: 27 fast ones (1,200 to 3,000 rpm, 6 to 19.5 deg, 30 to 150
+    N m); 75 of other sizes, needles, crowns, conformities, materials, frictions, skews and of little load.
+
+    Regression: of the latter, 26 % were beyond the limit of `kinetostatic`.
+    """
+    with (Path(__file__).parent / f"{name}_held_out.csv").open(encoding="utf-8") as file:
         table = np.genfromtxt(file, delimiter=",", names=True)
     given = {name: table[name] for name in table.dtype.names if name in simulator.parameters}
-    for model in ("kinetostatic", "rollers"):
+    for model in models:
         _, limit, _ = known_errors(model, points(**given))
         errors, known = np.abs(table[model] / table["needles"] - 1), np.isfinite(limit)
-        assert known.sum() >= 25
+        assert known.mean() >= 0.9
         assert np.mean(errors[known] <= limit[known]) >= 0.85
+
+
+def test_rolling_friction_makes_points_unlike():
+    """Regression: with 0.018 in grooves and needles, `kinetostatic` is 4.3 % off, and stated 0.18 % at most."""
+    _, limit, _ = known_errors(
+        "kinetostatic", points(groove_rolling_friction=[0.002, 0.018], needle_rolling_friction=[0.002, 0.018])
+    )
+    assert np.isnan(limit[1]) or limit[1] > 0.02
+    _, limit, unknown = known_errors("kinetostatic", points(groove_rolling_friction=[0.1]))
+    assert np.isnan(limit[0])
+    assert "rolling_friction" in unknown[0]
+
+
+def test_a_limit_is_not_below_the_numerical_errors_of_the_references():
+    """Regression: 0.13 % were stated beside runs that do not know themselves to 0.3 %."""
+    _, limit, _ = known_errors("kinetostatic", points(joint_angle_deg=[8.0, 10.0, 12.0]))
+    assert (limit >= error_estimate._measured().inexact.min()).all()
+    assert (limit > 0.003).all()

@@ -1,10 +1,11 @@
 """The error of each model of the joint at any operating point, from errors measured at other points.
 
 `model_errors.csv` holds the third order of each model relative to `needles`, at operating points that cover the
-field in which joints are used (`benchmarks/model_error.py` makes it from eight studies). At points without a `needles`
+field in which joints are used (`benchmarks/model_error.py` makes it from nine studies). At points without a `needles`
 run, `equilibrium` is compared with `rollers`, and the typical error of `rollers` is added; `kinetostatic` is compared
 with needles of constant skew, as in `rollers`, and its typical error against `needles` is added. The errors at the most
-similar measured points give the estimate: the median is the typical error, the 90th percentile its limit. Similarity
+similar measured points give the estimate: the median is the typical error; the limit is the 90th percentile, each error
+with the numerical error of its reference added, since below that nothing was measured. Similarity
 uses the ratios on which the errors depend. The record contains few self-excited vibrations: `vibration_record` holds
 the error that a balance makes by omitting vibration. Every error of a similar point is combined with every such error
 of joints with similar angle and friction, unless a result says whether the joint vibrates. The error is unknown outside
@@ -66,6 +67,7 @@ class _Measured:
     # by model: relative error of its third order, shape (measured,); NaN if one of the two models has no result,
     # infinite if not run
     errors: dict[str, FloatArray]
+    inexact: FloatArray  # relative numerical error of the runs that they refer to, shape (measured,)
     # second over third order of `needles`, shape (measured,); NaN if its numerical error is too large
     second: FloatArray
     # by model: error of the second order over the third order of `needles`, shape (measured,)
@@ -84,11 +86,15 @@ class _Measured:
         meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
         return f"{name}{meaning} is outside of the compared range {value_range(low, high)}"
 
-    def near(self, model: str, places: FloatArray) -> FloatArray:
-        """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""
+    def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Errors of a model at the measured points nearest to some places, and what they are at most.
+
+        Shape (place, nearest) each.
+        """
         asked = ~np.isinf(self.errors[model])
         nearest = nearest_rows(self.places[asked], places, ALIKE)
-        return self.errors[model][asked][nearest]
+        errors = self.errors[model][asked][nearest]
+        return errors, errors + self.inexact[asked][nearest]
 
     def over_allowed(self, model: str, quantity: Quantity, floor: float) -> FloatArray | None:
         """Errors of a model over the allowed error, shape (measured,), as `errors`; None if not measured."""
@@ -106,8 +112,8 @@ class _Measured:
             if parameter.group == "numerics":
                 continue
             if name in self.given:
-                known = self.given[name][asked]
-                inside &= (points[name] >= known.min()) & (points[name] <= known.max())
+                low, high = np.quantile(self.given[name][asked], [0.01, 0.99])  # a few points make no range
+                inside &= (points[name] >= low) & (points[name] <= high)
             elif parameter.default is None:
                 inside &= np.isnan(points[name])
             else:
@@ -115,14 +121,14 @@ class _Measured:
         return inside
 
 
-def _median_and_limit(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Median and ninth decile of each row, sorted in place; NaN if most numbers of the row are NaN."""
-    errors.sort(axis=1)  # NaN last
-    return _quantile(errors, 0.5), _quantile(errors, 0.9)
+def _median_and_limit(errors: FloatArray, at_most: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Median of each row of errors, ninth decile of what they are at most; NaN if most numbers of the row are NaN."""
+    return _quantile(errors, 0.5), _quantile(at_most, 0.9)
 
 
 def _quantile(errors: FloatArray, share: float) -> FloatArray:
-    """Quantile of each sorted row, NaN last; NaN if most numbers of the row are NaN."""
+    """Quantile of each row, which is sorted in place; NaN if most numbers of the row are NaN."""
+    errors.sort(axis=1)  # NaN last
     if np.isfinite(errors[:, -1]).all():  # the usual case: the quantile has the same index in all rows
         return errors[:, math.ceil(share * (errors.shape[1] - 1))]
     known = np.isfinite(errors).sum(axis=1)
@@ -148,14 +154,15 @@ def _measured() -> _Measured:
     direct = table["needles"] == 1
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
+    inexact = np.where(np.isnan(table["inexact"]), np.nanmedian(table["inexact"]), table["inexact"])
     measured = _Measured(
-        tuple(ratios), values, places / spread, spread, errors, table["needles_2"], second_missed, parameters
+        tuple(ratios), values, places / spread, spread, errors, inexact, table["needles_2"], second_missed, parameters
     )
-    errors["equilibrium"][~direct] += _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
+    errors["equilibrium"][~direct] += _median_and_limit(*measured.near("rollers", measured.places[~direct]))[0]
     beside = errors["kinetostatic"][~direct]
     errors["kinetostatic"][~direct] = np.inf  # only while its error against needles is looked up
     errors["kinetostatic"][~direct] = (
-        beside + _median_and_limit(measured.near("kinetostatic", measured.places[~direct]))[0]
+        beside + _median_and_limit(*measured.near("kinetostatic", measured.places[~direct]))[0]
     )
     return measured
 
@@ -190,14 +197,15 @@ def errors_at(
     low, high = measured.ranges(model)
     inside = (values >= low) & (values <= high)
     within = inside.all(axis=1)
-    errors = measured.near(model, coordinates(ratios)[within] / measured.spread)
-    expected[within], limit[within] = _median_and_limit(errors)
+    near = measured.near(model, coordinates(ratios)[within] / measured.spread)
+    expected[within], limit[within] = _median_and_limit(*near)
     if model in WITHOUT_VIBRATION:
         by_vibration = vibration[within]
         may = by_vibration.any(axis=1)
-        both = errors[may, :, None] + by_vibration[may, None, :]
         rows = np.flatnonzero(within)[may]
-        expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, ALIKE * by_vibration.shape[1]))
+        pairs = (rows.size, ALIKE * by_vibration.shape[1])
+        both = [(each[may, :, None] + by_vibration[may, None, :]).reshape(pairs) for each in near]
+        expected[rows], limit[rows] = _median_and_limit(*both)
     unknown = np.full(count, "", object)
     nothing = has_no_thrust(ratios)  # there all models agree
     expected[nothing], limit[nothing] = 0.0, 0.0

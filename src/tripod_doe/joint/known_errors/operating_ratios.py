@@ -12,7 +12,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.derived_constants.roller_inertia import roller_inertia
 from tripod_doe.joint.unit_conversion import internal_values
 
-LINEAR = ("skew_deg", "direction")
+LINEAR = ("rolling_friction", "skew_deg", "direction")
 """Ratios that are compared as they are, not by their logarithms."""
 
 UNFELT = 0.01
@@ -27,6 +27,7 @@ RATIOS = {
     "swing_ratio": "swing of a roller in its groove by friction, divided by its slip along the groove",
     "needle_friction": "sliding friction coefficient of the needles, 0 if switched off",
     "needle_ratio": "needle sliding friction, 0 if switched off, divided by joint angle in rad",
+    "rolling_friction": "sum of the rolling friction coefficients of grooves and needles, 0 if switched off",
     "inertia_ratio": "inertial force of a roller on its orbit, divided by its mean normal force",
     "crown_ratio": "1 + crown of the needles over the penetration of the most loaded one without crown and clearance",
     "skew_deg": "initial skew of the needles, root mean square of the three bearings",
@@ -59,6 +60,7 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
             "swing_ratio": 2 * friction * values.groove_play / slip,
             "needle_friction": rubbing,
             "needle_ratio": rubbing / values.joint_angle,
+            "rolling_friction": values.groove_rolling_friction + values.needle_rolling_friction,
             "inertia_ratio": orbit / values.groove_load,
             "crown_ratio": 1 + values.needle_crown / (carried / values.needle_stiffness) ** 0.9,
             "skew_deg": np.degrees(np.sqrt(np.mean(np.square(values.initial_skews), axis=0))),

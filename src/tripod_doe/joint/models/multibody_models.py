@@ -26,7 +26,7 @@ from tripod_doe.joint.outputs import (
 )
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.model_interface import BlockResult, Methods, not_counted
+from tripod_doe.model_interface import BlockResult, Methods, ValidRange, not_counted
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.multibody.run_result import Readings
@@ -122,6 +122,10 @@ _MULTIBODY_METHODS = {
 }
 """Methods by model: False for `rollers`, True for `needles` (needles are bodies)."""
 
+_NO_PRELOAD = ValidRange(
+    "bearing_radial_clearance_mm", "below, the bearing is preloaded, and no such joint is on record", low=0, unit="mm"
+)
+
 ROLLERS = Model(
     name="rollers",
     methods=_MULTIBODY_METHODS[False],
@@ -129,6 +133,7 @@ ROLLERS = Model(
     outputs=frozenset(JOINT_OUTPUTS) - {*SKEWS, *NEEDLE_NAMES, *CYCLE_OUTPUTS, VIBRATION_THIRD},
     simulate=partial(_simulate_multibody, False),
     prepare=prepare_multibody,
+    valid=(_NO_PRELOAD,),
     settles=True,
 )
 
