@@ -24,6 +24,36 @@ def test_tables_of_spreadsheets_that_write_decimal_commas(tmp_path, separator):
 
 
 @pytest.mark.parametrize(
+    ("rows", "line"),
+    [
+        (["4,5;600", "6;1.200"], 3),  # beside decimal commas
+        (["4;1.200", "6;900"], 2),  # beside whole numbers of its column
+        (["4.5;1.200", "6,5;900"], 2),  # both signs
+    ],
+)
+def test_a_point_that_may_stand_between_thousands_is_refused(tmp_path, rows, line):
+    """Regression: 1.200 rpm of a spreadsheet with decimal commas was 1.2 rpm, in silence."""
+    (tmp_path / "t.csv").write_text("\n".join(["joint_angle_deg;speed_rpm", *rows]))
+    message = rf"^t: line {line}: speed_rpm = 1\.200: may mean 1\.2 or 1200; write 1200, or 1\.2000 for 1\.2$"
+    with pytest.raises(InputError, match=message):
+        read_csv_table(tmp_path / "t.csv", "t")
+
+
+@pytest.mark.parametrize(
+    ("rows", "read"),
+    [
+        (["4.500;1.200", "6.250;0.900"], [["4.500", "1.200"], ["6.250", "0.900"]]),  # points throughout
+        (["4.5;1.200", "6;900"], [["4.5", "1.200"], ["6", "900"]]),  # 4.5 shows that points are decimal
+        (["4,5;1.2000", "6;1.234,5"], [["4.5", "1.2000"], ["6", "1234.5"]]),  # each can mean one number only
+        (["4,5;1.200", "6;new"], [["4.5", "1.200"], ["6", "new"]]),  # a column of words
+    ],
+)
+def test_a_point_that_is_the_decimal_sign_stays(tmp_path, rows, read):
+    (tmp_path / "t.csv").write_text("\n".join(["a;b", *rows]))
+    assert list(read_csv_table(tmp_path / "t.csv", "t")[1].values()) == read
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "no rows below the header"),

@@ -1,7 +1,7 @@
 """Tables that people write as CSV files: a header, and rows with a field for each of its columns.
 
 Fields are separated by commas; by semicolons or tabs, as spreadsheets write them in some countries, decimal commas are
-read, too.
+read, too, and a point may stand between thousands.
 """
 
 import csv
@@ -13,7 +13,7 @@ from pathlib import Path
 from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError, closest, misspelt
 from tripod_doe.regular_files import refuse_irregular
-from tripod_doe.typed_numbers import readings
+from tripod_doe.typed_numbers import number_or_text, readings
 
 
 def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[list[str], dict[int, list[str]]]:
@@ -39,7 +39,7 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
             separator = max(",;\t", key=first.count)
             reader = csv.reader(stream, delimiter=separator, strict=True)
             for row in filter(None, reader):
-                rows[reader.line_num] = [_with_point(field.strip(), separator) for field in row]
+                rows[reader.line_num] = [field.strip() for field in row]
                 if most is not None and len(rows) > most + 1:  # one is the header
                     raise TooLargeError(f"{where}: more than {most:,} rows; at most {most:,} are allowed here")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -54,14 +54,33 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
     for line, row in rows.items():
         if len(row) != len(header):
             raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
-    return header, rows
+    return header, rows if separator == "," else _with_points(header, rows, where)
 
 
-def _with_point(field: str, separator: str) -> str:
-    """A field, with a decimal point where its comma can only be the decimal sign: 1,5 but not 1,200."""
-    if separator == "," or "," not in field or len(read := readings(field)) != 1:
-        return field
-    return repr(read[0])
+def _with_points(header: list[str], rows: dict[int, list[str]], where: str) -> dict[int, list[str]]:
+    """The rows, with decimal points in place of commas that can only be decimal signs: 1,5 but not 1,200.
+
+    Raises:
+        InputError: For a number such as 1.200 that may be 1200: beside decimal commas, and beside whole numbers of its
+            column where no decimal point shows.
+    """
+    read = {field: readings(field) for row in rows.values() for field in row if "," in field or "." in field}
+    clear = {field: values[0] for field, values in read.items() if len(values) == 1}
+    commas = any(re.fullmatch(r"[^,]*,[^.,]*", field) for field in clear)
+    points = any("." in field and number_or_text(field) == value for field, value in clear.items())
+    for name, *column in zip(header, *rows.values(), strict=True):
+        unclear = [field for field in column if "," not in field and len(read.get(field, ())) > 1]
+        if not unclear or not all(readings(field) for field in column if field):
+            continue  # nothing to mistake, or words
+        if commas or (not points and any(re.fullmatch(r"[+-]?[0-9]+", field) for field in column)):
+            small, large = read[unclear[0]]
+            line = list(rows)[column.index(unclear[0])]
+            way = f"write {large:.0f}, or {unclear[0]}0 for {small:g}"
+            raise InputError(f"{where}: line {line}: {name} = {unclear[0]}: may mean {small:g} or {large:.0f}; {way}")
+    return {
+        line: [repr(clear[field]) if "," in field and field in clear else field for field in row]
+        for line, row in rows.items()
+    }
 
 
 def read_record_table(
