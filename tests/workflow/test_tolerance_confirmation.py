@@ -94,3 +94,25 @@ def test_a_sequence_is_not_confirmed_by_itself(study, tmp_path):
     cube = td.open_cube(tmp_path / "out")
     own = td.open_cube(tmp_path / "out" / "confirmation" / "tolerance" / "f")
     assert not set(cube["y"].values) & set(own["y"].values)
+
+
+def test_what_has_no_orders_is_confirmed_once_beside_an_output_over_orders(study, tmp_path):
+    """Regression: an output was confirmed once for each order, and a response was told as that of an order."""
+    (tmp_path / "functions_to_confirm.py").write_text(
+        "import xarray as xr\n"
+        "def sum_of_two(x, y):\n"
+        "    return xr.Dataset({'f': x + y, 'amplitude': ('order', [x, x, x, y])}, {'order': [0, 1, 2, 3]})\n"
+    )
+    text = STUDY.replace("2048", "512").replace("confirm = 4096", "confirm = 64\nkeep = 0.9")
+    text = text.replace("f = 17.1", "f = 16.1, twice = 32.4, amplitude_3 = 5.1")
+    study.write_text(text + '[responses.twice]\nformula = "2 * f"\n')
+    said = td.run(study, tmp_path / "out", workers=0, progress=False).answers
+    runs = tmp_path / "out" / "confirmation" / "tolerance"
+    assert {place.name for place in runs.iterdir()} == {"f", "twice", "amplitude_3"}
+    assert sum("by 64 other points" in line for line in said) == 3
+    assert not any("twice of the" in line or "f of the" in line for line in said)
+    result = td.open_cube(tmp_path / "out" / "analysis" / "tolerance.nc")
+    confirmed = result["exceedance_confirmed"].sel(output=["f", "twice"])
+    assert confirmed.notnull().all()
+    assert (confirmed == confirmed.isel(order=0)).all()
+    result.close()

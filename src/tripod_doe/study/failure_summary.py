@@ -93,5 +93,5 @@ def _advice(outcomes: set[Outcome], retried: bool) -> list[str]:
     if outcomes & _NUMERICS and not retried:
         remedies.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
     if Outcome.EVALUATION_LIMIT in outcomes:
-        remedies.append("[base] evaluation_budget in the study file sets the limit of evaluation_limit")
+        remedies.append("evaluation_budget in the study file sets the limit of evaluation_limit")
     return remedies

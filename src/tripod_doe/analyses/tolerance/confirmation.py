@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from tripod_doe.study.cube.dataset import RESPONSES
+from tripod_doe.page_parts.main_outputs import differ
 from tripod_doe.study.definition.distributions import scaled_table, shifted_table
 from tripod_doe.study.definition.study_tables import FactorTable
 
@@ -27,7 +27,7 @@ _MEANINGS = {
 class Change:
     """A change of factors that keeps a limit."""
 
-    place: Mapping[str, int]  # of the component with the limit, by dimension
+    place: Mapping[str, int]  # of the component with the limit, by dimension; not along those that its output lacks
     label: str  # of that component, for a folder: ``thrust_amplitude_3``
     factors: Mapping[str, FactorTable]  # the factors that change, as the study file would have them
 
@@ -45,7 +45,10 @@ def changes_to_confirm(result: xr.Dataset) -> list[Change]:
         place = dict(zip(map(str, limit.dims), at.tolist(), strict=False))
         part = result.isel(place)
         if float(part["exceedance"]) > 1 - keep and (factors := _first_proposal(part, tables)):
-            changes.append(Change(place, limit_key(part), factors))
+            if "output" in place:
+                own = result.isel(output=place["output"])
+                place = {dim: at for dim, at in place.items() if dim == "output" or differ(own, dim)}
+            changes.append(Change(place, limit_key(part, "order" in place), factors))
     return list({change.label: change for change in reversed(changes)}.values())[::-1]
 
 
@@ -54,11 +57,10 @@ def factor_tables(result: xr.Dataset) -> dict[str, FactorTable]:
     return {name: FactorTable(**table) for name, table in json.loads(str(result.attrs["factor_tables"])).items()}
 
 
-def limit_key(part: xr.Dataset) -> str:
+def limit_key(part: xr.Dataset, of_order: bool) -> str:
     """The component of a part of a result, as its limit is written: ``thrust_amplitude_3``."""
     output = str(part["output"].values) if "output" in part.coords else str(part.attrs["outputs"]).split(", ")[0]
-    is_response = output in str(part.attrs.get(RESPONSES, "")).split(", ")
-    return f"{output}_{int(part['order'])}" if "order" in part.coords and not is_response else output
+    return f"{output}_{int(part['order'])}" if of_order else output
 
 
 def _first_proposal(part: xr.Dataset, tables: Mapping[str, FactorTable]) -> dict[str, FactorTable]:
@@ -91,7 +93,7 @@ def with_confirmed(result: xr.Dataset, answers: Sequence[tuple[Change, xr.Datase
     for change, other in answers:
         part = other.isel(change.place)
         for end in _ENDS:
-            own[end][change.place] = float(part[f"exceedance{end}"])
+            own[end][change.place] = part[f"exceedance{end}"]
         texts[change.label] = {
             "points": int(other.attrs["points_used"]),
             "dropped": int(other.attrs["points_dropped"]),

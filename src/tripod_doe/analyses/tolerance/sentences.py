@@ -349,7 +349,8 @@ def _confirmed(part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float)
     """What the points of another run say of the first change; nothing where there was none."""
     if CONFIRMED not in part or not np.isfinite(part[CONFIRMED]):
         return []
-    run = json.loads(str(part.attrs[RUNS]))[limit_key(part)]
+    runs = json.loads(str(part.attrs[RUNS]))
+    run = runs.get(limit_key(part, False)) or runs[limit_key(part, True)]
     keys = listed([_changed(name, FactorTable(**table), tables[name]) for name, table in run["factors"].items()])
     low, high = (float(part[f"{CONFIRMED}_{end}"]) for end in ("low", "high"))
     verdict = "confirmed" if high <= 1 - keep else "refuted" if low > 1 - keep else "neither confirmed nor refuted"
