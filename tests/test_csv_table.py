@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tripod_doe.csv_table import read_csv_table
@@ -16,26 +18,28 @@ def test_rows_are_known_by_their_lines(tmp_path):
 
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_tables_of_spreadsheets_that_write_decimal_commas(tmp_path, separator):
-    """Regression: they were one column. Exact: 1,200 may be 1200 and stays a text."""
+    """Regression: they were one column, and 1,200 beside 1,5 was no number."""
     rows = [["file", "torque_n_m"], ["a,b.csv", "1,5"], ["c.csv", "-12,25"], ["d.csv", "1,200"]]
     (tmp_path / "t.csv").write_text("\n".join(separator.join(row) for row in rows))
     read = read_csv_table(tmp_path / "t.csv", "t")[1]
-    assert list(read.values()) == [["a,b.csv", "1.5"], ["c.csv", "-12.25"], ["d.csv", "1,200"]]
+    assert list(read.values()) == [["a,b.csv", "1.5"], ["c.csv", "-12.25"], ["d.csv", "1.2"]]
 
 
 @pytest.mark.parametrize(
-    ("rows", "line"),
+    ("rows", "line", "field"),
     [
-        (["4,5;600", "6;1.200"], 3),  # beside decimal commas
-        (["4;1.200", "6;900"], 2),  # beside whole numbers of its column
-        (["4.5;1.200", "6,5;900"], 2),  # both signs
+        (["4,5;600", "6;1.200"], 3, "1.200"),  # beside decimal commas
+        (["4;1.200", "6;900"], 2, "1.200"),  # beside whole numbers of its column
+        (["4.5;1.200", "6,5;900"], 2, "1.200"),  # both signs
+        (["4.5;1,200", "6;900"], 2, "1,200"),
+        (["4;1,200", "6;1,500"], 2, "1,200"),
     ],
 )
-def test_a_point_that_may_stand_between_thousands_is_refused(tmp_path, rows, line):
+def test_a_sign_that_may_stand_between_thousands_is_refused(tmp_path, rows, line, field):
     """Regression: 1.200 rpm of a spreadsheet with decimal commas was 1.2 rpm, in silence."""
     (tmp_path / "t.csv").write_text("\n".join(["joint_angle_deg;speed_rpm", *rows]))
-    message = rf"^t: line {line}: speed_rpm = 1\.200: may mean 1\.2 or 1200; write 1200, or 1\.2000 for 1\.2$"
-    with pytest.raises(InputError, match=message):
+    message = f"t: line {line}: speed_rpm = {field}: may mean 1.2 or 1200; write 1200, or {field}0 for 1.2"
+    with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
         read_csv_table(tmp_path / "t.csv", "t")
 
 
@@ -46,9 +50,11 @@ def test_a_point_that_may_stand_between_thousands_is_refused(tmp_path, rows, lin
         (["4.5;1.200", "6;900"], [["4.5", "1.200"], ["6", "900"]]),  # 4.5 shows that points are decimal
         (["4,5;1.2000", "6;1.234,5"], [["4.5", "1.2000"], ["6", "1234.5"]]),  # each can mean one number only
         (["4,5;1.200", "6;new"], [["4.5", "1.200"], ["6", "new"]]),  # a column of words
+        (["4;1,200", "6;new"], [["4", "1,200"], ["6", "new"]]),
+        (["4;1,125", "6;0,5"], [["4", "1.125"], ["6", "0.5"]]),  # 0,5 shows that commas are decimal
     ],
 )
-def test_a_point_that_is_the_decimal_sign_stays(tmp_path, rows, read):
+def test_a_sign_that_is_the_decimal_one_is_taken(tmp_path, rows, read):
     (tmp_path / "t.csv").write_text("\n".join(["a;b", *rows]))
     assert list(read_csv_table(tmp_path / "t.csv", "t")[1].values()) == read
 

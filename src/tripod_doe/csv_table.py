@@ -58,29 +58,31 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
 
 
 def _with_points(header: list[str], rows: dict[int, list[str]], where: str) -> dict[int, list[str]]:
-    """The rows, with decimal points in place of commas that can only be decimal signs: 1,5 but not 1,200.
+    """The rows, with decimal points in place of decimal commas.
+
+    Numbers with one meaning show the decimal sign. So 1,200 is 1.2 beside 1,5, and 1.200 is 1.2 beside 1.5. Where none
+    shows it, 1.200 is 1.2 in a column without whole numbers.
 
     Raises:
-        InputError: For a number such as 1.200 that may be 1200: beside decimal commas, and beside whole numbers of its
-            column where no decimal point shows.
+        InputError: For another number that may be in thousands.
     """
     read = {field: readings(field) for row in rows.values() for field in row if "," in field or "." in field}
-    clear = {field: values[0] for field, values in read.items() if len(values) == 1}
+    clear = {field for field, values in read.items() if len(values) == 1}
     commas = any(re.fullmatch(r"[^,]*,[^.,]*", field) for field in clear)
-    points = any("." in field and number_or_text(field) == value for field, value in clear.items())
+    points = any("." in field and number_or_text(field) == read[field][0] for field in clear)
     for name, *column in zip(header, *rows.values(), strict=True):
-        unclear = [field for field in column if "," not in field and len(read.get(field, ())) > 1]
-        if not unclear or not all(readings(field) for field in column if field):
-            continue  # nothing to mistake, or words
-        if commas or (not points and any(re.fullmatch(r"[+-]?[0-9]+", field) for field in column)):
+        whole = any(re.fullmatch(r"[+-]?[0-9]+", field) for field in column)
+        known = {",": commas and not points, ".": not commas and (points or not whole)}
+        unclear = [
+            f for f in column if len(read.get(f, ())) > 1 and not any(known[sign] for sign in known if sign in f)
+        ]
+        if unclear and all(readings(field) for field in column if field):  # else words
             small, large = read[unclear[0]]
             line = list(rows)[column.index(unclear[0])]
             way = f"write {large:.0f}, or {unclear[0]}0 for {small:g}"
             raise InputError(f"{where}: line {line}: {name} = {unclear[0]}: may mean {small:g} or {large:.0f}; {way}")
-    return {
-        line: [repr(clear[field]) if "," in field and field in clear else field for field in row]
-        for line, row in rows.items()
-    }
+    meant = {f: repr(read[f][0]) for f in read if "," in f and (f in clear or (read[f] and commas and not points))}
+    return {line: [meant.get(field, field) for field in row] for line, row in rows.items()}
 
 
 def read_record_table(
