@@ -8,13 +8,15 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from tripod_doe.analyses.factorial_effects.charts import factorial_effect_charts
 from tripod_doe.analyses.main_effects.charts import effect_charts
-from tripod_doe.analyses.sensitivity.charts import index_charts
+from tripod_doe.analyses.sensitivity.charts import convergence_chart, index_charts
 from tripod_doe.analyses.tolerance.charts import quantile_chart
 from tripod_doe.page_parts import templates
 from tripod_doe.page_parts.charts.chart import Chart, drawing, factor_ticks, legend_above
 from tripod_doe.page_parts.charts.waveforms import chosen_points, spectrum_chart, waveform_charts
 from tripod_doe.page_parts.main_outputs import OutputPart
+from tripod_doe.page_parts.tables import factor_rows
 from tripod_doe.reports.workflow_report import step_page, write_charts
 from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
@@ -291,3 +293,35 @@ def test_labels_of_unequal_levels_do_not_lie_on_each_other(levels):
         assert all(left.x1 < right.x0 for line in lines.values() for left, right in pairwise(line))
         assert len(lines) > 1
         assert lines[0][0].height < lines[1][0].height
+
+
+def test_a_caption_counts_the_classes_of_a_sample_with_ties():
+    """Regression: half of the points at one value make fewer than the "ten classes with equally many points"."""
+    cube = sampled(120)
+    tied = np.where(np.arange(120) < 60, 0.0, cube["x"].values)
+    caption = effect_charts(cube.assign_coords(x=cube["x"].copy(data=tied)))[0].charts[0].caption
+    assert "quartiles (band) of 6 classes of neighbouring points" in caption
+
+
+def test_a_spectrum_names_no_largest_order(grid_cube):
+    """Regression: the order of the largest whisker was said to be the largest one, and the first of a thrust of zero."""
+    zero = grid_cube.assign(thrust_amplitude=0 * grid_cube["thrust_amplitude"])
+    assert all("is the largest" not in spectrum_chart(cube).caption for cube in (grid_cube, zero))
+
+
+def test_captions_name_only_intervals_and_samples_that_are_there():
+    """Regression: a design with as many terms as points has no intervals, and 48 samples no eighth that says much."""
+    columns = {"effect": [1.0, 2.0], "effect_conf": [np.nan] * 2, "p_value": [np.nan] * 2}
+    effects = xr.Dataset({key: ("term", values) for key, values in columns.items()}, {"term": ["a", "b"]})
+    (chart,) = factorial_effect_charts(effects.assign(r_squared=1.0).assign_attrs(outputs="y"), "own")
+    assert chart.caption == "Effects on y (analysis own)."
+    course = {f"ST{over}{key}": ([*dims, "factor"], np.ones((2,) * (len(dims) + 1)))
+              for over, dims in (("", []), ("_over_samples", ["samples"])) for key in ("", "_conf")}  # fmt: skip
+    part = xr.Dataset(course, {"samples": [24, 48], "factor": ["a", "b"]})
+    assert "from the first 24 and 48 samples" in convergence_chart("key", "own", "y", part, "sobol").caption
+
+
+def test_a_grid_of_many_levels_is_no_sample():
+    cube = sampled(301)
+    values = [row.value for row in factor_rows(cube)]
+    assert all(value.endswith("(301 values)") for value in values)

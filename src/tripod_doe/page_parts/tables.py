@@ -210,9 +210,7 @@ def _levels(values: np.ndarray[Any, Any]) -> str:
     distinct = distinct[distinct == distinct]  # an empty field of a table is no level
     if distinct.size <= 6 or distinct.dtype.kind not in "fiu":
         return ", ".join(_text(value) for value in distinct)
-    return value_range(float(distinct[0]), float(distinct[-1])) + (
-        f" ({distinct.size} values)" if distinct.size <= 200 else ", sampled"
-    )
+    return f"{value_range(float(distinct[0]), float(distinct[-1]))} ({distinct.size:,} values)"
 
 
 def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:

@@ -42,3 +42,20 @@ def test_a_candidate_with_words_has_its_base():
         },
     )
     assert base_of(front, 1) == '[base]\nmodel = "kinetostatic"\n'
+
+
+def test_parallel_axes_reach_over_the_whole_front_and_show_its_knee():
+    """Regression: of a front of more than 60 candidates, ends of axes and the knee could be among those left out."""
+    units = np.linspace(0, 1, 150)[:, None]
+    aims = np.concatenate([units, 1 - units], axis=1)
+    aims[74] = 0.2  # the knee
+    problem = SimpleNamespace(
+        objectives={"a": None, "b": None},
+        signs=np.ones(2),
+        variables=SimpleNamespace(columns=lambda at: {"x": np.where(np.arange(150) == 73, 9.0, at[:, 0])}),
+    )
+    front = SimpleNamespace(units=units, judged=SimpleNamespace(objectives=aims))
+    chart = charts._parallel(problem, SimpleNamespace(front=front))
+    assert chart.caption.startswith(f"{len(chart.data)} of the 150 candidates of the front")
+    assert {74} <= set(chart.data["candidate"])
+    assert "9" in {text.get_text() for text in chart.figure.axes[0].texts}

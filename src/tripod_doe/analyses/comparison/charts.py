@@ -11,7 +11,7 @@ import xarray as xr
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.page_parts.words import ORDINALS
-from tripod_doe.quantities import number
+from tripod_doe.quantities import count_of, number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -39,13 +39,14 @@ def _percent(comparison: xr.Dataset) -> str:
 
 def _waveform(comparison: xr.Dataset) -> Chart:
     data = _columns(comparison, "rotation_deg", "measured_thrust", "measured_thrust_scatter", "model_thrust")
+    revolutions = int(comparison.attrs["revolutions_compared"])
     with drawing(4.7, 3.1) as (figure, axes):
         _band(axes, data, "measured_thrust", "measured_thrust_scatter", "measured")
         axes.plot(data["rotation_deg"], data["model_thrust"], color=_MODEL, lw=1.8, label="model")
         _over_rotation(axes, "thrust force (N)")
     caption = (
         "Thrust force over one revolution: measured mean over "
-        f"{comparison.attrs['revolutions_compared']} revolutions with its standard deviation (band), and model. "
+        f"{count_of(revolutions, 'revolution')}{' with its standard deviation (band)' * (revolutions > 1)}, and model. "
         "The measured force is shown about the mean of the model; its own is "
         f"{number(comparison.attrs['preload_n'], 3)} N higher, with the preload of the sensor."
     )
@@ -113,7 +114,7 @@ def _orders(comparison: xr.Dataset) -> Chart:
         legend_above(axes, 2)
     caption = (
         f"Amplitudes of the rotating orders, measured and model; whiskers are the {_percent(comparison)} uncertainties "
-        "of each: from the scatter between revolutions, and from the error of the model."
+        "of each, as far as they are known."
     )
     return Chart("orders", "Rotating orders", caption, figure, data)
 

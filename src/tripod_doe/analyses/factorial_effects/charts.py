@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.factorial_effects.sentences import effect_parts, term_text
-from tripod_doe.page_parts.charts.chart import COLOURS, INTERVALS, MUTED, Chart, drawing, name_rows
+from tripod_doe.page_parts.charts.chart import COLOURS, INTERVALS, MUTED, Chart, drawing, intervals_text, name_rows
 
 _MOST_BARS = 12
 
@@ -31,5 +31,5 @@ def _chart(key: str, name: str, what: str, part: xr.Dataset) -> Chart:
         axes.set_xlabel("effect, from low to high, in the unit of the output")
     level = 100 * float(part.attrs.get("confidence_level", 0.95))
     more = f" The {_MOST_BARS} largest of {len(data)}." if len(data) > _MOST_BARS else ""
-    caption = f"Effects on {what} with {level:g} % confidence intervals (analysis {name}).{more}"
+    caption = f"Effects on {what}{intervals_text(data['effect_conf'], level)} (analysis {name}).{more}"
     return Chart(key, f"Effects on {what}", caption, figure, data)

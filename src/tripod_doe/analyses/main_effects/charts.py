@@ -326,7 +326,7 @@ def _band_chart(
     if "varied" in cube.coords:
         caption = label + "all other factors at their base values."
     else:
-        groups = "ten classes with equally many points" if effect.sampled else "the points of each value"
+        groups = f"{effect.mean.size} classes of neighbouring points" if effect.sampled else "the points of each value"
         caption = f"{label}mean{' and quartiles (band)' if spread else ''} of {groups}."
     caption = caption.removesuffix(".") + _zero_text(response, cube, factor, zero) + "."
     title = f"{_capital(response)} over {factor_label(cube, factor)}"

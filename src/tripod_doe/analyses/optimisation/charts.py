@@ -123,18 +123,17 @@ def _around_front(axes: Any, values: FloatArray) -> None:
 def _parallel(problem: Problem, solved: Solved) -> Chart:
     """Candidates of the front over variables and objectives, each axis from the smallest to the largest value."""
     front, names = solved.front, list(problem.objectives)
-    rows = np.arange(len(front.units))
-    if rows.size > _MOST_LINES:
-        rows = np.unique(np.linspace(0, rows.size - 1, _MOST_LINES).round().astype(int))
+    middle = knee(front.judged.objectives * problem.signs)
+    count, drawn = len(front.units), min(len(front.units), _MOST_LINES)
+    rows = np.union1d(np.linspace(0, count - 1, drawn).round().astype(int), middle)
     columns = {
         name: column for name, column in problem.variables.columns(front.units).items() if column.dtype.kind in "fi"
     }
-    table = pd.DataFrame(columns | {name: front.judged.objectives[:, at] for at, name in enumerate(names)}).iloc[rows]
-    low, high = table.min(), table.max()
+    table = pd.DataFrame(columns | {name: front.judged.objectives[:, at] for at, name in enumerate(names)})
+    low, high, table = table.min(), table.max(), table.iloc[rows]
     places = (table - low) / (high - low).where(high > low, 1.0)
     places.loc[:, high == low] = 0.5
     first = places[names[0]].to_numpy()
-    middle = knee(front.judged.objectives * problem.signs)
     across = np.arange(len(table.columns))
     with drawing(max(6.2, 0.95 * len(across) + 1.5), 3.6) as (figure, axes):
         for at, (row, line) in enumerate(zip(rows.tolist(), places.to_numpy(), strict=True)):
@@ -158,8 +157,9 @@ def _parallel(problem: Problem, solved: Solved) -> Chart:
         axes.tick_params(axis="x", pad=14)
         for side in axes.spines.values():
             side.set_visible(False)
+    some = f"{rows.size} of the {count:,} candidates" if rows.size < count else "Candidates"
     caption = (
-        f"Candidates of the front over their variables and {listed(names)}, each axis from the smallest to the largest "
+        f"{some} of the front over their variables and {listed(names)}, each axis from the smallest to the largest "
         f"value on the front. Strong lines have a small {names[0]}; the thick one is the knee."
     )
     return Chart("parallel", "Candidates of the front", caption, figure, table.assign(candidate=rows))

@@ -15,11 +15,12 @@ from tripod_doe.page_parts.charts.chart import (
     MUTED,
     Chart,
     drawing,
+    intervals_text,
     legend_above,
     name_rows,
     series,
 )
-from tripod_doe.page_parts.words import spoken
+from tripod_doe.page_parts.words import listed, spoken
 
 _SEEN, _UNSEEN = "#b9d0e8", "#e3e6ea"  # cells of interactions above and within their intervals
 
@@ -109,13 +110,8 @@ def _index_chart(key: str, name: str, what: str, part: xr.Dataset, level: float,
         name_rows(axes, rows, [spoken(str(factor)) for factor in data["factor"]])
         axes.axvline(0, color=MUTED, lw=0.8)
         axes.set_xlabel(_INDEX_NAMES[kind])
-    caption = f"{_INDEX_NAMES[kind]} of {what}{_intervals(data[f'{index}_conf'], level)} (analysis {name})."
+    caption = f"{_INDEX_NAMES[kind]} of {what}{intervals_text(data[f'{index}_conf'], level)} (analysis {name})."
     return Chart(key, f"Sensitivity of {what}", caption[0].upper() + caption[1:], figure, data)
-
-
-def _intervals(halves: pd.Series, level: float) -> str:
-    """What a caption says of intervals: nothing of a method that knows none."""
-    return f" with {level:g} % confidence intervals" if halves.notna().any() else ""
 
 
 def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level: float) -> list[Chart]:
@@ -145,7 +141,7 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
         axes.grid(visible=False)
         for spine in axes.spines.values():
             spine.set_visible(False)
-    sure = _intervals(data["S2_conf"], level)
+    sure = intervals_text(data["S2_conf"], level)
     caption = (
         f"Second-order Sobol' indices of {what}: part of the variance by each pair of factors, beyond what each "
         f"makes alone{',' * bool(sure)}{sure} (analysis {name}).{' Shaded: larger than its interval.' * bool(sure)}"
@@ -188,7 +184,7 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
         legend_above(axes, 2)
     caption = (
         f"Morris' elementary effects on {what}, each over the whole range of its factor"
-        f"{_intervals(data['mu_star_conf'], level)} (analysis {name}). Far right: large effect. High up: nonlinear, or "
+        f"{intervals_text(data['mu_star_conf'], level)} (analysis {name}). Far right: large effect. High up: nonlinear, or "
         "interaction with other factors."
     )
     return Chart(key, f"Elementary effects on {what}", caption, figure, data)
@@ -226,10 +222,10 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
         axes.set_ylabel(f"index {index}")
         legend_above(axes, 2)
     data = pd.DataFrame(rows, columns=["factor", "samples", index, f"{index}_conf"])
-    intervals = _intervals(data[f"{index}_conf"], 100 * float(part.attrs.get("confidence_level", 0.95)))
+    intervals = intervals_text(data[f"{index}_conf"], 100 * float(part.attrs.get("confidence_level", 0.95)))
     caption = (
-        f"The index {index} of {what} from the first eighth, quarter and half of the samples and from all of "
-        f"them{intervals} (analysis {name}). The samples suffice where lines are level"
+        f"The index {index} of {what} from the first {listed([f'{count:,}' for count in counts])} samples{intervals} "
+        f"(analysis {name}). The samples suffice where lines are level"
         f"{' and intervals short' if intervals else ''}."
     )
     return Chart(f"{key}-convergence", f"Convergence for {what}", caption, figure, data)

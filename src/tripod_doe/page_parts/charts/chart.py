@@ -138,6 +138,16 @@ def series(which: int) -> dict[str, Any]:
     return {key: values[which % len(values)] for key, values in styles.items()}
 
 
+def intervals_text(halves: pd.Series, level: float) -> str:
+    """What a caption says of intervals: nothing where none is known.
+
+    Args:
+        halves: Half widths, NaN where an interval is not known.
+        level: Their level in percent.
+    """
+    return f" with {level:g} % confidence intervals" if halves.notna().any() else ""
+
+
 def name_rows(axes: Axes, rows: NDArray[np.intp], names: list[str], size: float = 8) -> None:
     """Write a name beside each horizontal bar, in place of an axis."""
     axes.set_yticks(rows, names, fontsize=size)

@@ -12,8 +12,7 @@ import xarray as xr
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
 from tripod_doe.page_parts.main_results import finished, point_text
-from tripod_doe.page_parts.words import ORDINALS
-from tripod_doe.quantities import capital, number
+from tripod_doe.quantities import capital, count_of, number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -108,20 +107,13 @@ def spectrum_chart(cube: xr.Dataset) -> Chart | None:
         mean, least, most = (getattr(amplitude, how)(design).values for how in ("mean", "min", "max"))
         bars, spread = {"mean over the study": mean}, (least, most)
         data = pd.DataFrame({"order": order, "mean_n": mean, "min_n": least, "max_n": most})
-        count = f"{int(finished(cube).sum()):,} points"
+        count = count_of(int(finished(cube).sum()), "point")
         caption = f"Amplitudes of the rotating orders: mean (bars), smallest and largest (whiskers) of {count}"
     largest = max(float(values.max()) for values in bars.values())
     with drawing(4.7, 3.0) as (figure, axes):
         _draw_spectrum(axes, order, bars, spread, largest)
-    first = int(data.iloc[1:, -1].argmax()) + 1
-    return Chart(
-        "spectrum",
-        "Orders of the thrust force",
-        f"{caption}. The axis is logarithmic and ends at 1/10,000 of the largest bar; smaller ones are not drawn. "
-        f"The {ORDINALS[first]} is the largest.",
-        figure,
-        data,
-    )
+    caption += ". The axis is logarithmic and ends at 1/10,000 of the largest bar; smaller ones are not drawn."
+    return Chart("spectrum", "Orders of the thrust force", caption, figure, data)
 
 
 def _draw_spectrum(
