@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
+from tripod_doe.analyses.sensitivity.sentences import find_in_sensitivity
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.errors import InputError
@@ -55,6 +56,12 @@ def test_intervals_are_the_same_whenever_they_are_made():
     xr.testing.assert_identical(sobol_indices(data), sobol_indices(data))
     other = sobol_indices(data, SensitivitySettings(seed=1))
     assert (other["ST_conf"] != sobol_indices(data)["ST_conf"]).any()
+
+
+def test_few_samples_are_why_a_smooth_function_has_no_intervals():
+    """Regression: a few of the 16 samples, which count alike, were said to cause most of the variance."""
+    told = find_in_sensitivity(sobol_indices(cube("saltelli", 16, y=((), additive))), "own")
+    assert "No intervals are known for y: too few samples make up its variance." in told
 
 
 def test_every_component_and_output_gets_its_indices():

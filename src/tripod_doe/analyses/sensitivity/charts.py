@@ -184,8 +184,8 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
         legend_above(axes, 2)
     caption = (
         f"Morris' elementary effects on {what}, each over the whole range of its factor"
-        f"{intervals_text(data['mu_star_conf'], level)} (analysis {name}). Far right: large effect. High up: nonlinear, or "
-        "interaction with other factors."
+        f"{intervals_text(data['mu_star_conf'], level)} (analysis {name}). Far right: large effect. High up: "
+        "nonlinear, or interaction with other factors."
     )
     return Chart(key, f"Elementary effects on {what}", caption, figure, data)
 

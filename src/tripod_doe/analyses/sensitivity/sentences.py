@@ -155,7 +155,7 @@ def _without_interval(part: OutputPart, kind: str, result: xr.Dataset) -> list[s
 
 def without_intervals(what: str) -> str:
     """Why an output has no intervals."""
-    return f"No intervals are known for {what}: a few samples cause most of its variance."
+    return f"No intervals are known for {what}: too few samples make up its variance."
 
 
 def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
