@@ -269,6 +269,7 @@ def test_few_points_propose_nothing_and_say_how_many_do():
     said = " ".join(find_in_tolerance(few, "t"))
     assert "prove no reduced scatter of one or two factors sufficient." in said
     assert said.count("set samples = ") == 1
+    assert "enough if the chances are about what these points estimate" in said  # 0 of 64 points asked for 512 outright
     (asked,) = map(int, re.findall(r"set samples = (\d+)", said))
     assert asked >= needed
     assert "To confirm" not in said

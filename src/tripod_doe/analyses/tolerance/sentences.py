@@ -225,7 +225,10 @@ def _run_more(part: xr.Dataset, keep: float, resolved: bool, proposed: bool = Fa
         return []
     smaller = "by which smaller scatter it is kept"
     what = smaller if resolved else "whether the limit is kept, and by which smaller scatter"
-    return [f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again."]
+    return [
+        f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again; "
+        "that many are enough if the chances are about what these points estimate."
+    ]
 
 
 def _nothing_to_confirm(part: xr.Dataset, reason: str) -> list[str]:
