@@ -187,3 +187,4 @@ def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_pat
     (tmp_path / "torques.toml").write_text(torques.replace("[factors]", "needle_count = 30\n[factors]"))
     again = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=0, progress=False)
     assert {step.name: step.state for step in again.steps}["claims"] == "blocked"  # that cube is of another study
+    assert not (tmp_path / "out" / "claims.json").exists()  # it was of the study before

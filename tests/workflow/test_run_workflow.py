@@ -395,6 +395,20 @@ def test_steps_read_of_large_cubes_what_they_use(bench, monkeypatch):
     assert not [file for file in open_files if file.is_relative_to(bench.out.resolve())]
 
 
+def test_the_page_of_a_blocked_step_is_not_named(bench):
+    """Regression: the page of an earlier run stood as "report" at the end, though its step waits for one that failed."""
+    bench.run()
+    page = bench.out / "steps" / "last" / "index.html"
+    assert bench.summary.reports == (page,)
+    bench.study("second", tag=5)
+    assert bench.run()["last"] == "blocked"
+    assert page.is_file()
+    assert bench.summary.reports == ()
+    bench.study("second", tag=1)
+    assert bench.run(only="other")["last"] == "reused"
+    assert bench.summary.reports == (page,)
+
+
 @pytest.mark.slow
 def test_a_comparison_is_a_step(tmp_path):
     (tmp_path / "s.toml").write_text('[study]\nname = "s"\n[factors.joint_angle_deg]\nvalues = [5, 10]\n')

@@ -52,7 +52,7 @@ class WorkflowSummary:
     directory: Path  # result directory
     page: Path  # page of the workflow
     steps: tuple[StepView, ...]  # state of every step, each after the steps that it needs
-    reports: tuple[Path, ...] = ()  # existing pages of its report steps
+    reports: tuple[Path, ...] = ()  # pages of its report steps that show its results as they are
 
     @property
     def good(self) -> bool:
@@ -130,8 +130,8 @@ def _summary(chain: _Chain, views: dict[str, StepView]) -> WorkflowSummary:
             answers=answers,
             figures=figures,
         )
-    pages = (chain.folder(name) / "index.html" for name, step in workflow.steps.items() if step.table.kind == "report")
-    reports = tuple(page for page in pages if page.is_file())
+    current = (step.name for step in steps if step.kind == "report" and step.state in ("finished", "reused"))
+    reports = tuple(chain.folder(name) / "index.html" for name in current)
     return WorkflowSummary(directory, write_listed(directory / "report" / "index.html", text), steps, reports)
 
 
@@ -238,6 +238,7 @@ class _Chain:
         lacking = [view for view in needed if view.state in ("failed", "blocked")]
         stopped = [view.name for view in lacking if not (self._reads_failed(step) and self._has_points(view))]
         if stopped:
+            self._remove_exported(step)
             return self._report_state(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
         if not lacking and (view := self.recorded(step)):
             self._found[name] = found_in(self.folder(name))
@@ -245,8 +246,7 @@ class _Chain:
         self._note(self.view(step, "running"))
         if step.study is None:
             remove_listed(self.folder(name))
-        for path in self._exported(step):
-            path.unlink(missing_ok=True)
+        self._remove_exported(step)
         started = time.perf_counter()
         try:
             detail = self._make(step)
@@ -336,6 +336,10 @@ class _Chain:
         export = ANALYSES[step.analysis].export if isinstance(step.table, AnalysisStep) else None
         folder = self.directory / "quick" if self.workflow.quick else self.directory
         return [folder / export[0]] if export else []
+
+    def _remove_exported(self, step: Step) -> None:
+        for path in self._exported(step):
+            path.unlink(missing_ok=True)
 
     def answers(self, views: tuple[StepView, ...]) -> AbstractContextManager[dict[str, xr.Dataset]]:
         """The existing cubes that answer the workflow's question, open within the block.
