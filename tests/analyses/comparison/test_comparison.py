@@ -718,6 +718,9 @@ def test_an_encoder_out_of_centre_is_noticed():
         doubts = compare(Measurement(angle, force, true / 3600, "zero"), model(), 0.0).attrs["doubts"]
         assert ("by 1 deg once per revolution" in doubts) == bool(swing)
         assert ("falsifies the order" in doubts) == bool(swing)
+        assert ("Check the encoder:" in doubts) == bool(swing)
+    coarse = Measurement(angle, force, true / 3600, "zero", angle_error_deg=1.5)  # regression: the encoder was blamed
+    assert "Check the sampling rate, which shows pulses to 1.5 deg: " in compare(coarse, model(), 0.0).attrs["doubts"]
 
 
 @pytest.mark.parametrize("name", ["thrust_amplitude", "thrust_phase_deg", "torque_n_m", "rotation_deg"])

@@ -157,8 +157,10 @@ def _encoder_doubts(measurement: Measurement, each: ComplexArray) -> list[str]:
     order = int(np.argmax(wrong))
     if not wrong[order] > _SIDEBAND * amplitude[1:].max():
         return []
+    edges = measurement.angle_error_deg  # a swing within it may be of the samples, not of the encoder
+    what = "encoder" if swing > edges else f"sampling rate, which shows pulses to {number(edges, 2)} deg"
     return [
-        f"Check the encoder: its angle runs ahead and behind by {number(swing, 2)} deg once per revolution. If the "
+        f"Check the {what}: the angle runs ahead and behind by {number(swing, 2)} deg once per revolution. If the "
         f"shaft turned evenly, this falsifies the order {order} by up to {number(float(wrong[order]), 2)} N."
     ]
 
