@@ -26,9 +26,7 @@ class CandidateRows:
     """Prediction and derivatives of the model at one candidate."""
 
     prediction: ComplexArray  # at the fitted values, shape (order,)
-    slope: (
-        ComplexArray  # its derivatives by the scalars, and by one of an unknown in a new record alone, (order, scalar)
-    )
+    slope: ComplexArray  # derivatives by the scalars, then by each unknown of the new record alone, (order, scalar)
     error: ModelError  # of the model in this record
 
 
