@@ -72,7 +72,7 @@ def test_the_commands_that_install_are_the_ones_that_ci_runs():
     assert re.fullmatch(installed + r"\. && \.venv/bin/tripod-doe run studies/\w+\.toml --out results/\w+\n", FIRST)
     assert re.fullmatch(
         installed
-        + r"pip && \.venv/bin/python -m pip install -q --no-compile -e '\.\[test\]' && \.venv/bin/python -m pytest -n 4 --dist worksteal -m \"not slow\"\n",
+        + r"pip && \.venv/bin/python -m pip install -q --no-compile -e '\.\[test\]' && \.venv/bin/python -m pytest -n 3 --dist worksteal -m \"not slow\"\n",
         TESTS,
     )
 

@@ -49,10 +49,12 @@ ROUTES = (
 def two(tmp_path_factory):
     """A server with the results of two studies that differ in a range."""
     folder = tmp_path_factory.mktemp("strange")
-    for name, high in (("one", 12), ("other", 13)):
-        file = folder / f"{name}.toml"
-        file.write_text(STUDY.replace("high = 12", f"high = {high}"))
-        td.run(file, out=folder / "results" / name, workers=0, progress=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tripod_doe.workflow.run_study.write_report", lambda directory, findings: None)
+        for name, high in (("one", 12), ("other", 13)):
+            file = folder / f"{name}.toml"
+            file.write_text(STUDY.replace("high = 12", f"high = {high}"))
+            td.run(file, out=folder / "results" / name, workers=0, progress=False)
     headers = {"authorization": f"Bearer {TOKEN}"}
     settings = Settings(folder / "results", token=TOKEN, workers=0)
     with TestClient(create_app(settings), ADDRESS, raise_server_exceptions=False, headers=headers) as client:
