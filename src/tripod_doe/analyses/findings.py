@@ -32,7 +32,7 @@ from tripod_doe.page_parts.main_results import (
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_text, listed
 from tripod_doe.phases import JUMPS
-from tripod_doe.quantities import capital, digits_apart, level, number, text_range, with_unit
+from tripod_doe.quantities import capital, count_of, digits_apart, level, number, text_range, with_unit
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
@@ -124,7 +124,7 @@ def _notes(cube: xr.Dataset) -> list[str]:
     cube = computed_once(cube)
     details = cube["outcome_detail"].values[finished(cube).values]
     noted = details[details != ""]
-    text = f"{noted.size:,} {'point' if noted.size == 1 else 'points'} finished with a note (outcome_detail)"
+    text = f"{count_of(noted.size, 'point')} finished with a note (outcome_detail)"
     return design + ([f"{text}, the first: {noted[0]}."] if noted.size else [])
 
 

@@ -67,8 +67,8 @@ def _without_scatter(what: str, unit: str, rows: list[tuple[str, float, float, f
     """The largest effects where the only scatter that they could be judged by is that among themselves."""
     largest = sorted(rows, key=lambda row: -abs(row[1]))[:_MOST_NAMED]
     text = [f"{term_text(str(row[0]))} {with_unit(number(float(row[1])), unit)}" for row in largest]
-    told = "there are as many terms as points, so their significance is not known"
-    return f"{_largest(what, text)}; {told} (analysis {name})."
+    why = "there are as many terms as points, so their significance is not known"
+    return f"{_largest(what, text)}; {why} (analysis {name})."
 
 
 def _largest(what: str, text: list[str]) -> str:

@@ -158,11 +158,11 @@ def _measured() -> _Measured:
     measured = _Measured(
         tuple(ratios), values, places / spread, spread, errors, inexact, table["needles_2"], second_missed, parameters
     )
-    errors["equilibrium"][~direct] += _median_and_limit(*measured.near("rollers", measured.places[~direct]))[0]
+    errors["equilibrium"][~direct] += _quantile(measured.near("rollers", measured.places[~direct])[0], 0.5)
     beside = errors["kinetostatic"][~direct]
     errors["kinetostatic"][~direct] = np.inf  # only while its error against needles is looked up
-    errors["kinetostatic"][~direct] = (
-        beside + _median_and_limit(*measured.near("kinetostatic", measured.places[~direct]))[0]
+    errors["kinetostatic"][~direct] = beside + _quantile(
+        measured.near("kinetostatic", measured.places[~direct])[0], 0.5
     )
     return measured
 
