@@ -22,7 +22,7 @@ from tripod_doe.joint.known_errors.error_estimate import (
     errors_at,
     similar_errors,
 )
-from tripod_doe.joint.known_errors.operating_ratios import has_no_thrust, operating_ratios
+from tripod_doe.joint.known_errors.operating_ratios import TOUCHING, has_no_thrust, operating_ratios, touching_spheres
 from tripod_doe.joint.known_errors.vibration_record import SHARE, near_vibrating, vibration_errors, vibration_share
 from tripod_doe.joint.models.balances import some_vibrate
 from tripod_doe.joint.models.candidates import JOINT_CANDIDATES
@@ -140,7 +140,8 @@ class JointSimulator(Simulator):
                 unsettled[rows] = np.isnan(vibrates[rows]) & near_vibrating(own) & ~has_no_thrust(ratios)
             vibration[vibrates[rows] == 0] = 0.0
             expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration, vibrates[rows] == 1)
-            quantities = own | ratios | {SHARE: np.where(vibrates[rows] == 1, 0.0, vibration_share(vibration))}
+            share = np.where(vibrates[rows] == 1, 0.0, vibration_share(vibration))
+            quantities = own | ratios | {SHARE: share, TOUCHING: touching_spheres(own, ratios)}
             for left in model.valid:
                 inside = (quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high)
                 beyond = ~inside & ~has_no_thrust(ratios)

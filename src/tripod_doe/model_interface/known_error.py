@@ -61,6 +61,7 @@ class ValidRange:
     high: float = np.inf
     unit: str = ""  # of the quantity, for people; empty without dimension
     meaning: str = ""  # definition of the quantity, if its name is not enough
+    remedy: str = ""  # what to change if no other model helps: ``raise spheres_per_needle``
 
     def left_by(self, values: str) -> str:
         """Values outside in words: ``swing_ratio (its definition) = 0.3 to 0.4, valid up to 0.2``."""

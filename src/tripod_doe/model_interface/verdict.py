@@ -112,11 +112,13 @@ class VerdictCount:
     checks: Counter[str] = field(default_factory=Counter)  # doubtful points by the cheapest model that is sure there
     prices: dict[str, float] = field(default_factory=dict)  # usual CPU seconds of a point by these models
     unpriced: Collection[str] = ()  # reasons that make a point more expensive than usual ones
+    remedies: dict[str, str] = field(default_factory=dict)  # what to change, by the reason that no other model cures
 
     def add(self, errors: ModelErrors, numerical: FloatArray | None = None) -> NDArray[np.int8]:
         """Judge some points, count them, and return the `Trust` of each."""
         judged = verdicts(errors, numerical)
         self.quantity, self.finest, self.unpriced = errors.quantity, errors.reference, errors.stated
+        self.remedies |= {left.reason: left.left.remedy for left in errors.departures if left.left.remedy}
         pairs, counts = np.unique(np.stack([judged.trust, judged.reason]), axis=1, return_counts=True)
         for (trust, reason), count in zip(pairs.T.tolist(), counts.tolist(), strict=True):
             self.counts[Trust(trust), judged.reasons[reason]] += count
@@ -142,7 +144,7 @@ class VerdictCount:
         reason, count = why.most_common(1)[0]
         since = f"mostly since {reason} ({count_of(count, 'point')})" if len(why) > 1 else f"since {reason}"
         if worst is Trust.DOUBTFUL:
-            since += f"; {self._check(reason, why.total())}"
+            since += f"; {self.remedies.get(reason) or self._check(reason, why.total())}"
         if len(of_trust) > 1:
             parts = ", ".join(f"{trust.label} at {of_trust[trust]:,}" for trust in sorted(of_trust))
             since = since.removeprefix("mostly ")

@@ -68,6 +68,23 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
         }
 
 
+TOUCHING = "touching_spheres"
+TOUCHING_MEANING = "spheres of a needle over the length on which the most loaded one touches; unlimited without crown"
+
+
+def touching_spheres(points: Mapping[str, NDArray[Any]], ratios: Mapping[str, FloatArray]) -> FloatArray:
+    """Spheres over the length on which the most loaded needle touches, by its crown, shape (point,).
+
+    A needle of crown h pressed by d touches over sqrt(d / h) of its length, over which so large a share of its
+    spheres lies; `crown_ratio` is 1 + h / d. Above the number of spheres, all touch; infinite without crown.
+
+    Args:
+        points: As for `operating_ratios`, which gives `ratios`.
+    """
+    with np.errstate(divide="ignore"):
+        return np.asarray(points["spheres_per_needle"] / np.sqrt(ratios["crown_ratio"] - 1), float)
+
+
 def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
     """Whether a point has no thrust force in any model: without angle, torque or sliding friction of the grooves."""
     still = (ratios["joint_angle_deg"] == 0) | (ratios["groove_friction"] == 0)

@@ -16,7 +16,7 @@ from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
 from tripod_doe.joint.known_errors.operating_ratios import RATIOS
 from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
-from tripod_doe.joint.models.multibody_models import prepare_multibody
+from tripod_doe.joint.models.multibody_models import CROWN_FOLLOWED, prepare_multibody
 from tripod_doe.joint.models.record import RATES, SKEWS, Model
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
@@ -300,5 +300,5 @@ EQUILIBRIUM = replace(
 KINETOSTATIC = replace(
     _balance("kinetostatic", _solve_kinetostatic, 1e-6, _SPIDER_MOTION, moves_needles=True),
     ignores=_SETTLED,
-    valid=_within(swing=3, needle=0.5),
+    valid=(*_within(swing=3, needle=0.5), CROWN_FOLLOWED),
 )
