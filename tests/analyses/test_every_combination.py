@@ -402,6 +402,7 @@ def test_a_block_of_differences_counts_once():
     assert np.mean(trends) <= 0.1
 
 
+@pytest.mark.slow
 def test_rows_of_a_table_that_is_crossed_with_levels_count_once():
     """Statistic: as above, of a table that repeats the rows of a sample at eight levels, and of one that is doubled."""
     significant = []

@@ -86,6 +86,7 @@ def test_intervals_of_all_kinds_are_counted(benchmark, capsys, monkeypatch):
     assert all(" % of " in line or line.endswith(f"no  of 0; none for {line.split()[-1]}") for line in lines)
 
 
+@pytest.mark.slow
 def test_hostile_files_and_flags_end_in_messages(benchmark, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # it goes elsewhere
     monkeypatch.setattr(sys, "argv", ["gauntlet_cli.py", "--texts", "30"])
@@ -304,6 +305,7 @@ confidence = 0.75
 """
 
 
+@pytest.mark.slow
 def test_a_choice_is_compared_with_the_full_model_everywhere(benchmark, tmp_path, monkeypatch, capsys):
     """Exact: at 6 of 40 points the check is known to 2 % only where 1 % is asked for, at 6 others the cheap model is off."""
     monkeypatch.setattr(sys, "path", list(sys.path))

@@ -387,6 +387,7 @@ def test_long_headings_and_long_beginnings_take_no_long_time(read):
     assert time.process_time() - began < 5
 
 
+@pytest.mark.slow
 def test_many_long_headings_take_no_time(tmp_path):
     """The time to look for units in them must not grow with their square."""
     headings = ["time_s", "thrust_n", "rotation_deg", *("a-" * 98 + str(place) for place in range(490))]

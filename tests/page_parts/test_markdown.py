@@ -104,6 +104,7 @@ def test_a_note_of_a_stranger_shows_text_and_nothing_else(note):
         assert name != "class" or value.startswith("language-")
 
 
+@pytest.mark.slow
 def test_a_large_note_takes_a_moment():
     """Linear time: at most half a second each for 20,000 letters."""
     start = time.process_time()

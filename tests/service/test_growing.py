@@ -42,6 +42,7 @@ def test_only_what_is_new_has_a_price(api, grown):
     assert "base.torque_n_m: -35 -> -36" in answer.text
 
 
+@pytest.mark.slow
 def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
     tables = {"spread": {"formula": "thrust_amplitude[3] - thrust_amplitude[6]", "unit": "N", "meaning": "gap"}}
     plan = api.post(f"/runs/{grown}/plans", {"responses": tables}).json()

@@ -165,6 +165,7 @@ def test_a_fit_takes_no_formulas_and_no_points(api, fitted):
         assert answer.json()["errors"][0]["message"] == words
 
 
+@pytest.mark.slow
 def test_a_search_that_was_stopped_goes_on(api, settings):
     """Invariance: no point runs twice, and the front is that of a search without a stop."""
     slow = JOINT.replace('"equilibrium"', '"kinetostatic"').replace("bore of 29", "stopped, of 29")

@@ -153,6 +153,7 @@ def test_a_study_that_grows_to_where_another_candidate_is_cheapest(recorded):
     assert (choice["accuracy_met"] == 1).all()
 
 
+@pytest.mark.slow
 def test_a_kill_of_a_pilot_that_grew_changes_nothing(recorded, monkeypatch):
     """Regression: killed before the choice was stored, the study was refused: its pilot began with fewer points."""
     bench = recorded(model_0=0.05, model_1=0.01)

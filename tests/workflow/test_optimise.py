@@ -100,6 +100,7 @@ def volume(front, names):
     return hypervolume(np.stack([front[name].values for name in names], axis=1), ref=np.full(len(names), 1.1))
 
 
+@pytest.mark.slow
 def test_the_front_of_zdt1(solve, tmp_path):
     """Published: Zitzler, Deb and Thiele 2000; its front f2 = 1 - sqrt(f1) has the hypervolume 1.21 - 1/3 to (1.1, 1.1)."""
     aims = {"f_1": {"output": "f1"}, "f_2": {"output": "f2"}}

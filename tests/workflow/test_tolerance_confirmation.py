@@ -96,6 +96,7 @@ def test_a_sequence_is_not_confirmed_by_itself(study, tmp_path):
     assert not set(cube["y"].values) & set(own["y"].values)
 
 
+@pytest.mark.slow
 def test_what_has_no_orders_is_confirmed_once_beside_an_output_over_orders(study, tmp_path):
     """Regression: an output was confirmed once for each order, and a response was told as that of an order."""
     (tmp_path / "functions_to_confirm.py").write_text(

@@ -92,7 +92,7 @@ def test_a_combination_reaches_over_further_minima():
     assert (both.value, both.half) == pytest.approx((0.775, half + 0.075))
 
 
-@pytest.mark.parametrize(("deviation", "left_out"), [(0.02, 0), (0.005, 1)])
+@pytest.mark.parametrize(("deviation", "left_out"), [(0.02, 0), pytest.param(0.005, 1, marks=pytest.mark.slow)])
 def test_a_record_is_judged_again_with_the_weights_of_the_minimum(deviation, left_out):
     """Exact: six records of one number, one of them 0.04 off: 8 deviations of the first weights, 2 of the later ones."""
     layout = make_layout([Unknown("b", 0, 1)], list("abcdef"), [[""] * 6])

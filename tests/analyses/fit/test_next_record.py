@@ -80,6 +80,7 @@ def half(fit, grease):
     return float(own["high_of_record"] - own["low_of_record"]) / 2
 
 
+@pytest.mark.slow
 def test_a_record_is_of_the_group_that_it_is_to_narrow(fitted):
     """Regression: every candidate was of a group of its own, and so narrowed none. Within what noise changes."""
     before = fitted("grease", RECORDS)
@@ -105,6 +106,7 @@ def test_a_group_may_have_the_value_of_a_candidate(fitted):
         assert float(fit["next"].min()) > 0.9
 
 
+@pytest.mark.slow
 def test_a_record_with_a_value_of_its_own_says_little_of_others(fitted):
     """Regression: where bounds end intervals, one more record was said to make them 100 % shorter."""
     fit = fitted("record", RECORDS[:3])

@@ -171,6 +171,7 @@ def test_quantiles_take_their_places_in_parts_of_bounded_size(monkeypatch):
     np.testing.assert_array_equal(quantiles([truth, rough], [0.01, 0.5, 0.999], 1.96), whole)
 
 
+@pytest.mark.slow
 def test_quantiles_hold_and_are_sharper_than_those_of_the_truth_alone():
     """Exact: x1 + x2 on the unit square has the median 1; twenty seeds, of which two may miss."""
 

@@ -33,6 +33,7 @@ EXACT = {
 """Mean effects of either factor over the grid of four levels and its steps of two thirds."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("function", "least"), first_fast([(heavy, 0.85), (product, 0.9), (corner, 0.9)], 1))
 def test_intervals_hold_as_often_as_they_say(function, least):
     """Statistic: of 60 designs of ten trajectories; normal intervals hold in 0.80 of the heavy ones."""

@@ -61,7 +61,7 @@ def third_of(page):
     return next(at for at, each in enumerate(page.quantities) if "third" in each.label)
 
 
-@pytest.mark.parametrize("seed", first_fast(range(4), 2))
+@pytest.mark.parametrize("seed", first_fast(range(4), 1))
 def test_zeros_and_mirrors_are_exact_for_any_function(seed):
     """Exact: regression of "22.17 +- 18 N" at 0 N m, where the thrust is 0."""
     random = np.random.default_rng(seed)
@@ -83,6 +83,7 @@ def test_zeros_and_mirrors_are_exact_for_any_function(seed):
     assert page.at(**half)[third_of(page)][0] == pytest.approx(abs(wave(columns, shape)[0, 3]), rel=0.1)
 
 
+@pytest.mark.slow
 def test_bands_hold_unseen_points_near_zero_and_far():
     """Of 400 other points at least 85 % lie within the band, near the zeros as elsewhere."""
     random = np.random.default_rng(7)

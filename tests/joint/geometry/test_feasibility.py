@@ -123,6 +123,7 @@ def test_rollers_overlap_where_points_of_one_lie_in_its_neighbour(internal_point
         assert bool(overlap) == bool(both.any())
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(
     speed=st.one_of(st.just(0.0), st.floats(1e-4, 10_000)),

@@ -61,6 +61,7 @@ def test_what_is_left_of_a_slip_that_is_over_is_no_failure(method, setting, fric
     assert result.outcome == Outcome.FINISHED, result.detail
 
 
+@pytest.mark.slow
 def test_a_tolerance_near_what_a_solver_can_do_is_held_against_a_looser_one():
     """SciPy's BDF fails at a tenth of this tolerance; at ten times it the drift is the same."""
     values = {

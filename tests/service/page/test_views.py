@@ -730,6 +730,7 @@ def test_a_study_of_a_joint_is_at_the_operating_points_of_its_search():
     ]
 
 
+@pytest.mark.slow
 def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):
     entries = gallery()
     ids = {entry["id"] for entry in entries}

@@ -238,6 +238,7 @@ def test_files_without_hdf5_are_read(tmp_path):
     assert td.open_cube(path)["y"].sum() == 3.0
 
 
+@pytest.mark.slow
 def test_a_chunk_that_fills_the_memory_is_refused(tmp_path):
     """Regression: one value of a chunk of 4 GB, 62 kB in its file, took 4 GB of memory."""
     with netCDF4.Dataset(tmp_path / "a.nc", "w") as stored:
@@ -292,6 +293,7 @@ def test_results_are_kept_where_netcdf_finds_them(tmp_path, monkeypatch):
             write(Path("a\\b"))
 
 
+@pytest.mark.slow
 def test_many_groups_are_refused(tmp_path):
     """Regression: netCDF ended the process at a file of 7 MB with 50,000 groups."""
     with h5py.File(tmp_path / "a.nc", "w", libver="latest") as file:

@@ -130,6 +130,7 @@ def test_check_names_a_damaged_file_and_the_next_run_mends_it(folder, capsys, fi
     assert after["thrust_amplitude"].equals(before["thrust_amplitude"])
 
 
+@pytest.mark.slow
 def test_a_study_file_that_changed_in_the_directory_is_named_and_stored_again(folder, capsys):
     """Its text decides which points the results belong to."""
     out = folder / "out"

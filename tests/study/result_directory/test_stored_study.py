@@ -159,6 +159,7 @@ def test_a_study_that_ran_goes_on_in_spite_of_keys_that_nothing_reads(tmp_path, 
     assert main(["run", str(tmp_path / "s.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
 
 
+@pytest.mark.slow
 def test_the_study_of_a_directory_is_edited_there(tmp_path, capsys):
     """Regression: run with it, it was called damaged, and nobody had its old text. A flipped digit is refused."""
     (tmp_path / "s.toml").write_text(UNREAD)

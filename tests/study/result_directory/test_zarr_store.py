@@ -46,6 +46,7 @@ def test_a_store_holds_what_the_cube_holds(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "out" / "cube.zarr").exists()
 
 
+@pytest.mark.slow
 def test_a_store_of_earlier_results_is_removed(tmp_path):
     """Regression: with more points, or another formula, the store kept the numbers of before."""
     study, out = tmp_path / "study.toml", tmp_path / "out"
