@@ -12,6 +12,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from http.client import HTTPException
@@ -350,8 +351,15 @@ class ServiceRun:
         return _dataset(self._ask("GET", "/query", query=asked | ({"nearest": "true"} if nearest else {})))
 
     def open_cube(self, step: str | None = None) -> xr.Dataset:
-        """Its cube, or a step's cube: of a search, the step ``points``; while it runs, with the points so far."""
-        return _dataset(self._ask("GET", "/cube.nc", query={"step": step}))
+        """Its cube with its costs, or a step's: of a search, the step ``points``; while it runs, the points so far."""
+        asked = {"step": step}
+        cube = _dataset(self._ask("GET", "/cube.nc", query=asked))
+        if "outcome" in cube:  # else the result of an analysis
+            with suppress(CubeError):  # a cube that was copied without them
+                costs = _dataset(self._ask("GET", "/cost.nc", query=asked))
+                if costs.sizes.items() <= cube.sizes.items():  # else the study has just grown
+                    cube = cube.assign(costs.data_vars)
+        return cube
 
     def analysis(self, name: str, step: str | None = None) -> xr.Dataset:
         """The result of one of its analyses; of a fit ``fit``, of an optimisation ``candidates`` and ``front``.

@@ -211,6 +211,7 @@ def test_a_run_of_a_service_grows_and_is_compared_as_in_python(serve_for_all, tm
     assert run.derive(tmp_path / "r.toml").state == "finished"
     cube = run.open_cube()
     assert "twice" in cube
+    assert {"cpu_seconds", "worker"} <= set(cube)  # regression: it had no costs
     assert "twice" not in run.derive(drop=["twice"]).open_cube()
     measured = tmp_path / "m.csv"
     rows = [

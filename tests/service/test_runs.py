@@ -166,6 +166,12 @@ def test_the_cube_is_a_file_that_can_be_read_in_parts(api, coast, settings):
     assert api.get(f"/runs/{coast}/cube.nc", headers={"range": "bytes=99999999-"}).status_code == 416
 
 
+def test_a_point_is_not_named_by_an_empty_list(api, coast):
+    """Regression: at=[] was point 0."""
+    for wrong in ("[]", "{}", "[[]]", "0"):
+        assert api.get(f"/runs/{coast}/points/0", params={"at": wrong}).status_code == 422, wrong
+
+
 def test_the_cube_of_a_study_that_runs_is_written_aside_and_goes_when_it_is_sent(api, coast, monkeypatch, tmp_path):
     """Exact: the points that the journal holds, here all of them."""
     shown = api.get(f"/runs/{coast}/cube.nc").content

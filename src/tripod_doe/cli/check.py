@@ -21,7 +21,8 @@ def _run(options: argparse.Namespace) -> int:
         print(json.dumps([{"file": str(file.path), "damage": file.damage, "note": file.note} for file in files]))
     else:
         for file in files:
-            state = "damaged" if not file.is_whole else "intact " if file.is_checked else "skipped"
+            lost = "missing" if file.is_missing else "damaged"
+            state = lost if not file.is_whole else "intact " if file.is_checked else "skipped"
             print(": ".join(filter(None, [f"{state}  {file.path}", file.damage or file.note])))
     return DONE if all(file.is_whole for file in files) else SOME_FAILED
 

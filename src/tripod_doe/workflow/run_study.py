@@ -314,6 +314,7 @@ def _split_samples(
                 directory.accept(pilot)
             else:
                 directory.resume.refuse_changes(StudyPoints(so_far, make_points(so_far)))
+                directory.note_further(missing.size)
             computed = _compute(pilot, missing, directory, execution, fail_fast, progress)
         study, split = split_study(pilot.study, directory.read(pilot), directory.path)
         if progress:

@@ -147,6 +147,29 @@ def test_a_run_that_died_before_its_results_goes_on_with_those_of_the_command_li
     assert service.runs.find(run.id).state is State.RUNNING
 
 
+@pytest.mark.parametrize("kind", ["study", "workflow", "fit", "optimisation"])
+def test_a_run_that_was_stopped_before_its_results_goes_on_with_those_of_the_command_line(service, tmp_path, kind):
+    """Regression: its results, made by hand from its own upload, were those of another run, and it was not resumed."""
+    (tmp_path / "upload").mkdir()
+    (tmp_path / "upload" / f"{kind}.toml").write_text(f"[{kind}]\n")
+    plan = PLAN | {"kind": kind, "steps": {"map": {}}}
+    run_id = service.runs.submit(tmp_path / "upload", plan).id
+    service.runs.stop(run_id)
+    place = service.directory(run_id)
+    own = {"study": "study.toml", "fit": "fit.toml", "optimisation": "optimise.toml"}.get(kind)
+    if own:
+        (place / own).write_text("[other]\n")
+    begun(place, kind)
+    if kind == "workflow":
+        write_steps(place, [{"name": "other"}])
+    assert refused(service, run_id) == 404
+    if own:
+        (place / own).write_text(f"[{kind}]\n")
+    else:
+        write_steps(place, [{"name": "map"}])
+    assert service.runs.resume(run_id).state is State.QUEUED
+
+
 def test_no_note_is_written_beside_or_read_from_the_results_of_another_run(service, tmp_path):
     """Regression: the name for a run went into the directory that had taken its place, and its note to the link."""
     run_id, place = at_work(service, tmp_path)

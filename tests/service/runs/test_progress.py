@@ -34,3 +34,6 @@ def test_the_points_that_a_pilot_asks_for_are_counted_before_they_run(tmp_path):
     with ResultDirectory(tmp_path / "out") as directory:
         directory.accept(StudyPoints(study, make_points(study)))
         assert progress.read().missing == 2 * (16 + 30)
+    with ResultDirectory(tmp_path / "other") as directory:  # of a study that grew: its new points are not all known yet
+        directory.note_further(5)
+        assert Progress(tmp_path / "other", total=0).read().missing == 5

@@ -32,6 +32,7 @@ from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
+from tripod_doe.study.result_directory.directory_lock import DirectoryLock
 from tripod_doe.workflow.steps_file import STEPS, write_steps
 
 PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
@@ -140,12 +141,15 @@ def test_a_run_says_what_it_does_after_its_last_point(start, tmp_path):
     wait(supervisor, run_id, State.RUNNING)
     for name in ("cube.nc", "cost.nc", "study.toml", "journal.sqlite"):
         shutil.copy(tmp_path / "out" / name, supervisor.directory(run_id))
+    wait_for_message(supervisor, run_id, "")
+    lock = DirectoryLock(supervisor.directory(run_id))  # before it has begun, a run that was extended makes no report
     wait_for_message(supervisor, run_id, "all points have ended; now the analyses and the report are made")
     (supervisor.directory(run_id) / "cube.nc").unlink()
     wait_for_message(supervisor, run_id, "all points have ended; now the cube is written")
     with Journal(supervisor.directory(run_id)) as journal:
         journal.remember({"computing": "yes"})
     wait_for_message(supervisor, run_id, "")
+    lock.release()
     supervisor.stop(run_id)
     assert wait(supervisor, run_id, State.STOPPED).message == ""
 

@@ -79,6 +79,20 @@ def flip(path, bit):
     path.write_bytes(content)
 
 
+@pytest.mark.parametrize("lost", [*FILES[:3], "study.toml"])
+def test_a_file_that_is_gone_is_named(folder, capsys, lost):
+    """Regression: it was not named, and the rest was all there is."""
+    out = folder / "out"
+    (out / lost).unlink()
+    assert main(["check", str(out)]) == 3
+    said = capsys.readouterr().out
+    assert f"missing  {out / lost}: it was written, but is not here; run the study again" in said
+    assert said.count("missing") == 1
+    assert main(["run", str(folder / "checked.toml"), "--out", str(out), "--workers", "0"]) == 0
+    assert "0 points computed" in capsys.readouterr().err
+    assert main(["check", str(out)]) == 0
+
+
 def answer(path):
     """What readers make of a directory or file: a message, or all values, attributes and names."""
     try:

@@ -38,6 +38,8 @@ def test_a_store_holds_what_the_cube_holds(tmp_path, capsys, monkeypatch):
     cube = td.open_cube(tmp_path / "out")
     with xr.open_zarr(tmp_path / "out" / "cube.zarr") as stored:
         xr.testing.assert_identical(stored.load(), cube)
+    assert main(["query", str(tmp_path / "out" / "cube.zarr"), "--variable", "thrust_amplitude"]) == 2
+    assert "name the result directory that it was exported from" in capsys.readouterr().err  # not: run a study there
     assert main(["check", str(tmp_path / "out")]) == 0
     assert "skipped  " + str(tmp_path / "out" / "cube.zarr") in capsys.readouterr().out
     monkeypatch.setattr(xr.Dataset, "to_zarr", lambda *given, **more: (_ for _ in ()).throw(OSError(28, "disk full")))

@@ -75,7 +75,10 @@ def number_of(cube: xr.Dataset, number_of_point: int, at: str) -> int:
         return number_of_point
     fits = xr.ones_like(cube["outcome"], dtype=bool)
     try:
-        for name, value in dict(json.loads(at)).items():
+        values = dict[str, Any](**json.loads(at))  # no list of pairs, and no empty one
+        if not values and factor_names(cube):
+            raise ValueError
+        for name, value in values.items():
             column = cube[name]
             wanted = float(value) if column.dtype.kind in "fiu" else str(value)
             same = (column if isinstance(wanted, float) else column.astype(str)) == wanted

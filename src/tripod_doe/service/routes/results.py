@@ -67,13 +67,22 @@ def query(
 @router.get("/cube.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
     """The cube as a netCDF file, also in ranges of bytes; while the study runs, with the points that are finished."""
-    directory = service.results(run_id, step)
+    return _results(service, service.results(run_id, step), "cube.nc")
+
+
+@router.get("/cost.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
+def costs(run_id: str, service: AnyService, step: Step = None) -> Response:
+    """The costs of the points of the cube, as a netCDF file beside it."""
+    return _results(service, service.results(run_id, step), "cost.nc")
+
+
+def _results(service: Service, directory: Path, name: str) -> Response:
     if is_shown(directory):
-        return _file(service, directory / "cube.nc")
+        return _file(service, directory / name)
     folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
     try:
         service.ask_large("workers.answers:cube", path=str(directory), folder=str(folder))
-        return _TemporaryFile(folder / "cube.nc", media_type=_TYPES["netcdf"], filename="cube.nc")
+        return _TemporaryFile(folder / name, media_type=_TYPES["netcdf"], filename=name)
     except BaseException:
         shutil.rmtree(folder)
         raise

@@ -8,17 +8,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tripod_doe.errors import InputError, TripodDoeError
-from tripod_doe.regular_files import read_regular
+from tripod_doe.errors import TripodDoeError
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.requests.uploads import UPLOAD, main_file
-from tripod_doe.service.runs.run_end import is_exchanged, page_of
+from tripod_doe.service.runs.run_end import is_another_study, is_exchanged, page_of
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
-from tripod_doe.study.definition.study_folder import table_copy
-from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.study.journal import journal_path
 
 _PERIOD = 2.0  # seconds between two looks
@@ -131,41 +127,7 @@ def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
     shown = 1e9 * datetime.fromisoformat(run.updated).timestamp()
     if run.place:
         return signature.newest > shown
-    return signature.newest > shown and _is_another_study(path)
-
-
-def _is_another_study(path: Path) -> bool:
-    """Whether the study of a directory, or a table of it, is another one than was submitted there.
-
-    What a run adds does not count: variables by formula, which a later upload need not name, and the samples of each
-    model that a pilot has decided.
-    """
-    submitted = {file.name: file for file in (path / UPLOAD).glob("*")}
-    main, stored = submitted.pop(main_file("study"), None), path / "study.toml"
-    if main and stored.is_file():
-        ours, its = read_regular(main), read_regular(stored)
-        if ours != its and not _is_grown(_tables(ours), _tables(its)):
-            return True
-    tables = [(file, table_copy(path, name)) for name, file in submitted.items()]
-    return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in tables)
-
-
-def _is_grown(ours: dict[str, Any], its: dict[str, Any]) -> bool:
-    """Whether the tables of a study are those that were submitted, with what the run itself adds."""
-    added = ("split", "prices") if "split" not in ours.get("design", {}) else ()
-    for tables in (ours, its):
-        tables.pop("responses", None)
-        for key in added:
-            tables.get("design", {}).pop(key, None)
-    return ours == its
-
-
-def _tables(study: bytes) -> dict[str, Any]:
-    """The tables of a study; empty if they cannot be read."""
-    try:
-        return parse_toml(study.decode(errors="replace"), "study")
-    except InputError:
-        return {}
+    return signature.newest > shown and is_another_study(path)
 
 
 def _signature(path: Path) -> Signature | None:

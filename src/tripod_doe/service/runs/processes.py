@@ -75,7 +75,12 @@ def is_alive(directory: Path) -> bool:
 
 def is_held(directory: Path) -> bool:
     """Whether any process computes into a result directory, including a process started by hand."""
-    return is_alive(directory) or _locked(directory / ".lock")
+    return is_alive(directory) or has_begun(directory)
+
+
+def has_begun(directory: Path) -> bool:
+    """Whether a process holds a result directory: it computes, or makes cube, analyses and report."""
+    return _locked(directory / ".lock")
 
 
 def _locked(path: Path) -> bool:

@@ -14,20 +14,24 @@ from typing import Any
 from tripod_doe.atomic_files import refuse_links, remove_tree
 from tripod_doe.checksum_list import results_number
 from tripod_doe.errors import CubeError, InputError
+from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError, among_runs
-from tripod_doe.service.requests.uploads import UPLOAD
-from tripod_doe.service.runs.processes import last_words
+from tripod_doe.service.requests.uploads import STUDY, UPLOAD, main_file
+from tripod_doe.service.runs.processes import has_begun, last_words
 from tripod_doe.service.runs.run_table import PointCounts, Run, State
 from tripod_doe.study.cube.file_checks import analysis_files
+from tripod_doe.study.definition.study_folder import table_copy
+from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.study.journal import COMPUTING, Journal, journal_path
 from tripod_doe.study.result_directory.open_cube import is_shown
-from tripod_doe.workflow.steps_file import STEPS, found_sentences
+from tripod_doe.workflow.steps_file import STEPS, found_sentences, read_steps
 
 _LEAST = 1_000_000  # free bytes that a run needs to end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
 _CHOOSES = "a pilot chooses the model of each point before the first one"
 _WRITES_CUBE = "all points have ended; now the cube is written"
 _MAKES_REPORT = "all points have ended; now the analyses and the report are made"
+_COPIES = {"fit": "fit.toml", "optimisation": "optimise.toml"}  # of what a search runs, in its directory
 _SILENT = "its process ended without a message; resume goes on at the next missing point"
 
 
@@ -65,7 +69,7 @@ def work_beside_points(run: Run, counts: PointCounts, directory: Path) -> str:
     """
     if run.plan.get("model_chosen_by_pilot") and not counts.finished + counts.failed:
         return _CHOOSES
-    if run.kind != "study" or counts.missing or (run.retry_failed and counts.failed):
+    if run.kind != "study" or counts.missing or (run.retry_failed and counts.failed) or not has_begun(directory):
         return ""
     with suppress(CubeError):
         if not is_shown(directory):
@@ -144,8 +148,54 @@ def is_exchanged(run: Run, directory: Path) -> bool:
         return True
     computed = run.counts.finished + run.counts.failed
     if here["results"] and run.state in (State.QUEUED, State.STOPPED) and not (run.place or run.results or computed):
-        return True  # of a run that has computed nothing
+        return not _is_begun_by_hand(run, directory)  # by the service it has computed nothing
     return bool(run.place and run.inode) and here["inode"] != run.inode
+
+
+def _is_begun_by_hand(run: Run, directory: Path) -> bool:
+    """Whether the results in a directory are of what was submitted there: the command line began it."""
+    if run.kind == "workflow":  # steps of other studies are made again
+        return {step.get("name") for step in read_steps(directory)} <= run.plan["steps"].keys()
+    try:
+        if run.kind == "study":
+            return (directory / STUDY).is_file() and not is_another_study(directory)
+        return read_regular(directory / UPLOAD / main_file(run.kind)) == read_regular(directory / _COPIES[run.kind])
+    except (OSError, InputError):  # one of them is missing, or no file
+        return False
+
+
+def is_another_study(path: Path) -> bool:
+    """Whether the study of a directory, or a table of it, is another one than was submitted there.
+
+    What a run adds does not count: variables by formula, which a later upload need not name, and the samples of each
+    model that a pilot has decided.
+    """
+    submitted = {file.name: file for file in (path / UPLOAD).glob("*")}
+    main, stored = submitted.pop(STUDY, None), path / STUDY
+    if main and stored.is_file():
+        ours, its = read_regular(main), read_regular(stored)
+        if ours != its and not _is_grown(_tables(ours), _tables(its)):
+            return True
+    tables = [(file, table_copy(path, name)) for name, file in submitted.items()]
+    return any(copy.is_file() and read_regular(file) != read_regular(copy) for file, copy in tables)
+
+
+def _is_grown(ours: dict[str, Any], its: dict[str, Any]) -> bool:
+    """Whether the tables of a study are those that were submitted, with what the run itself adds."""
+    added = ("split", "prices") if "split" not in ours.get("design", {}) else ()
+    for tables in (ours, its):
+        tables.pop("responses", None)
+        for key in added:
+            tables.get("design", {}).pop(key, None)
+    return ours == its
+
+
+def _tables(study: bytes) -> dict[str, Any]:
+    """The tables of a study; empty if they cannot be read."""
+    try:
+        return parse_toml(study.decode(errors="replace"), "study")
+    except InputError:
+        return {}
 
 
 def refuse_exchanged(run: Run, directory: Path) -> None:

@@ -9,12 +9,14 @@ from typing import Any
 
 from tripod_doe.checksum_list import LIST, checksums, damaged_lines, refuse_changed, refuse_other_results
 from tripod_doe.errors import CubeError, InputError, option
-from tripod_doe.study.cube.file_checks import refuse_unfit
+from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
 from tripod_doe.study.cube.file_digest import is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.journal import Journal, damage, journal_path
-from tripod_doe.study.result_directory.stored_study import refuse_changed_study
+from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.journal import OUTDATED, SHOWN, Journal, damage, journal_path
+from tripod_doe.study.result_directory.latest_run import failed_analyses
+from tripod_doe.study.result_directory.stored_study import STORED, known_texts, refuse_changed_study, stored_text
 
 _SLAB_BYTES = 32_000_000
 _TEXT_BYTES = 64
@@ -28,6 +30,7 @@ class CheckedFile:
     damage: str = ""  # a sentence with the remedy; empty if intact
     note: str = ""  # parts that were not checked
     is_checked: bool = True  # whether any of it was
+    is_missing: bool = False  # whether it is not there
 
     @property
     def is_whole(self) -> bool:
@@ -74,6 +77,7 @@ def _checked_file(path: Path) -> Iterator[CheckedFile]:
         yield _checked_netcdf(path)
     elif path == journal_path(path.parent):
         yield _checked_journal(path)
+        yield from _missing(path.parent)
     elif path.name == "study.toml" and journal_path(path.parent).exists():
         yield _checked_study(path)
     elif _is_listed(path):
@@ -92,7 +96,7 @@ def _checked_list(path: Path) -> Iterator[CheckedFile]:
     yield CheckedFile(path, f"{damaged} of its lines are damaged; {again}" if damaged else "")
     for name in sums:
         if not path.with_name(name).exists():
-            yield CheckedFile(path.with_name(name), note=f"it is in {LIST}, but missing", is_checked=False)
+            yield CheckedFile(path.with_name(name), f"it is in {LIST}, but not here; {again}", is_missing=True)
 
 
 def _is_listed(path: Path) -> bool:
@@ -141,6 +145,23 @@ def _checked_journal(path: Path) -> CheckedFile:
         f"run the study again with the same {option('out')}: all whole blocks are kept, and the others computed again"
     )
     return CheckedFile(path, f"{damaged}; {rerun}")
+
+
+def _missing(directory: Path) -> Iterator[CheckedFile]:
+    """The files that a study must have by its journal and its report, and that are not there."""
+    names = []
+    with suppress(CubeError, InputError):  # of a file that is checked itself
+        with Journal(directory, read_only=True) as journal:
+            names += [STORED] if known_texts(journal) else []
+            if journal.recall(SHOWN) == journal.state() and journal.recall(OUTDATED) == "no":
+                names += ["cube.nc", "cost.nc"]
+        if "index.html" in checksums(directory / "report"):  # written after the analyses
+            study = parse_file(stored_text(directory), STORED)
+            names += [f"{ANALYSES}/{name}.nc" for name in study.analysis.keys() - failed_analyses(directory).keys()]
+    again = f"run the study again with the same {option('out')}: no finished point is computed again"
+    for path in (directory / name for name in names):
+        if not path.exists():
+            yield CheckedFile(path, f"it was written, but is not here; {again}", is_missing=True)
 
 
 def _checked_study(path: Path) -> CheckedFile:

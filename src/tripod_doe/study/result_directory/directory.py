@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from tripod_doe.atomic_files import refuse_links, replace_text
@@ -132,6 +133,10 @@ class ResultDirectory:
         self._check_space(asked)
         self.adopt(asked.study)
         self._journal.remember({POINTS: str(int(asked.to_compute.sum()))})
+
+    def note_further(self, points: int) -> None:
+        """Remember that so many points are computed beside those with results, before all are known."""
+        self._journal.remember({POINTS: str(np.unique(self._journal.keys()).size + points)})
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All finished blocks, the oldest first."""

@@ -154,7 +154,9 @@ def cube_files(path: Path) -> list[Path]:
 
 
 def _other_kind(path: Path) -> str:
-    """What a directory holds in place of a study, what writes its page, and where its studies are; empty if none."""
+    """What a directory holds in place of a study, and where its studies are; empty if none."""
+    if (path / ".zgroup").is_file() or (path / "zarr.json").is_file():
+        return "this is a Zarr store, for other programs: name the result directory that it was exported from"
     for file, (kind, command) in _OTHER_KINDS.items():
         if (path / file).is_file():
             return (
