@@ -16,6 +16,19 @@ def test_rows_are_known_by_their_lines(tmp_path):
     assert read_csv_table(tmp_path / "t.csv", "t") == (["a", "b"], {4: ["1", "x\ny"], 5: ["", ""]})
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
+def test_encodings_of_spreadsheets(tmp_path, encoding):
+    """Regression: what Excel writes in Europe, and its Unicode text, were refused for a byte."""
+    (tmp_path / "t.csv").write_bytes("file\tÖl\nWelle_ä.csv\t60 °C\n".encode(encoding))
+    assert read_csv_table(tmp_path / "t.csv", "t") == (["file", "Öl"], {2: ["Welle_ä.csv", "60 °C"]})
+
+
+def test_what_spreadsheets_add(tmp_path):
+    """Regression: the first line was the header, and two empty columns were one that occurred twice."""
+    (tmp_path / "t.csv").write_text("sep=;\n\nfile;torque_n_m;;\na.csv;1,5;;\nb.csv;;;\n")
+    assert read_csv_table(tmp_path / "t.csv", "t") == (["file", "torque_n_m"], {4: ["a.csv", "1.5"], 5: ["b.csv", ""]})
+
+
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_tables_of_spreadsheets_that_write_decimal_commas(tmp_path, separator):
     """Regression: they were one column, and 1,200 beside 1,5 was no number."""

@@ -5,6 +5,7 @@ read, too, and a point may stand between thousands.
 """
 
 import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable
@@ -12,15 +13,17 @@ from pathlib import Path
 
 from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError, closest, misspelt
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import number_or_text, readings
+
+_ABOVE = re.compile(r"\s*$|sep=.$", re.I)  # a line above the header: empty, or the separator that Excel is to take
 
 
 def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[list[str], dict[int, list[str]]]:
     """Read the header and, by their lines in the file, the rows of a table, without spaces around the fields.
 
     Args:
-        path: The file; empty lines in it are skipped.
+        path: The file, in any encoding of `text_of`. Empty lines in it are skipped, and empty columns at the end.
         where: The file or key that names the table, for messages.
         most: Rows that may be there; reading ends with the first one beyond. None without a limit.
 
@@ -30,21 +33,24 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         TooLargeError: If it has more rows than allowed.
     """
     rows: dict[int, list[str]] = {}
-    refuse_irregular(path)
     refuse_changed(path)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            first = next((line for line in stream if line.strip()), "")
-            stream.seek(0)
-            separator = max(",;\t", key=first.count)
-            reader = csv.reader(stream, delimiter=separator, strict=True)
-            for row in filter(None, reader):
-                rows[reader.line_num] = [field.strip() for field in row]
-                if most is not None and len(rows) > most + 1:  # one is the header
-                    raise TooLargeError(f"{where}: more than {most:,} rows; at most {most:,} are allowed here")
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = io.StringIO(text_of(read_regular(path, links=True)), newline="").readlines()
+    except (OSError, InputError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{where}: cannot read {path}: {reason}") from error
+    above = next((at for at, line in enumerate(lines) if not _ABOVE.match(line)), len(lines))
+    separator = max(",;\t", key="".join(lines[above : above + 1]).count)
+    reader = csv.reader(lines[above:], delimiter=separator, strict=True)
+    try:
+        for row in filter(None, reader):
+            rows[above + reader.line_num] = [field.strip() for field in row]
+            if most is not None and len(rows) > most + 1:  # one is the header
+                raise TooLargeError(f"{where}: more than {most:,} rows; at most {most:,} are allowed here")
+    except csv.Error as error:
+        raise InputError(f"{where}: cannot read {path}: {error}") from error
+    unused = min((_empty_at_the_end(row) for row in rows.values()), default=0)
+    rows = {line: row[: len(row) - unused] for line, row in rows.items()}
     header = rows.pop(next(iter(rows), 0), [])
     counts = Counter(header)
     if twice := [name for name, count in counts.items() if count > 1]:
@@ -55,6 +61,11 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         if len(row) != len(header):
             raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
     return header, rows if separator == "," else _with_points(header, rows, where)
+
+
+def _empty_at_the_end(row: list[str]) -> int:
+    """Number of the last fields that are empty."""
+    return next((at for at, field in enumerate(reversed(row)) if field), len(row))
 
 
 def _with_points(header: list[str], rows: dict[int, list[str]], where: str) -> dict[int, list[str]]:

@@ -89,6 +89,26 @@ def read_regular(
     return content
 
 
+def text_of(content: bytes) -> str:
+    """The text of a table or record as spreadsheets and recorders write it: UTF-8, UTF-16, or else Windows' cp1252.
+
+    Raises:
+        InputError: If it is no text.
+    """
+    for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig")):
+        if content.startswith(mark):
+            return content.decode(encoding, errors="replace")
+    if b"\0" in content:
+        even, odd = content[0:2000:2].count(0), content[1:2000:2].count(0)
+        if max(even, odd) < 0.4 * len(content[:2000]) / 2:
+            raise InputError("it is no text")
+        return content.decode("utf-16-le" if odd > even else "utf-16-be", errors="replace").replace("\0", "")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")  # a degree sign, an umlaut
+
+
 def open_locked(path: Path, flags: int = os.O_RDONLY) -> int:
     """Open a file that is locked, or written by one process alone; gives its descriptor.
 

@@ -23,7 +23,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.headings import OPERATING, given_position, is_unit, roles_of, unit_factor, unit_given
 from tripod_doe.measurements.tdms_file import is_tdms, read_tdms
-from tripod_doe.regular_files import read_regular
+from tripod_doe.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import readings, typed_number
 
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))
@@ -145,27 +145,15 @@ def _lines(path: Path) -> tuple[list[str], list[str]]:
         content = read_regular(path, links=True)
     except OSError as error:
         raise InputError(f"cannot read the measurement: {error.strerror}") from error
-    text = _decoded(content)
+    if content.startswith(_MDF):
+        raise InputError("an MDF file is not read: export its channels as CSV, or as TDMS")
+    try:
+        text = text_of(content)
+    except InputError as error:
+        raise InputError(f"not a CSV file with one line of column names: {error}") from error
     lines = [line for line in text.splitlines() if line.strip()]
     notes = [line.lstrip().lstrip("#").strip() for line in lines if line.lstrip().startswith("#")]
     return notes, [line for line in lines if not line.lstrip().startswith("#")]
-
-
-def _decoded(content: bytes) -> str:
-    if content.startswith(_MDF):
-        raise InputError("an MDF file is not read: export its channels as CSV, or as TDMS")
-    for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig")):
-        if content.startswith(mark):
-            return content.decode(encoding, errors="replace")
-    if b"\0" in content:
-        even, odd = content[0:2000:2].count(0), content[1:2000:2].count(0)
-        if max(even, odd) < 0.4 * len(content[:2000]) / 2:
-            raise InputError("not a CSV file with one line of column names: it is no text")
-        return content.decode("utf-16-le" if odd > even else "utf-16-be", errors="replace").replace("\0", "")
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace")  # a recorder's degree sign
 
 
 def _fields(line: str, separator: str | None) -> list[str]:

@@ -47,7 +47,7 @@ class FitPlan:
             f"records      {self.records}",
             f"unknowns     {count_of(len(self.scalars), 'number')}: {', '.join(self.scalars)}",
             f"points       about {self.search_points:,} with {self.models[1]} ({least} to {most}, "
-            "more where records say little)",
+            "several times more where records say little)",
         ]
         if self.asked_points:
             lines[-1] += f", about {self.asked_points:,} with {self.models[0]}"

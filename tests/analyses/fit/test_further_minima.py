@@ -128,3 +128,18 @@ def test_an_interval_reaches_to_the_end_of_another_one_that_begins_inside(two_mi
     )
     assert 0.003 < place - reached.low < 0.005
     assert 0.003 < reached.high - place < 0.005
+
+
+def test_places_along_a_flat_valley_are_no_minima_of_their_own():
+    """Regression: each was named as a further minimum, and followed with profiles of its own: four times the points."""
+    layout, asked = one_record([(0, 1), (0, 1)]), []
+
+    def predict(places):
+        asked.append(len(places))
+        return model_of(layout, lambda b: b[:, :1] + 0.3 * (b[:, 1:] - 0.2) ** 2)(places)
+
+    solution = solve(layout, real_rows(np.array([0.5]), 0.01), predict)
+    assert not solution.others
+    low, high = solution.profiles[0].low, solution.profiles[0].high
+    assert (low, high) == pytest.approx((0.5 - 0.3 * 0.8**2 - 0.02, 0.52), abs=0.004)
+    assert sum(asked) < 200

@@ -27,3 +27,17 @@ def test_an_interval_reaches_as_far_as_the_others_make_up_for_it(measured):  # e
     half = 1.96 * DEVIATION
     assert solution.profiles[0].low == pytest.approx(measured - half, abs=0.1 * half)
     assert solution.profiles[0].high == pytest.approx(measured + DEEP + half, abs=0.1 * half)
+
+
+def test_a_profile_before_a_wall_takes_few_steps():
+    """Regression: each went a tenth of the way to the wall; along a bent valley, an interval was a quarter too long."""
+    layout = one_record([(0, 1)])
+
+    def predict(b):
+        far = b - 0.1
+        return 0.0218 * far + 0.0181 * np.maximum(far - 0.02, 0) + 0.17 * np.maximum(far - 0.55, 0)
+
+    solution = solve(layout, real_rows(np.zeros(1), 0.01), model_of(layout, predict))
+    own = solution.profiles[0]
+    assert own.high == pytest.approx(0.6, abs=0.01)
+    assert (own.places > 0.1).sum() <= 5

@@ -17,7 +17,7 @@ from tripod_doe.analyses.fit.exploration import explore, first_places, interpola
 from tripod_doe.analyses.fit.identifiability import FOUND, Combination, combinations, covariance_of, verdict
 from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct, is_same
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
-from tripod_doe.analyses.fit.profile_likelihood import BetterMinimum, Profile, profile
+from tripod_doe.analyses.fit.profile_likelihood import BetterMinimum, Profile, profile, slid, smallest_gain
 from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError
@@ -32,6 +32,8 @@ _LOOKS = 16  # descents on the interpolated model
 _WEIGHINGS = 2  # by the errors of the model at the minimum so far
 _REACH = 30.0  # of chi squared, where an interval ends at 3.84: what new weights may gain, and some more
 _RESTARTS = 6  # from better minima
+_ALONG = (0.25, 0.5, 0.75)  # of the way between two minima: a wall between them is looked for
+_BENT = 0.25  # of that way: farther beside it, another valley begins
 _INSIDE = 0.02  # of an interval: another one that ends so little beyond it, by derivatives, is inside
 _CORRECTIONS = 5  # of the cheap model by the one asked for
 _STAYS = 0.1  # of the standard deviation: a minimum that moves less by a correction stays
@@ -238,6 +240,7 @@ def _with_profiles(
     growth_left = [allowed - max(each.cost - best.cost, 0.0) for each in descents[1:]]
     others = [(each, left) for each, left in zip(descents[1:], growth_left, strict=True) if left > 0]
     apart = [(each, left) for each, left in others if all(each is not twin for twin in twins)]
+    apart = [(each, left) for each, left in apart if not _is_along(problem, best, each, profiles, allowed)]
     others = [*((each, allowed) for each in twins), *apart]
     profiles = [_with_other_minima(problem, own, others) for own in profiles]
     solution = Solution(
@@ -284,6 +287,24 @@ def _with_same_joint(
         if descents[0] is before:
             break
     return descents, [each for each in descents[1:] if any(is_same(each, twin) for twin in own)]
+
+
+def _is_along(problem: Problem, best: Descent, other: Descent, profiles: list[Profile], allowed: float) -> bool:
+    """Whether another place is no minimum of its own: it lies within all intervals, in one valley with the minimum.
+
+    A descent ends anywhere along a valley whose floor is flat, as where the records say nothing of an unknown.
+    """
+    inside = [own.low <= place <= own.high for own, place in zip(profiles, other.place.tolist(), strict=True)]
+    way = other.place - best.place
+    free = np.arange(way.size) != np.argmax(np.abs(way))
+    most = max(best.cost, other.cost) + smallest_gain(allowed)
+    for part in _ALONG if all(inside) else ():
+        floor = slid(problem, best, best.place + part * way, free)
+        if floor is None or floor.cost > most:
+            return False
+        if np.abs(floor.place - best.place - part * way).max() > _BENT * np.abs(way).max():
+            return False
+    return all(inside)
 
 
 def _with_other_minima(problem: Problem, own: Profile, others: list[tuple[Descent, float]]) -> Profile:

@@ -109,7 +109,7 @@ def _interval_end(
     free = np.arange(best.place.size) != scalar
     direction = np.where(free, covariance[:, scalar] / variance, 0.0)
     inner, outer = (0.0, 0.0), (np.inf, np.inf)  # distance and root of growth, below and above the goal
-    last = inner
+    before = last = inner
     inside, here, failed = best, best, False  # the farthest state within the goal, and the last one
     for _ in range(_STEPS):
         target = inside.place + direction * side * (away - abs(float(inside.place[scalar]) - start))
@@ -118,7 +118,7 @@ def _interval_end(
         if descent is None:
             failed, outer = True, (away, np.inf)
         else:
-            if descent.cost < best.cost - _BETTER * max(1.0, allowed / _USUAL):
+            if descent.cost < best.cost - smallest_gain(allowed):
                 raise BetterMinimum(descent)
             growth = max(descent.cost - best.cost, 0.0)
             points[float(descent.place[scalar])] = growth
@@ -135,13 +135,18 @@ def _interval_end(
                 leans = _leans(best, here, free)
                 end = _extrapolated(last, (away, root), goal)
                 return _End(start + side * min(end, most), is_open=end >= most, leans=leans)
-            last = away, root
+            before, last = last, (away, root)
         if outer[0] - inner[0] < _LEAST:
             break
-        away = _next_distance(inner, outer, goal, most)
+        away = _next_distance(inner, outer, goal, most, _extrapolated(before, last, goal))
     end = inner[0] if np.isinf(outer[1]) else outer[0]
     is_open = bool(np.isinf(outer[1]))
     return _End(start + side * end, is_open, failed and is_open, not is_open and _leans(best, here, free))
+
+
+def smallest_gain(allowed: float) -> float:
+    """Difference of chi squared from which on two places are not at one minimum."""
+    return _BETTER * max(1.0, allowed / _USUAL)
 
 
 def _leans(best: Descent, there: Descent, free: NDArray[np.bool_]) -> bool:
@@ -154,18 +159,20 @@ def _leans(best: Descent, there: Descent, free: NDArray[np.bool_]) -> bool:
 def _extrapolated(last: tuple[float, float], here: tuple[float, float], goal: float) -> float:
     """The distance at which the root of growth reaches the goal: straight on from the last two of a profile."""
     slope = (here[1] - last[1]) / (here[0] - last[0]) if here[0] != last[0] else 0.0
-    usual = here[1] / here[0]
+    usual = max(here[1], 1e-9) / max(here[0], 1e-9)
     return here[0] + (goal - here[1]) / (slope if slope > usual / _STEEP else usual)
 
 
-def _next_distance(inner: tuple[float, float], outer: tuple[float, float], goal: float, most: float) -> float:
-    """The next place to look at: the root of growth is nearly a straight line."""
+def _next_distance(
+    inner: tuple[float, float], outer: tuple[float, float], goal: float, most: float, straight_on: float
+) -> float:
+    """The next place to look at: near its goal, the root of growth is nearly a straight line."""
     if np.isinf(outer[0]):
         grown = inner[0] * goal / max(inner[1], 1e-9)
         return float(min(np.clip(grown, 1.1 * inner[0], _LARGEST * inner[0]), most))
     if outer[1] > _STEEP * goal:  # or failed: no straight line
         return (inner[0] + outer[0]) / 2
-    part = (goal - inner[1]) / (outer[1] - inner[1])
+    part = (straight_on - inner[0]) / (outer[0] - inner[0])
     return float(inner[0] + np.clip(part, 0.1, 0.9) * (outer[0] - inner[0]))
 
 
@@ -177,7 +184,7 @@ def _moved(
     Where that costs more than enough, it may have led them too far, or to where points fail: then they start from where
     they are.
     """
-    along = _slid(problem, here, target, free)
+    along = slid(problem, here, target, free)
     if along is not None and along.cost <= enough:
         return along
     stayed = _at(problem, here, np.where(free, here.place, target))
@@ -186,7 +193,7 @@ def _moved(
     return problem.slide(stayed, free, _FTOL)
 
 
-def _slid(problem: Problem, here: Descent, target: FloatArray, free: NDArray[np.bool_]) -> Descent | None:
+def slid(problem: Problem, here: Descent, target: FloatArray, free: NDArray[np.bool_]) -> Descent | None:
     """The best state with one scalar at its target; None where points fail there."""
     there = _at(problem, here, target)
     return None if there is None else problem.slide(there, free, _FTOL)

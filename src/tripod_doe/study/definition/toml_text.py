@@ -8,7 +8,7 @@ from typing import Any
 
 from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, closest
-from tripod_doe.regular_files import STUDY_BYTES, read_regular
+from tripod_doe.regular_files import STUDY_BYTES, read_regular, text_of
 
 _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value
@@ -23,11 +23,13 @@ def read_text(path: Path, what: str, most: int = STUDY_BYTES) -> str:
     """The text of a file of at most `most` bytes.
 
     Raises:
-        InputError: If it cannot be read, is larger, is not UTF-8 or does not match its checksum.
+        InputError: If it cannot be read, is larger, is TOML but not UTF-8, or does not match its checksum.
     """
     refuse_changed(path)
     try:
-        return read_regular(path, most, links=True).decode("utf-8-sig")  # some editors mark UTF-8 in front
+        content = read_regular(path, most, links=True)
+        # some editors mark UTF-8 in front
+        return content.decode("utf-8-sig") if path.suffix == ".toml" else text_of(content)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         beside = [other.name for other in path.parent.glob("*.toml")] if isinstance(error, FileNotFoundError) else []
