@@ -14,7 +14,7 @@ from tripod_doe.study.cube.dataset import PHASES, RESPONSES
 
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
-_MOST_DIGITS = 6
+_MOST_DIGITS = 12
 _UNNAMED = "the output"  # of a result that does not say what it was made of
 
 
@@ -135,8 +135,9 @@ def quantile_text(part: OutputPart) -> str:
 
 
 def _digits(low: float, high: float) -> int | None:
-    """Digits that tell the ends of an interval apart; None if an end is not known."""
-    return min(digits_apart(low, high), _MOST_DIGITS) if np.isfinite([low, high]).all() else None
+    """Digits that tell the ends of an interval apart; None if an end is not known, or they are alike."""
+    digits = digits_apart(low, high) if np.isfinite([low, high]).all() else _MOST_DIGITS + 1
+    return digits if digits <= _MOST_DIGITS else None
 
 
 def _bounds(low: float, high: float, digits: int) -> str:

@@ -44,11 +44,12 @@ def _waveform(comparison: xr.Dataset) -> Chart:
         _band(axes, data, "measured_thrust", "measured_thrust_scatter", "measured")
         axes.plot(data["rotation_deg"], data["model_thrust"], color=_MODEL, lw=1.8, label="model")
         _over_rotation(axes, "thrust force (N)")
+    apart = float(comparison.attrs["preload_n"])
     caption = (
         "Thrust force over one revolution: measured mean over "
         f"{count_of(revolutions, 'revolution')}{' with its standard deviation (band)' * (revolutions > 1)}, and model. "
         "The measured force is shown about the mean of the model; its own is "
-        f"{number(comparison.attrs['preload_n'], 3)} N higher, with the preload of the sensor."
+        f"{number(abs(apart))} N {'lower' if apart < 0 else 'higher'}, with the preload of the sensor."
     )
     return Chart("waveform", "Thrust force over one revolution", caption, figure, data)
 

@@ -81,6 +81,14 @@ def _class_ends(levels: FloatArray, inside: FloatArray) -> FloatArray:
     return np.array([(levels[first - 1] + levels[first]) / 2, (levels[last] + levels[last + 1]) / 2])
 
 
+def _digits(effect: FactorEffect, one: float, other: float) -> int:
+    """Significant digits that tell two means apart; those of classes to the first digit of their error."""
+    digits, size = min(digits_apart(one, other), _MOST_DIGITS), max(abs(one), abs(other))
+    if effect.ground is Ground.REGRESSION and size > effect.error > 0:
+        digits = max(digits, math.floor(math.log10(size)) - math.floor(math.log10(effect.error)) + 1)
+    return min(digits, 15)
+
+
 def _r2(curve: FloatArray, fitted: FloatArray) -> float:
     """Part of the variation that fitted values explain."""
     scale = np.abs(curve).max()  # squares of numbers such as 1e-200 or 1e200 are no numbers
@@ -158,6 +166,10 @@ class EffectWording:
         rounding = _INVISIBLE * float(np.nanmax(np.abs(self.response.values.values)))
         return with_unit(number(0.0 if abs(value) <= rounding else value, digits), self.response.unit)
 
+    def change(self, value: float) -> str:
+        """A change of the response with its unit; beside large values it may be tiny, and is not zero."""
+        return with_unit(number(value), self.response.unit)
+
     def at(self, effect: FactorEffect, value: object) -> str:
         """A level of a factor with its unit; a mean of a class is rounded."""
         if not isinstance(value, int | float):
@@ -198,7 +210,7 @@ class EffectWording:
         if other and effect.shape is not Shape.MIXED:
             text = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the other factors"
         if effect.largest > _MANIFOLD * effect.rise:
-            text += f"; at single settings of the other factors the change reaches {self.value(effect.largest)}"
+            text += f"; at single settings of the other factors the change reaches {self.change(effect.largest)}"
         return text
 
     def _one_way(self, effect: FactorEffect) -> str:
@@ -227,9 +239,9 @@ class EffectWording:
         fit = "R2 of these means" if effect.ground is Ground.REGRESSION else "R2"
         fit += f" > {_EXACT}" if exact else f" = {math.floor(r2 * 1e4) / 1e4:.4f}"
         if proportional:
-            per = f"{self.value(through * step)} per {one}"
+            per = f"{self.change(through * step)} per {one}"
             return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
-        per = f"{self.value(abs(slope) * step)} per {one}"
+        per = f"{self.change(abs(slope) * step)} per {one}"
         return f"{self.start} {verb} with {self._signed(effect)} by {per} ({over}; straight line with {fit})"
 
     def _optimum(self, effect: FactorEffect) -> str:
@@ -249,7 +261,7 @@ class EffectWording:
         spot = f"in the class{'es' * (inside.size > 1)} {spot}" if classes else f"at {spot}"
         within = curve[(levels >= inside[0]) & (levels <= inside[-1])]
         edge = float(within.min() if effect.shape is Shape.PEAK else within.max())
-        digits = min(max(digits_apart(*sorted((edge, float(curve[at])))) for at in (0, -1)), _MOST_DIGITS)
+        digits = max(_digits(effect, edge, float(curve[at])) for at in (0, -1))
         value = " to ".join(dict.fromkeys(self.value(float(end), digits) for end in (within.min(), within.max())))
         label = factor_label(self.cube, effect.factor)
         head = f"Over {label}, {self.name} is {best}, {value}, {spot} and {verb} on both sides"
@@ -271,15 +283,19 @@ class EffectWording:
         label = factor_label(self.cube, effect.factor)
         head = f"Over {label}, {self.name} rises on both sides of zero"
         if mirror_level(levels, curve, effect.error) is not None:
+            inner = int((levels < 0).sum()) - 1
+            means = [float(curve[[at, -1 - at]].mean()) for at in (inner, 0)]
             ends = [
-                f"{self.value(float(curve[[at, -1 - at]].mean()))} at {level(levels[at].item())} and "
+                f"{self.value(mean, _digits(effect, *means))} at {level(levels[at].item())} and "
                 f"{self.at(effect, levels[-1 - at].item())}"
-                for at in (int((levels < 0).sum()) - 1, 0)
+                for mean, at in zip(means, (inner, 0), strict=True)
             ]
             return f"{head}, symmetrically: {', '.join(dict.fromkeys(ends))}{self.where(effect)}"
         sides = []
-        for rows in (np.flatnonzero(levels < 0)[::-1], np.flatnonzero(levels > 0)):
-            text = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in rows[[0, -1]]]
+        of_sides = [rows[[0, -1]] for rows in (np.flatnonzero(levels < 0)[::-1], np.flatnonzero(levels > 0))]
+        digits = max((_digits(effect, *curve[rows].tolist()) for rows in of_sides if rows[0] != rows[1]), default=3)
+        for rows in of_sides:
+            text = [f"{self.value(float(curve[at]), digits)} at {self.at(effect, levels[at].item())}" for at in rows]
             sides.append(" to ".join(dict.fromkeys(text)))
         return f"{head}: {', and '.join(sides)}{self.where(effect)}"
 
@@ -295,7 +311,7 @@ class EffectWording:
     def _at_levels(self, effect: FactorEffect, ends: tuple[int, int]) -> list[str]:
         """Two values of the mean curve, with their levels."""
         by = "at " if effect.numeric else ""
-        digits = min(digits_apart(*(float(effect.mean[at]) for at in ends)), _MOST_DIGITS)
+        digits = _digits(effect, *(float(effect.mean[at]) for at in ends))
         return [
             f"{self.value(float(effect.mean[at]), digits)} ({by}{self.at(effect, effect.level[at].item())})"
             for at in ends
@@ -319,8 +335,8 @@ class EffectWording:
             text = listed([f"{self.value(mean)} ({self.at(effect, word)})" for mean, word in values])
         return (
             f"Over {factor_label(self.cube, effect.factor)}, the mean of {self.name} is {text}{self.where(effect)}; "
-            f"the largest known numerical error is {self.value(effect.error)}; at single settings of the other "
-            f"factors the change reaches {self.value(effect.largest)}"
+            f"the largest known numerical error is {self.change(effect.error)}; at single settings of the other "
+            f"factors the change reaches {self.change(effect.largest)}"
         )
 
     def _flat(self, effect: FactorEffect) -> str:
@@ -329,7 +345,7 @@ class EffectWording:
         return (
             f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)}{beyond} ("
             f"{self.where(effect).removeprefix(', ')}), but at single settings of the other factors the change reaches "
-            f"{self.value(effect.largest)}"
+            f"{self.change(effect.largest)}"
         )
 
     def _steps(self, effect: FactorEffect) -> str:
@@ -338,7 +354,7 @@ class EffectWording:
         alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
         alone += ", on one side of zero" * (by_size and not effect.crossing)
         alone += " and have different sizes of it" * (by_size and effect.crossing)
-        most = f"by up to {self.value(effect.outward if by_size else effect.largest)}"
+        most = f"by up to {self.change(effect.outward if by_size else effect.largest)}"
         held = f" ({self._held(effect)})" if effect.held else ""
         if not effect.numeric:
             return f"In {alone}{held}, {self.name} changes {most}."
@@ -358,7 +374,7 @@ class EffectWording:
         if not others:
             held = f" ({self._held(first)})" if first.held else ""
             over = f"{self._signed(first)}: {steps}{factor_label(self.cube, first.factor)} alone{held}"
-            return f"{self.start} has no single direction over {over}, by up to {self.value(first.largest)}."
+            return f"{self.start} has no single direction over {over}, by up to {self.change(first.largest)}."
         text = [self._briefly(first, f"{steps}this factor alone", ", by up to ")]
         text += [self._briefly(each, f"{each.rising:,}, {each.falling:,} of {each.settings:,}") for each in others]
         return f"{self.start} has no single direction over {listed(text)}."
@@ -367,7 +383,7 @@ class EffectWording:
         """A factor with its steps in brackets; those of further factors in the order of the first one's words."""
         held = f", {self._held(effect)}" if effect.held else ""
         sign = " with its sign" * self._is_signed(effect)
-        return f"{factor_label(self.cube, effect.factor)}{sign} ({steps}{held}{most}{self.value(effect.largest)})"
+        return f"{factor_label(self.cube, effect.factor)}{sign} ({steps}{held}{most}{self.change(effect.largest)})"
 
     def _trend(self, effect: FactorEffect) -> str:
         """A trend, a bend or both from the regression, if there are too few points for a course."""

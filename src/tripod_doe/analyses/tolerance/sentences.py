@@ -209,7 +209,7 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
         *([f"{aim}, {ways[0][0]}"] if ways[0][1] else [_unresolved(aim, part)]),
         *(sentence for sentence, _ in ways[1:] if sentence),
         *_run_more(part, keep, resolved, bool(chances)),
-        *(_confirmed(part, tables, keep) or (_confirmation(part, max(chances), 1 - keep) if chances else [])),
+        *(_confirmed(what, part, tables, keep) or (_confirmation(part, max(chances), 1 - keep) if chances else [])),
         *([] if chances else _nothing_to_confirm(part, "these points resolve no change that keeps the limit")),
     ]
 
@@ -348,7 +348,7 @@ def _no_shift(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTab
     )
 
 
-def _confirmed(part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float) -> list[str]:
+def _confirmed(what: str, part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float) -> list[str]:
     """What the points of another run say of the first change; nothing where there was none."""
     if CONFIRMED not in part or not np.isfinite(part[CONFIRMED]):
         return []
@@ -361,7 +361,8 @@ def _confirmed(part: xr.Dataset, tables: Mapping[str, FactorTable], keep: float)
     if low <= 1 - keep < high:
         needed = points_to_decide(float(part[CONFIRMED]), 1 - keep, int(run["points"]))
         more = f"; confirm = {needed} would decide" if needed else ""
-    return [f"The change of {keys} is {verdict} by {points}: {_chance(part, CONFIRMED)} exceed the limit{more}."]
+    chance = _chance(part, CONFIRMED)
+    return [f"The change of {keys} is {verdict} by {points}: {chance} exceed the limit of {what}{more}."]
 
 
 def _confirmation(part: xr.Dataset, chance: float, allowed: float) -> list[str]:

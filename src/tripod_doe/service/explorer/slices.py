@@ -153,12 +153,12 @@ def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -
 
 
 def _note(data: xr.Dataset) -> str:
-    """Count of shown points without a value, with the reasons; empty if all have one."""
+    """Count of shown points without a value, with the reasons, and whether a difference leaves out some."""
+    parts = [str(data.attrs["left_out"])] if data.attrs.get("left_out") else []
     if "outcome" not in data:
         return ""
     failed, codes = is_failed(data).values, data["outcome"].values
     waiting = int((codes == Outcome.NOT_RUN).sum())
-    parts = []
     if failed.any():
         kinds, counts = np.unique(codes[failed], return_counts=True)
         reasons = listed(
@@ -239,13 +239,14 @@ def _refuse_unlike(data: xr.Dataset, other: xr.Dataset) -> None:
 
 def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     """The first slice minus the other, at the coordinates that both have; phases by the shorter way."""
-    variable, taken = shown(data), shown(other)
+    sizes = dict(data.sizes), dict(other.sizes)
     try:
-        first, second = xr.align(variable, taken, join="exact")
+        data, other = xr.align(data, other, join="inner")
     except ValueError as error:
-        raise InputError(
-            "minus: what is subtracted has other points: a difference needs equal values along each axis"
-        ) from error
+        raise InputError("minus: what is subtracted has axes of other lengths") from error
+    first, second = variable, _ = shown(data), shown(other)
+    if not first.size:
+        raise InputError("minus: what is subtracted has no point in common: a difference needs equal values along axes")
     if first.dims != second.dims:
         raise InputError("minus: what is subtracted has other dimensions")
     change = first - second
@@ -257,7 +258,7 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     kept = [name for name in data.data_vars if name in ("outcome_detail",)]
     return xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)}).assign(
         {name: data[name] for name in kept}
-    )
+    ).assign_attrs(left_out="" if sizes == (dict(data.sizes),) * 2 else "Only values that both have are shown.")
 
 
 def parallel_axes(data: xr.Dataset) -> Figure:
