@@ -125,8 +125,8 @@ def interval(value: float, half: float) -> str:
         return number(value)
     if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(abs(half))) - 1):  # beyond the digits that are left
         return f"0 +- {number(half, 2)}"
-    wanted = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
-    return f"{number(value, min(max(wanted, 1), _DIGITS + 1))} +- {number(half, 2)}"
+    wanted = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 1  # to the first digit of half
+    return f"{number(value, max(wanted, min(wanted + 1, _DIGITS + 1), 1))} +- {number(half, 2)}"
 
 
 def value_range(low: float, high: float, unit: str = "") -> str:

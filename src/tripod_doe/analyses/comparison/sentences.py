@@ -283,7 +283,7 @@ def _rounded(value: float, unsure: float) -> str:
     if not (math.isfinite(unsure) and unsure > 0):
         return number(value)
     decimals = max(1 - math.floor(math.log10(unsure)), 0)
-    return number(value) if decimals > _MOST_DECIMALS else f"{value:.{decimals}f}"
+    return number(value) if decimals > _MOST_DECIMALS else f"{round(value, decimals) + 0.0:.{decimals}f}"  # no -0.0
 
 
 def comparison_json(comparison: xr.Dataset) -> str:

@@ -144,7 +144,7 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
     opposing = (np.nanmax(np.where(known, values, 0.0), axis=0) < -_PRINTED) & known  # wherever it is known
     text = [f"{spoken(part.mechanisms[at])} {at_each(values[:, at], percent)}" for at in ranked if not opposing[at]]
     against = [f"{spoken(part.mechanisms[at])} with {at_each(values[:, at], percent)}" for at in ranked if opposing[at]]
-    opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
+    opposed = [f"{listed(against)} oppose{'s' if len(against) == 1 else ''} the sum"] * bool(against)
     closure = ""
     if leading == "share_off" and spread(part.closure[rows]):
         closure = f"; they add up to {at_each(100 - part.closure[rows], percent)}"
@@ -156,7 +156,7 @@ def _who_makes_it(part: Contribution, side: str, rows: NDArray[np.bool_]) -> str
     size = f" ({part.amplitude})" if part.amplitude and not side else ""
     return (
         f"Of {part.what}{size}{f' in {side}' if side else ''}, by {DEFINITIONS[leading]} ({ANSWERS[leading]}){over}: "
-        f"{', '.join(text)}{opposed}{closure} (analysis {part.analysis})."
+        f"{'; '.join([*filter(None, [', '.join(text)]), *opposed])}{closure} (analysis {part.analysis})."
     )
 
 
