@@ -13,13 +13,14 @@ from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
-from tripod_doe.quantities import interval, level_or_word, levels_apart, number, with_unit
+from tripod_doe.quantities import digits_apart, interval, level_or_word, levels_apart, number, with_unit
 
 NEAR_LEVEL = 0.1
 """dB from which on a level is near another one, about as much as 1 %."""
 
 _NEAR = 0.01  # of a range, or of a limit: from here on it binds
 _AT = 1e-6  # of a range: a bound itself, and not only near it
+_DIGITS, _MOST_DIGITS = 4, 13  # of an objective; with more, two values are alike
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
 
 
@@ -32,11 +33,18 @@ def unit_of(problem: Problem, output: str) -> str:
     return unit_text(problem.simulator.parameters[output].unit) if output in problem.simulator.parameters else ""
 
 
-def aim_text(problem: Problem, at: int, value: float, error: float = np.nan) -> str:
+def aim_text(problem: Problem, at: int, value: float, error: float = np.nan, digits: int = _DIGITS) -> str:
     """A value of an objective with its error and unit."""
     table = list(problem.objectives.values())[at]
-    text = interval(value, error) if error > 0 else number(value, 4)
+    text = interval(value, error) if error > 0 else number(value, digits)
     return with_unit(text, unit_of(problem, table.output))
+
+
+def digits_of_columns(values: FloatArray) -> list[int]:
+    """Digits by which the smallest and the largest value of each column differ and one more, at least four."""
+    known = [column[np.isfinite(column)] for column in values.T]
+    apart = [digits_apart(float(own.min()), float(own.max())) + 1 if own.size else 0 for own in known]
+    return [_DIGITS if digits > _MOST_DIGITS else max(_DIGITS, digits) for digits in apart]
 
 
 def joint_text(problem: Problem, unit: FloatArray) -> str:

@@ -8,6 +8,7 @@ from tripod_doe.analyses.optimisation.candidate_text import (
     binding,
     change_text,
     counted_reasons,
+    digits_of_columns,
     front_places,
     joint_text,
     objective_change,
@@ -144,8 +145,9 @@ def _against_start(problem: Problem, solved: Solved, at: int) -> list[str]:
     row = int(np.argmin(values * problem.signs[at]))
     best = float(values[row])
     errors = float(solved.start.objective_errors[0, at]), float(solved.front.judged.objective_errors[row, at])
+    (digits,) = digits_of_columns(np.array([[start], [best]]))
     texts = [  # a value within its error is not stated without it
-        aim_text(problem, at, value, error if error > abs(value) else np.nan)
+        aim_text(problem, at, value, error if error > abs(value) else np.nan, digits)
         for value, error in zip((start, best), errors, strict=True)
     ]
     keeps = "" if solved.start.feasible[0] else f", where limits are violated ({solved.start.reasons[0]})"
@@ -183,35 +185,34 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
     if equal := _all_equal(problem, solved):
         return equal
     if len(aims) == 1:
-        values = [
-            f"{name} {aim_text(problem, k, float(front.judged.objectives[0, k]))}" for k, name in enumerate(names)
-        ]
+        values = _objectives_at(problem, solved, 0, digits_of_columns(front.judged.objectives))
         which = "feasible" if solved.archive.judged.feasible.sum() == 1 else "best in every objective"
         only = f"One candidate is {which}: {listed(values)}, at {joint_text(problem, front.units[0])}."
         return [only, *(line for at in range(len(names)) for line in _against_start(problem, solved, at))]
+    digits = digits_of_columns(front.judged.objectives)
     ends = []
     for at, name in enumerate(names):
-        row = int(aims[:, at].argmin())
-        others = [
-            f"{other} {aim_text(problem, k, float(front.judged.objectives[row, k]))}"
-            for k, other in enumerate(names)
-            if k != at
-        ]
-        value = aim_text(problem, at, float(front.judged.objectives[row, at]))
-        ends.append(f"{name} {value} with {listed(others)}")
+        own, *others = _objectives_at(problem, solved, int(aims[:, at].argmin()), digits, first=at)
+        ends.append(f"{own} with {listed(others)}")
     count = count_of(len(aims), "candidate")
     sentences = [f"The front has {count}: at its ends {'; '.join(ends)}."]
     middle = knee(aims)
-    values = [
-        f"{name} {aim_text(problem, k, float(front.judged.objectives[middle, k]))}" for k, name in enumerate(names)
-    ]
     sentences.append(
-        f"Candidate {middle} is the knee, the best compromise by its worst scaled objective: {listed(values)}, at "
-        f"{joint_text(problem, front.units[middle])}."
+        f"Candidate {middle} is the knee, the best compromise by its worst scaled objective: "
+        f"{listed(_objectives_at(problem, solved, middle, digits))}, at {joint_text(problem, front.units[middle])}."
     )
     for at in range(len(names)):
         sentences += _against_start(problem, solved, at)
     return sentences
+
+
+def _objectives_at(problem: Problem, solved: Solved, row: int, digits: list[int], first: int = 0) -> list[str]:
+    """The objectives of a candidate of the front with their names, one of them first."""
+    values = solved.front.judged.objectives[row].tolist()
+    texts = [
+        f"{name} {aim_text(problem, k, values[k], digits=digits[k])}" for k, name in enumerate(problem.objectives)
+    ]
+    return [texts.pop(first), *texts]
 
 
 def _confirmation(problem: Problem, solved: Solved) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from pydantic import ValidationError
 
+from tripod_doe.analyses.optimisation.candidate_text import digits_of_columns
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import confirmed_base, pasted
 from tripod_doe.errors import CubeError, InputError
@@ -84,11 +85,15 @@ def front_lines(front: xr.Dataset) -> list[str]:
     count = front.sizes["candidate"]
     shown = np.unique(np.linspace(0, count - 1, _MOST_LINES).round().astype(int)).tolist() if count else []
     lines = [] if count <= _MOST_LINES else [f"{len(shown)} of the {count:,} candidates of the front:"]
+    digits = digits_of_columns(np.stack([front[name].values.astype(float) for name in objectives], axis=1))
     for at in shown:
         one = front.isel(candidate=at)
         errors = [float(one[f"{name}_error"]) if f"{name}_error" in one else 0.0 for name in objectives]
         values = [(float(one[name]), error) for name, error in zip(objectives, errors, strict=True)]
-        texts = [interval(value, error) if error > 0 else number(value, 4) for value, error in values]
+        texts = [
+            interval(value, error) if error > 0 else number(value, each)
+            for (value, error), each in zip(values, digits, strict=True)
+        ]
         aims = ", ".join(f"{name} {text}" for name, text in zip(objectives, texts, strict=True))
         chosen = ", ".join(f"{name} {_value_text(one[name].item())}" for name in variables)
         lines.append(f"candidate {at}: {aims}; {chosen}")

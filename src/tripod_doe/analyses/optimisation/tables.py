@@ -6,6 +6,7 @@ from tripod_doe.analyses.optimisation.candidate_text import (
     binding,
     change_text,
     counted_reasons,
+    digits_of_columns,
     front_places,
     head_texts,
     joint_text,
@@ -18,7 +19,7 @@ from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.words import listed, unit_text, with_brackets
-from tripod_doe.quantities import digits_apart, interval, level_or_word, number
+from tripod_doe.quantities import interval, level_or_word, number
 
 _MOST_ROWS = 40
 
@@ -37,7 +38,7 @@ def front_table(problem: Problem, solved: Solved) -> Table:
     front = solved.front
     heads = ["candidate", *head_texts(problem, judged_outputs(problem)), *_variable_heads(problem)]
     judged = front.judged
-    apart = _digits(judged.objectives)
+    apart = digits_of_columns(judged.objectives)
     table = []
     for row in shown_rows(len(front.units)):
         cells = [str(row)]
@@ -47,13 +48,6 @@ def front_table(problem: Problem, solved: Solved) -> Table:
         cells += [level_or_word(v) for v in base_values(problem, front.units[row]).values()]
         table.append(cells)
     return heads, table
-
-
-def _digits(values: FloatArray) -> list[int]:
-    """Digits by which the smallest and the largest value of each column differ, at least four."""
-    if not len(values):
-        return [4] * values.shape[1]
-    return [max(4, min(6, digits_apart(float(column.min()), float(column.max())) + 1)) for column in values.T]
 
 
 def ends_table(problem: Problem, solved: Solved) -> Table:
