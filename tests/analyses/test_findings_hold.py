@@ -452,3 +452,26 @@ def check_designs(kind: str, seeds: range) -> None:
 def test_no_sentence_lies(kind):
     """Three random designs of a kind; `benchmarks/sentences.py` checks as many as wanted."""
     check_designs(kind, range(3))
+
+
+def test_a_slope_beside_large_values_is_not_zero():
+    """Regression: "y increases with x1 by 0 per 1" where all values lie about 1000."""
+    points = np.array(list(itertools.product((-3.0, -1, 1, 3), (0.0, 1), (0.0,))))
+    said = find(cube_of(points, 1000 + 0.001 * points[:, 0] + 0.01 * points[:, 1]))
+    assert any("increases with x1 (with its sign) by 0.001 per 1 " in each for each in said)
+
+
+def test_a_rise_on_both_sides_of_zero_shows_beside_large_values():
+    """Regression: "1000 at -1 to 1000 at -3, and 1000 at 1 to 1000 at 2"."""
+    points = np.array(list(itertools.product((-3.0, -1, 1, 2), (0.0,), (0.0,))))
+    said = find(cube_of(points, 1000 + 0.1 * np.abs(points[:, 0])))
+    assert any("1000.1 at -1 to 1000.3 at -3, and 1000.1 at 1 to 1000.2 at 2" in each for each in said)
+
+
+def test_means_of_classes_have_the_digits_of_their_error():
+    """Regression: "from 999.6 to 1001, each +- 0.23" for 1000.6."""
+    points = 2 * qmc.LatinHypercube(3, rng=1).random(200) - 1
+    said = find(cube_of(points, 999.6 + 0.5 * np.tanh(9 * points[:, 0]) + 0.5 + 0.1 * points[:, 1]))
+    (text,) = (each for each in said if each.startswith("y increases with x1"))
+    low, high, error = map(float, re.search(r"from (\S+) \(.* to (\S+) \(.*each \+- (.*)\.$", text).groups())
+    assert abs(high - low - 1) < error < 0.2

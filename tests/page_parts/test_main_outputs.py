@@ -69,3 +69,22 @@ def test_missing_points_are_counted():
         "1 point is missing, 1,200 are used."
     ]
     assert left_points(xr.Dataset(attrs={"points_dropped": 0, "points_used": 1200})) == []
+
+
+def test_quantiles_beside_a_large_value_are_told_apart():
+    """Regression: "5 % below 1,000,000 (1,000,000 to 1,000,000)"."""
+    values = {
+        "quantile_low": [1000000.21, 1000000.61],
+        "quantile": [1000000.25, 1000000.7],
+        "quantile_high": [1000000.3, 1000000.8],
+    }
+    result = xr.Dataset(
+        {name: ("probability", column) for name, column in values.items()},
+        {"probability": [0.05, 0.95]},
+        {"outputs": "w"},
+    )
+    (part,) = main_outputs(result, "quantile", over=["probability"])
+    assert (
+        quantile_text(part)
+        == "5 % below 1,000,000.2 (1,000,000.2 to 1,000,000.3), 95 % below 1,000,000.7 (1,000,000.6 to 1,000,000.8)"
+    )

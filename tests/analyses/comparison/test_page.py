@@ -88,6 +88,12 @@ def test_table_and_json_hold_the_numbers(comparison):
     assert "measured_thrust" not in answer
 
 
+@pytest.mark.parametrize(("apart", "told"), [(-3.2, "3.2 N lower, with"), (3.2, "3.2 N higher, with")])
+def test_a_force_below_the_model_is_not_a_negative_height(comparison, apart, told):
+    """Regression: "its own is -3.2 N higher"."""
+    assert told in comparison_charts(comparison.assign_attrs(preload_n=apart))[0].caption
+
+
 def test_figures_hold_the_numbers(comparison, read_table):
     charts = {chart.name: read_table(chart.csv()) for chart in comparison_charts(comparison)}
     assert list(charts) == ["waveform", "orders", "beat", "run-up"]

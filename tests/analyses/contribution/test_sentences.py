@@ -434,3 +434,12 @@ def test_the_rest_beside_some_mechanisms_is_not_that_of_no_friction(tmp_path, fa
     }
     said = " ".join(td.run(study, tmp_path / "out", workers=0, progress=False).answers)
     assert rest in said
+
+
+def test_where_all_mechanisms_oppose_the_sum_nothing_stands_before_them(uneven):
+    """Regression: "Of y, by ...: ; x with -100.0 % opposes the sum"."""
+    (part,) = contributions({"shares": contribution_shares(uneven, ContributionSettings(output="y"))})
+    less = replace(part, shares={name: -np.abs(values) - 1 for name, values in part.shares.items()})
+    (said,) = (each for each in contribution_findings(less) if each.startswith("Of y"))
+    assert ": ;" not in said
+    assert "oppose the sum" in said

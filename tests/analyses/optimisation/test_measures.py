@@ -42,3 +42,11 @@ def test_listed_values_scatter_about_a_candidate_by_their_distance_from_their_me
     scatter = Scatter({name: factor}, frozenset([name]), {name: parameter})
     placed = scatter.placed(name, np.array(8.0), scatter.sample(64, 0)[name])
     assert sorted({round(value, 9) for value in placed.tolist()}) == [7.9, 8.1]
+
+
+def test_a_value_on_its_limit_but_for_rounding_keeps_it():
+    """Regression: "limits are violated (c = 0.5 above 0.5)" at the start of a search over a logarithmic range."""
+    values = np.array([0.5000000000000001, 0.5000001])[:, None, None]
+    at = PointValues(values, 0 * values, 0 * values)
+    far = _of_constraint(at, ConstraintTable(output="c", high=0.5), np.ones(1), 1.0)[2]
+    assert far[0] == 0 < far[1]

@@ -396,6 +396,18 @@ def test_unlike_points_and_units_are_not_subtracted(folders):
         draw(cube, view, thousand)
 
 
+def test_a_difference_of_runs_is_drawn_where_both_have_points(folders):
+    """Regression: "No picture" where the levels of two runs overlap partly."""
+    cube = td.open_cube(folders["grid"])
+    view = drawn_view(cube, View.from_items([("kind", "lines"), ("x", "joint_angle_deg"), ("minus", "b")]))
+    angles = cube["joint_angle_deg"].values
+    drawn = draw(cube, view, cube.isel(joint_angle_deg=slice(1, None)))
+    assert values(drawn["data"][0]["x"]).tolist() == angles[1:].tolist()
+    assert drawn["note"].startswith("Only values that both have are shown.")
+    with pytest.raises(InputError, match="no point in common"):
+        draw(cube, view, cube.assign_coords(joint_angle_deg=angles + 0.01))
+
+
 def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(folders):
     path, view = (
         str(folders["grid"]),

@@ -94,3 +94,12 @@ def test_a_table_scaled_or_moved_has_that_density(table):
     np.testing.assert_allclose(scaled.density(x), expected, rtol=1e-9, atol=1e-12)
     shift = np.exp(before.centre) * 0.1 if before.logarithmic else 0.1
     np.testing.assert_allclose(scatter_density(shifted_table(table, shift)).density(x), moved, rtol=1e-9, atol=1e-12)
+
+
+def test_the_level_zero_of_a_trajectory_is_zero():
+    """Regression: a level of -2.2e-16 in the tables of a morris design over -0.8 .. 1."""
+    text = '[study]\nname = "q"\n[factors.initial_skew_1_deg]\nlow = -0.8\nhigh = 1.0\n[design]\nkind = "sobol"\nsamples = 4\n'
+    levels = quantile(
+        parse_study(text).factors["initial_skew_1_deg"], np.array([0.0, 0.8 / 1.8, 0.8 / 1.8 - 1e-16, 1.0])
+    )
+    assert levels.tolist() == [-0.8, 0, 0, 1]

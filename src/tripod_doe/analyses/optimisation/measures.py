@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, ObjectiveTable
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import number
+from tripod_doe.quantities import digits_apart, number
+
+_ROUNDING = 1e-12  # part of a limit within which a value lies on it
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,8 @@ def _reason(
         if far > 0:
             is_above = table.high is not None and value > table.high
             limit = table.high if is_above else table.low
-            texts.append(f"{name} = {number(float(value), 4)} {'above' if is_above else 'below'} {limit:g}")
+            digits = max(digits_apart(float(value), float(limit or 0.0)), 4)  # the limit itself is no violation
+            texts.append(f"{name} = {number(float(value), digits)} {'above' if is_above else 'below'} {limit:g}")
     return "; ".join(texts)
 
 
@@ -255,6 +258,7 @@ def _of_constraint(
         over = table.over or ("max" if high else "min")
         value = _quantile(_over(at.values, over, weights), quantile, high)
         far = (value - limit if high else limit - value) / limit_scale(table)
+        far = np.where(np.abs(value - limit) <= _ROUNDING * abs(limit), 0.0, far)
         sides.append((value, _error(at, over, weights, quantile, high), far))
     if len(sides) == 1:
         return sides[0]

@@ -191,7 +191,7 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
         return [only, *(line for at in range(len(names)) for line in _against_start(problem, solved, at))]
     digits = digits_of_columns(front.judged.objectives)
     ends = []
-    for at, name in enumerate(names):
+    for at in range(len(names)):
         own, *others = _objectives_at(problem, solved, int(aims[:, at].argmin()), digits, first=at)
         ends.append(f"{own} with {listed(others)}")
     count = count_of(len(aims), "candidate")
@@ -209,9 +209,7 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
 def _objectives_at(problem: Problem, solved: Solved, row: int, digits: list[int], first: int = 0) -> list[str]:
     """The objectives of a candidate of the front with their names, one of them first."""
     values = solved.front.judged.objectives[row].tolist()
-    texts = [
-        f"{name} {aim_text(problem, k, values[k], digits=digits[k])}" for k, name in enumerate(problem.objectives)
-    ]
+    texts = [f"{name} {aim_text(problem, k, values[k], digits=digits[k])}" for k, name in enumerate(problem.objectives)]
     return [texts.pop(first), *texts]
 
 

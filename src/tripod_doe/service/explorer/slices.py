@@ -256,9 +256,11 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     changed = change.assign_coords(variable.coords).assign_attrs(attributes).rename(variable.name)
     lost = data["outcome"].where(other["outcome"] == Outcome.FINISHED, other["outcome"]).astype(np.int8)
     kept = [name for name in data.data_vars if name in ("outcome_detail",)]
-    return xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)}).assign(
-        {name: data[name] for name in kept}
-    ).assign_attrs(left_out="" if sizes == (dict(data.sizes),) * 2 else "Only values that both have are shown.")
+    return (
+        xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)})
+        .assign({name: data[name] for name in kept})
+        .assign_attrs(left_out="" if sizes == (dict(data.sizes),) * 2 else "Only values that both have are shown.")
+    )
 
 
 def parallel_axes(data: xr.Dataset) -> Figure:
