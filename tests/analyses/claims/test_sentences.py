@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.analyses.claims.sentences import claims_of_figures, find_over_skew
+from tripod_doe.analyses.claims.sentences import claim_value, claims_of_figures, find_over_skew
 from tripod_doe.analyses.claims.verdicts import ClaimsSettings, Verdict, check_claims
 
 
@@ -46,3 +46,18 @@ def test_a_claim_counts_at_the_skews_at_which_it_is_decided():
     for last, end in ((Verdict.HOLDS, ","), (Verdict.NOT_DECIDED, " at which they are decided,")):
         table["verdict"] = (("claim", "skew_deg"), np.array([[Verdict.HOLDS, Verdict.HOLDS], [Verdict.HOLDS, last]]))
         assert f"2 of 2 claims hold at every skew{end} 0 at none" in find_over_skew(table)[0]
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "told"),
+    [
+        (81.996, np.nan, "81.996 %"),
+        (82.0, np.nan, "82 %"),
+        (90.2, 0.4, "90.2 +- 0.4 %"),
+        (85.4321, 0.002, "85.432 +- 0.002 %"),
+    ],
+)
+def test_a_value_is_told_apart_from_the_limits_of_its_claim(value, error, told):
+    """Regression: "82 %; required: 82 to 90 %" of a claim that does not hold."""
+    row = check_claims({}, ClaimsSettings()).set_index(claim="claim").sel(claim="share_groove_sliding")
+    assert claim_value(row.assign(value=value, error=error)) == told

@@ -248,3 +248,14 @@ def test_a_factor_with_one_value_in_a_grid_has_no_effect(tmp_path):
     effect = factorial_effects(td.open_cube(tmp_path / "out"))["effect"].to_series()
     assert set(effect.index) == {"a", "c", "a:c", "a^2"}
     assert effect["a"] == pytest.approx(9)
+
+
+def test_an_output_that_nothing_changes_is_told(tmp_path):
+    """Regression: no sentence at all."""
+    (tmp_path / "still.py").write_text("def still(a, b):\n    return {'y': 7.0}\n")
+    text = (
+        '[study]\nname = "s"\nfunction = "still:still"\n[factors]\na = {low = 0, high = 1}\nb = {low = 0, high = 1}\n'
+    )
+    (tmp_path / "s.toml").write_text(text + '[design]\nkind = "full-factorial"\n[analysis.effects]\n')
+    summary = td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    assert "The main outputs are the same at all points: no term has an effect (analysis effects)." in summary.answers

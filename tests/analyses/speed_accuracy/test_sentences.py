@@ -150,3 +150,24 @@ def test_what_to_use_is_the_cheapest_run_within_each_error(seed):
         bottom = panel.get_ylim()[0]  # neither far below the reference's error nor far below the smallest that is known
         assert bottom > 0.01 * 100 * error[error > known].min()
     assert "1 evaluation limit" in chart.caption
+
+
+def test_the_reference_that_errors_are_differences_to_is_the_one_that_there_is():
+    """Regression: "by the difference to needles", of which one method ran alone: within 10 % "is reached by none"."""
+    rows = fixed("implicit-euler", STEPS, lambda h: 10 * h, lambda h: 1e-3 / h, "rollers")
+    rows += fixed("bdf2", FINE, lambda h: 1e4 * h**2, lambda h: 2e-3 / h, "rollers")
+    rows += fixed("bdf2", FINE, lambda h: 0.03 + h, lambda h: 1 / h, "needles")
+    result = speed_accuracy({"joint": cube_of(rows, JOINT, "thrust_amplitude")}, SpeedAccuracySettings())
+    first = findings_of("", result)[0]
+    assert "by the difference to rollers there: within 10 % rollers (implicit-euler, " in first
+
+
+@pytest.mark.parametrize("outcome", [Outcome.FINISHED, Outcome.DIVERGED])
+def test_sentences_stand_without_peers_and_without_a_finished_run(outcome):
+    """Regression: "Ratio to the default: .", and an IndexError where no run finished."""
+    rows = [(*row[:6], outcome) for row in FIRST + SECOND]
+    result = speed_accuracy({"scene": cube_of(rows)}, SpeedAccuracySettings(target=0.005))
+    said = findings_of("", result)
+    assert not any("Ratio to the default" in each for each in said)
+    assert any("Failed in scene: " in each for each in said) is (outcome is Outcome.DIVERGED)
+    assert len(price_table(result)[1]) == 2

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
 from tripod_doe.page_parts.words import listed, unit_text
-from tripod_doe.quantities import capital, level, number, text_range, with_unit
+from tripod_doe.quantities import capital, digits_apart, level, number, text_range, with_unit
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
@@ -86,13 +86,17 @@ def claims_of_figures(claims: xr.Dataset, title: str) -> tuple[list[str], list[l
 
 
 def claim_value(row: xr.Dataset) -> str:
-    """The number that decides a claim, with its numerical error and unit."""
+    """The number that decides a claim, with its numerical error and unit, told apart from its limits."""
     value, error = float(row["value"]), float(row["error"])
     if not math.isfinite(value):
         return "unknown"
-    spread = f" +- {number(error, 2)}" if math.isfinite(error) and error > 0 else ""
-    digits = level(value) if abs(value - 1) < 1e-2 else number(value)
-    return with_unit(digits + spread, unit_text(str(row["unit"].item())))
+    unsure = math.isfinite(error) and error > 0
+    limits = [float(row[end]) for end in ("low", "high")]
+    digits = [6 if abs(value - 1) < 1e-2 else 3, *(digits_apart(value, limit) for limit in limits if limit != value)]
+    if unsure and value:
+        digits.append(math.floor(math.log10(abs(value))) - math.floor(math.log10(error)) + 1)
+    spread = f" +- {number(error, 2)}" if unsure else ""
+    return with_unit(number(value, max(digits)) + spread, unit_text(str(row["unit"].item())))
 
 
 def claim_limits(row: xr.Dataset) -> str:

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analyses.sensitivity.sentences import nothing_varies
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
 from tripod_doe.quantities import count_of, interval, number, squared, with_unit
@@ -28,7 +29,10 @@ def term_text(name: str) -> str:
 def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the largest effects of each main output, on aliases, and on missing points."""
     sentences = []
-    for _, what, unit, part in effect_parts(result):
+    parts = effect_parts(result)
+    if not parts and "effect" in result:
+        sentences.append(nothing_varies(name, "term has an effect"))
+    for _, what, unit, part in parts:
         rows = list(
             zip(
                 part["term"].values,

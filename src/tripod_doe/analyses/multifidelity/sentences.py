@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.sensitivity.sentences import sobol_sentence, without_intervals
+from tripod_doe.analyses.sensitivity.sentences import nothing_varies, sobol_sentence, without_intervals
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs, quantile_text
 from tripod_doe.page_parts.words import listed
@@ -19,7 +19,10 @@ def find_in_multifidelity(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped."""
     sentences = []
     truth = str(result.attrs["truth"])
-    for part in multifidelity_parts(result):
+    parts = multifidelity_parts(result)
+    if not parts and "variance" in result:
+        sentences.append(nothing_varies(name))
+    for part in parts:
         sentences.append(f"{_distribution(part, truth)} (analysis {name}).")
         if np.isnan(part.answers["mean_conf"]):
             sentences.append(without_intervals(part.what))
@@ -49,7 +52,7 @@ def _gain(part: OutputPart, truth: str) -> list[str]:
         if gains.size:
             ends = list(dict.fromkeys(number(1 / gain, 2) for gain in (gains.max(), gains.min())))
             shares.append(f"{' to '.join(ends)} for its total indices")
-    worse = any(float(each) < 1 for each in _known_gains(answers))
+    worse = any(float(f"{1 / each:.1e}") > 1 for each in _known_gains(answers))  # as written
     more = "; above 1, the truth alone would have been better" if worse else ""
     return [f"The squared error for {part.what}, relative to {truth} alone at the same price: {listed(shares)}{more}."]
 

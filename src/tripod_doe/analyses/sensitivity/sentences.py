@@ -33,7 +33,7 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
         which = "an output, which jumps" if jumps == 1 else f"{jumps} outputs or parts of them, which jump"
         sentences.append(f"No bounds are stated for {which}: small steps do not show the variance (analysis {name}).")
     elif RANKED[kind] in result and not parts:
-        sentences.append(f"The main outputs are the same at all points: no factor has an index (analysis {name}).")
+        sentences.append(nothing_varies(name))
     for part in parts:
         match kind:
             case "sobol":
@@ -45,6 +45,11 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
         sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_without_interval(part, kind, result)]
         sentences += _convergence(part, kind, result)
     return sentences + left_points(result)
+
+
+def nothing_varies(name: str, what: str = "factor has an index") -> str:
+    """That an analysis has nothing to share out."""
+    return f"The main outputs are the same at all points: no {what} (analysis {name})."
 
 
 def _without_bound(result: xr.Dataset) -> int:

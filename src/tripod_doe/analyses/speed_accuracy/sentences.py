@@ -50,13 +50,16 @@ def find_in_speed_accuracy(data: xr.Dataset, name: str = "") -> list[str]:
 def _what_to_use(data: xr.Dataset, scene: str) -> str:
     """The cheapest run of any model within each of three errors of the first quantity; empty with one model."""
     of_scene = data.isel(run=np.flatnonzero(data["scene"].values == scene))
+    referred = (data["case_scene"].values == scene) & (data["reference"].values != "")
+    if not referred.any():
+        return ""
     lead = "third_order" if "third_order" in data["quantity"].values else str(data["quantity"].values[0])
     runs = of_scene.sel(quantity=lead)
-    cases = data.isel(case=np.flatnonzero(data["case_scene"].values == scene)).sel(quantity=lead)
+    finest = data.isel(case=int(np.flatnonzero(referred)[-1])).sel(quantity=lead)
     error, price = runs["model_error"].values, runs["cpu_per_second"].values
     if np.unique(runs["model"].values[np.isfinite(error)]).size < 2:
         return ""
-    known, parts = float(cases["reference_error"].values[-1]), []
+    known, parts = float(finest["reference_error"]), []
     for target in _TARGETS:
         within = np.flatnonzero((np.maximum(error, known) <= target) & np.isfinite(price))
         if within.size == 0:
@@ -69,8 +72,7 @@ def _what_to_use(data: xr.Dataset, scene: str) -> str:
             f"{level(100 * target)} % {best['model'].item()} ({best['run_method'].item()}, {default}; "
             f"{number(float(best['cpu_per_second']))} s per simulated second)"
         )
-    finest = str(cases["case_model"].values[-1])
-    what = f"the {runs['quantity_meaning'].item()}, by the difference to {finest} there"
+    what = f"the {runs['quantity_meaning'].item()}, by the difference to {finest['case_model'].item()} there"
     return f"What to use in the {_spoken(scene)} for {what}: within {'; within '.join(parts)}."
 
 
@@ -110,10 +112,10 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
         return f"{start}: at {level(target)} % error {best} is the cheapest; the default, {default}: {known}."
     of_default = "is the cheapest" if best == default else f"costs {number(over)} times the cheapest, {best}"
     own = Known(int(row["price_known"].sel({"method": default})))
-    price = number(float(row["price"].sel({"method": default})))
+    price, peers = number(float(row["price"].sel({"method": default}))), ", ".join(_peers(row, own))
     return (
         f"{start}: at {level(target)} % error the default, {default}, {of_default} ({default} {price} s per simulated "
-        f"second, {_HOW[own]}). Ratio to the default: {', '.join(_peers(row, own))}."
+        f"second, {_HOW[own]}).{f' Ratio to the default: {peers}.' if peers else ''}"
     )
 
 
@@ -196,19 +198,19 @@ def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:
     for case in data["case"].values:
         row = data.sel(case=case)
         mine = (data["scene"].values == row["case_scene"].item()) & (data["model"].values == row["case_model"].item())
-        lead = _lead(row) or str(data["quantity"].values[0])
+        lead = _lead(row) or next(iter(data["quantity"].values.tolist()), "")
         for method in row["method"].values:
             own = mine & (data["run_method"].values == method)
             if own.any():
                 done = int((data["outcome"].values[own] == Outcome.FINISHED).sum())
-                cell = row.sel({"method": method, "quantity": lead})
+                cell = row.sel({"method": method} | ({"quantity": lead} if lead else {}))
                 default = " (default)" if method == row["default_method"].item() else ""
                 rows.append(
                     [
                         _spoken(str(case)),
                         f"{method}{default}",
-                        _or_dash(float(cell["price"])),
-                        _or_dash(float(cell["price_ratio"])),
+                        _or_dash(float(cell["price"]) if lead else math.nan),
+                        _or_dash(float(cell["price_ratio"]) if lead else math.nan),
                         Known(int(cell["price_known"])).label if _lead(row) else "no second method",
                         f"{done}",
                         f"{int(own.sum()) - done}",
