@@ -231,3 +231,13 @@ def test_a_run_of_a_service_grows_and_is_compared_as_in_python(serve_for_all, tm
     ):
         with pytest.raises(TripodDoeError):
             run.derive(wrong)
+
+
+def test_tables_and_records_of_spreadsheets_are_uploaded_as_text(tmp_path):
+    """Regression: a table that every command read was refused, as it is not UTF-8."""
+    (tmp_path / "fit.toml").write_text('[fit]\nname = "x"\n[records]\ntable = "records.csv"\n')
+    (tmp_path / "records.csv").write_bytes("file;Öl\r\nWelle_ä.csv;60 °C\r\n".encode("utf-16"))
+    (tmp_path / "Welle_ä.csv").write_bytes("Drehwinkel [°];Kraft [N]\n0;1,5\n".encode("cp1252"))
+    files = submission(tmp_path / "fit.toml")["files"]
+    assert files["records.csv"].startswith("file;Öl\r\n")
+    assert files["Welle_ä.csv"].startswith("Drehwinkel [°];")

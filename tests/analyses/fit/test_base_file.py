@@ -49,11 +49,17 @@ def test_correlations_are_those_of_the_fit(result, correlation):
 
 @pytest.mark.parametrize("text_of", [base_text, tolerance_text])
 def test_values_of_groups_are_comments_to_choose_from(result, text_of):
-    """Exact values. Regressions: the study took the default without a word; without a shared unknown, numpy failed."""
-    groups = {"value_of_record": [[0.07, 0.05, 0.07]], "group_of_record": [["oil A", HOSTILE, "oil A"]]}
-    own = result.assign({name: (("unknown", "record"), values) for name, values in groups.items()})
+    """Exact values. Regressions: the study took the default without a word; without a shared unknown, numpy failed, and
+    a study that is to be run had no factor."""
+    groups = {"value_of_record": [0.07, 0.05, 0.07], "group_of_record": ["oil A", HOSTILE, "oil A"]}
+    groups |= {"low_of_record": [0.06, 0.04, 0.06], "high_of_record": [0.08, 0.06, 0.08]}
+    groups |= {"verdict_of_record": ["found", "one-sided", "found"]}
+    own = result.assign({name: (("unknown", "record"), [values]) for name, values in groups.items()})
     text = text_of(own.assign(value=("unknown", [np.nan])), {"torque_n_m": 200.0})
     assert tomllib.loads(text)["base"] == {"torque_n_m": 200.0}
     assert text.count("\n# groove_sliding_friction = 0.07  # oil A\n") == 1
     assert "# groove_sliding_friction = 0.05  # x\\n[study]" in text
     assert "correlation" not in text
+    if text_of is tolerance_text:
+        factor = parse_study(text).factors["groove_sliding_friction"].table
+        assert (factor.mean, factor.std, factor.low) == (0.07, pytest.approx(0.02 / 3.92, rel=1e-3), 0.03)

@@ -26,7 +26,7 @@ def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     for name in result["unknown"].values.tolist():
         own = result.sel(unknown=name, unknown_2=name)
         if not math.isfinite(float(own["value"])):
-            lines += _values_of_groups(own)
+            lines += _values_of_groups(own, "without one of these lines, it has its default")
             continue
         words = value_range(float(own["low"]), float(own["high"]))
         verdict = str(own["verdict"].item())
@@ -34,12 +34,12 @@ def base_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _values_of_groups(own: xr.Dataset) -> list[str]:
-    """Comments with the value of an unknown in each record or group: which one a study is of, its user knows."""
+def _values_of_groups(own: xr.Dataset, here: str) -> list[str]:
+    """Comments with the value of an unknown in each record or group, and which of them the file is of."""
     name, values = own["unknown"].item(), own["value_of_record"].values.tolist()
     groups = dict(zip(map(_in_a_comment, own["group_of_record"].values.tolist()), values, strict=True))
     return [
-        f"# {name} differs between records; without one of these lines, it has its default:",
+        f"# {name} differs between records; {here}:",
         *(f"# {name} = {value:.6g}  # {group}" for group, value in groups.items()),
     ]
 
@@ -67,6 +67,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     """A study of what is not known: the unknowns with their distributions and correlations, for the tolerance analysis.
 
     An unknown that the records determine is normal, cut off at its bounds. Of any other one only its interval is known.
+    One that differs between records is as in the first of them, and independent of the others.
     """
     shared = [name for name in result["unknown"].values.tolist() if np.isfinite(result["value"].sel(unknown=name))]
     operating = {
@@ -88,16 +89,17 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
             for name, value in operating.items()
             if name not in base
         ),
-        *(
-            line
-            for name in result["unknown"].values
-            if name not in shared
-            for line in _values_of_groups(result.sel(unknown=name))
-        ),
         "",
     ]
-    for name in shared:
-        lines += [f"[factors.{name}]", *_distribution(result.sel(unknown=name)), ""]
+    for name in result["unknown"].values.tolist():
+        own = result.sel(unknown=name)
+        if name not in shared:
+            first = own.isel(record=0)
+            lines += _values_of_groups(
+                own, f"its distribution here is of {_in_a_comment(first['group_of_record'].item())}"
+            )
+            own = first.assign({key: first[f"{key}_of_record"] for key in ("low", "high", "value", "verdict")})
+        lines += [f"[factors.{name}]", *_distribution(own), ""]
     lines += ["[design]", 'kind = "sobol"', f"samples = {_SAMPLES}"]
     if pairs := _correlations(result, shared):
         lines += ["correlation = [", *(f"    {json.dumps(pair)}," for pair in pairs), "]"]
