@@ -19,7 +19,7 @@ import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import refuse_links
-from tripod_doe.checksum_list import refuse_changed, remove_listed, remove_pages, write_listed
+from tripod_doe.checksum_list import checksums, refuse_changed, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
@@ -207,8 +207,10 @@ class _Chain:
         if of != step.hash or not all(mark.exists() for mark in marks):
             return None
         try:
-            for mark in marks:
-                refuse_changed(mark, unlisted=step.study is None)
+            for mark in self._exported(step):
+                refuse_changed(mark, unlisted=True)
+            if step.study is None and not {mark.name for mark in self._marks(step)} <= checksums(folder).keys():
+                return None
             if cube != self._digest(step.name):  # `run` or `derive` wrote other results there
                 return None
             if not all(file.is_whole and file.path.exists() for file in check_files(folder)):
