@@ -301,3 +301,13 @@ def test_many_groups_are_refused(tmp_path):
             file.create_group(str(name))
     with pytest.raises(CubeError, match="more than 5,000 variables"):
         dataset_of(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("kind", ["f2", "g"])
+def test_floats_that_end_the_process_in_netcdf_are_refused(tmp_path, kind):
+    """Regression: a cube with half or extended precision ended the process by a signal."""
+    for name, content in (("values", np.zeros(3, kind)), ("type", np.dtype(kind))):
+        with h5py.File(tmp_path / f"{name}.nc", "w") as file:
+            file["x"] = content
+        with pytest.raises(CubeError, match="neither 4 nor 8 bytes"):
+            td.open_cube(tmp_path / f"{name}.nc")

@@ -58,9 +58,19 @@ def _reason(group: Any, above: str, known: dict[object, str]) -> str:
             return f"more than {_MOST_LINKS:,} variables, or groups in groups deeper than {_DEEPEST}"
         if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
             return f"{_shown(place)} takes its values from another file"
+        if not isinstance(item, h5py.Group) and _is_strange_float(item.id):
+            return f"{_shown(place)} is of floating-point numbers of neither 4 nor 8 bytes, at which netCDF crashes"
         if isinstance(item, h5py.Group) and (reason := _reason(item, f"{place}/", known)):
             return reason
     return ""
+
+
+def _is_strange_float(item: Any) -> bool:
+    """Whether a dataset or a named type is of half or extended precision, which ends the process in netCDF 4.10."""
+    from h5py import h5t
+
+    kind = item if isinstance(item, h5t.TypeID) else item.get_type()
+    return kind.get_class() == h5t.FLOAT and kind.get_size() not in (4, 8)
 
 
 def _identity(item: Any) -> object:
