@@ -496,12 +496,14 @@ def test_records_at_one_operating_point_with_an_unknown_each_are_priced_each(tmp
     for which in range(10):
         rows = "".join(f"{at},{(20 + which) * np.sin(np.radians(3 * at)):.4f}\n" for at in range(0, 360 * 6, 5))
         (tmp_path / f"rig_{which}.csv").write_text(f"rotation_deg,thrust_n\n{rows}")
-    prices = {}
+    prices, points = {}, {}
     for per in ("all", "record"):
         (tmp_path / "fit.toml").write_text(
             '[fit]\nname = "x"\nstarts = 1\n[base]\nmodel = "needles"\njoint_angle_deg = 8\ntorque_n_m = 200\n'
             "speed_rpm = 600\n[unknowns.groove_sliding_friction]\nlow = 0.03\nhigh = 0.12\n"
             f'per = "{per}"\n[records]\nfiles = ["rig_*.csv"]\nreference_angle_deg = 0\n'
         )
-        prices[per] = plan_fit(tmp_path / "fit.toml", timing=False).seconds[1]
+        planned = plan_fit(tmp_path / "fit.toml", timing=False)
+        prices[per], points[per] = planned.seconds[1], planned.search_points
+    assert points["record"] > 9 * points["all"], "points of equal records are computed once, and were counted each"
     assert prices["record"] - 8 > 9 * (prices["all"] - 6), "6 to 8 s are beside the points"

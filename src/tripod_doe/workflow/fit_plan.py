@@ -77,18 +77,15 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
     rig = RigFit(load_fit(file, untrusted))
     records, width = len(rig.records), len(rig.layout.unknowns)
     trials = evaluations(rig)
-    search = [round(count * records + (width + 1) * len(rig.candidates)) for count in trials]
     models = list(dict.fromkeys([rig.cheap, rig.model]))
-    asked = _CORRECTIONS * records if len(models) > 1 else 0
+    search = [round(count * _distinct(rig, rig.cheap) + (width + 1) * len(rig.candidates)) for count in trials]
+    asked = _CORRECTIONS * _distinct(rig, rig.model) if len(models) > 1 else 0
     plans = [plan(_one_of_each(rig, model), timing, recorded=True) for model in models]
     seconds = None
     if all(each.cpu_hours for each in plans):
         parts = [
-            [
-                3600 * count / records * hours * _distinct(rig, model) / each.unique
-                for count, hours in zip(counts, each.cpu_hours, strict=True)
-            ]
-            for each, counts, model in zip(plans, (search, [asked] * 3), models, strict=False)
+            [3600 * count * hours / each.unique for count, hours in zip(counts, each.cpu_hours, strict=True)]
+            for each, counts in zip(plans, (search, [asked] * 3), strict=False)
             if each.cpu_hours
         ]
         beside = [_START_SECONDS + _LOOK_SECONDS * width + _OWN_SECONDS * count for count in trials]
