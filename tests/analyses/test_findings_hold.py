@@ -475,3 +475,14 @@ def test_means_of_classes_have_the_digits_of_their_error():
     (text,) = (each for each in said if each.startswith("y increases with x1"))
     low, high, error = map(float, re.search(r"from (\S+) \(.* to (\S+) \(.*each \+- (.*)\.$", text).groups())
     assert abs(high - low - 1) < error < 0.2
+
+
+def test_classes_of_independent_points_are_no_settings_with_all_levels():
+    """Regression: "over the 108 of 157 settings that have all levels" of Saltelli's points, of which many had failed."""
+    points = sobol.sample(PROBLEM, 128, seed=1)
+    response = np.where(
+        np.random.default_rng(1).random(len(points)) < 0.15, 3 * points[:, 0] + 0.1 * points[:, 1], np.nan
+    )
+    (text,) = (each for each in find(cube_of(points, response)) if each.startswith("y is proportional to x1"))
+    assert re.search(r", means of \d+ classes of \d+ independent points, each ", text)
+    assert "settings that have all levels" not in text

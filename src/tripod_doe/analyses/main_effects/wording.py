@@ -188,11 +188,12 @@ class EffectWording:
             parts.append(f"averaged over {over}")
         if effect.held:
             parts.append(self._held(effect))
-        if effect.settings < effect.of_settings:
+        if effect.ground is not Ground.REGRESSION and effect.settings < effect.of_settings:
             parts.append(f"over the {effect.settings:,} of {effect.of_settings:,} settings that have all levels")
         if effect.ground is Ground.REGRESSION:
             each = with_unit(number(effect.error, 2), self.response.unit)
-            parts.append(f"means of {effect.mean.size} classes, each +- {each}")
+            of = f" of {effect.settings:,} independent points" * (effect.settings < effect.of_settings)
+            parts.append(f"means of {effect.mean.size} classes{of}, each +- {each}")
         return "".join(f", {part}" for part in parts)
 
     def _held(self, effect: FactorEffect) -> str:
