@@ -30,7 +30,7 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
             assert path.read_text() == "old"
             raise OSError(28, "No space left on device")
 
-    with pytest.raises(td.StorageError, match=r"file\.txt: cannot write this file: No space left"):
+    with pytest.raises(td.StorageError, match=r"file\.txt: cannot write this file: No space left.*: free space"):
         fill_the_disk()
     assert path.read_text() == "old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["file.txt"]  # what was written does not fill the disk
@@ -49,8 +49,9 @@ def test_a_full_disk_is_named_where_netcdf_names_no_reason(tmp_path):
 
 
 def test_a_file_that_cannot_be_made_is_an_error(tmp_path):
+    """Regression: the remedy was to free space."""
     (tmp_path / "file").write_text("")
-    with pytest.raises(td.StorageError, match="nothing that was finished is lost"):
+    with pytest.raises(td.StorageError, match="File exists; nothing that was finished is lost: mend this, then run"):
         replace_text(tmp_path / "file" / "below.txt", "text")
 
 

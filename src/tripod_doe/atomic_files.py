@@ -6,6 +6,7 @@ into a folder lead nowhere: a file is written under a name that is made anew, an
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator
@@ -45,22 +46,30 @@ def replace_file(path: Path) -> Iterator[Path]:
             os.close(written)
         os.replace(fresh, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
-        reason = getattr(error, "strerror", None) or _refusal(fresh) or error
+        error = error if getattr(error, "strerror", None) else _refusal(fresh) or error
         with suppress(OSError):
             fresh.unlink()  # a full disk must not stay full of what is of no use
+        reason = getattr(error, "strerror", None) or error
         raise StorageError(
-            f"{path}: cannot write this file: {reason}; nothing that was finished is lost: free space, then run again"
+            f"{path}: cannot write this file: {reason}; nothing that was finished is lost: {remedy(error)}, then run "
+            "again"
         ) from error
 
 
-def _refusal(path: Path) -> str | None:
+def remedy(error: BaseException) -> str:
+    """What to do before a file can be written; a library that does not say why it failed meets a full disk mostly."""
+    number = getattr(error, "errno", None)
+    return "free space" if number in (None, errno.ENOSPC, errno.EDQUOT) else "mend this"
+
+
+def _refusal(path: Path) -> OSError | None:
     """Why the disk takes no more of a file, for instance since it is full; netCDF4 says only "HDF error"."""
     try:
         with path.open("ab", 0) as file:
             file.write(bytes(_PROBE))
             os.fsync(file.fileno())
     except OSError as error:
-        return error.strerror
+        return error
     return None
 
 

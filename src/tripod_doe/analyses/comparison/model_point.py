@@ -48,7 +48,7 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
         raise InputError(
             "the cube holds neither thrust nor thrust_amplitude with thrust_phase_deg; add them to [keep] outputs and "
-            "run the study again"
+            f"run the study with another {option('out')}"
         )
     wanted += [name for name in (MODEL_ERROR, "model_used") if name in cube]
     chosen = xr.merge([query(cube, name, select, nearest) for name in wanted], compat="equals", join="exact")

@@ -24,7 +24,7 @@ WEIGHTS = {"inertia_ratio": 2.0}
 RATIOS = {
     "joint_angle_deg": "joint angle",
     "groove_friction": "sliding friction coefficient of the grooves, 0 if switched off",
-    "swing_ratio": "swing of a roller in its groove by friction, divided by its slip along the groove",
+    "swing_ratio": "swing of a roller in its groove by friction, divided by the path of its slip",
     "needle_friction": "sliding friction coefficient of the needles, 0 if switched off",
     "needle_ratio": "needle sliding friction, 0 if switched off, divided by joint angle in rad",
     "rolling_friction": "sum of the rolling friction coefficients of grooves and needles, 0 if switched off",
@@ -44,7 +44,7 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
     Args:
         points: Every parameter by name, in the unit of its name, each of shape (point,).
 
-    swing ratio = 2 mu_s (R_g - R_s) / (R_p tan(theta) sin(theta) / 2), its denominator the amplitude of the slip;
+    swing ratio = 2 mu_s (R_g - R_s) / (R_p tan(theta) sin(theta) / 2), its denominator the path of the slip;
     inertia ratio = m_r R_p omega^2 / (|T| / (3 R_p)), with the mass m_r of a roller; penetration of the crown ratio
     = (4.08 |T| / (3 R_p Z C))^0.9, with Z needles of the stiffness C (`load_zone.bearing_load_zone`).
     """

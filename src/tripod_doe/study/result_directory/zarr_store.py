@@ -4,6 +4,7 @@ import importlib.util
 import shutil
 from pathlib import Path
 
+from tripod_doe.atomic_files import remedy
 from tripod_doe.errors import InputError, StorageError, option
 from tripod_doe.study.result_directory.open_cube import open_cube
 
@@ -53,6 +54,6 @@ def export_zarr(directory: Path) -> Path:
         shutil.rmtree(fresh, ignore_errors=True)
         reason = error.strerror or error
         raise StorageError(
-            f"{store}: cannot write this store: {reason}; the cube stays: free space, run again"
+            f"{store}: cannot write this store: {reason}; the cube stays: {remedy(error)}, run again"
         ) from error
     return store
