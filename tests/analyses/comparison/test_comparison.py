@@ -641,7 +641,7 @@ def test_one_point_must_be_chosen(four_points):
     ]:
         with pytest.raises(td.InputError, match=message):
             model_point(four_points, select)
-    with pytest.raises(td.InputError, match=r"\[keep\] outputs"):
+    with pytest.raises(td.InputError, match=r"\[keep\] outputs and run the study with another out"):
         model_point(four_points.drop_vars("thrust"))
 
 

@@ -149,6 +149,7 @@ def run_log(directory: Path) -> str:
     for word, replacement in (
         (f"--out {shlex.quote(str(directory))}", "the folder of this run"),
         (" or choose another --out", ""),
+        (" or choose another directory", ""),
     ):
         text = text.replace(word, replacement)
     return text.replace(f"{directory}{os.sep}", "").replace(str(directory), "")

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import tempfile
 from collections import OrderedDict
 from collections.abc import Collection, Iterator, Mapping
@@ -134,8 +135,7 @@ def _extended(
             )
             here = "the study may only grow; submit it as a run of its own, or undo"
             message = str(error).replace(changed, here)
-            for elsewhere in (f"choose another {option('out')}", "run the study with it into another directory"):
-                message = message.replace(elsewhere, "submit it as a run of its own")
+            message = re.sub("run the study (with it )?into another directory", "submit it as a run of its own", message)
             raise InputError(message.replace(path, "this run")) from error
     return counted
 

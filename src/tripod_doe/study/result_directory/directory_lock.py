@@ -41,9 +41,9 @@ class DirectoryLock:
         try:
             self._lock = self._locked(take_over)
         except BlockingIOError as error:
-            raise InputError(f"{path}: {_holder_text(self._file)} or choose another {option('out')}") from error
+            raise InputError(f"{path}: {_holder_text(self._file)} or choose another directory") from error
         except OSError as error:
-            raise InputError(f"{path}: cannot write here: {error.strerror}; choose another {option('out')}") from error
+            raise InputError(f"{path}: cannot write here: {error.strerror}; choose another directory") from error
         self._signed = self._sign()
 
     def _locked(self, take_over: bool) -> int:

@@ -89,7 +89,7 @@ class Resume:
             code = study.file.study.function or "the kernels"
             raise InputError(
                 f"{self._path}: its points were computed by another version of {code} ({kernels or 'not on record'}, "
-                f"now {study.simulator.source_hash}); choose another {option('out')}"
+                f"now {study.simulator.source_hash}); run the study into another directory"
             )
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
