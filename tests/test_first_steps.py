@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import tomllib
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from tripod_doe.cli import main
 from tripod_doe.errors import closest
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_tables import TABLES
-from tripod_doe.study.definition.template import EXAMPLES, TEMPLATES
+from tripod_doe.study.definition.template import EXAMPLES, TEMPLATES, write_examples
 
 ROOT = Path(__file__).parent.parent
 
@@ -42,9 +43,17 @@ def test_init_copies_the_examples_that_pages_name(tmp_path, capsys):
     assert "measurements" in capsys.readouterr().out
     there = {path.relative_to(tmp_path / "new") for path in (tmp_path / "new").rglob("*.*")}
     kept = [path for name in EXAMPLES for path in (ROOT / name).rglob("*.*") if path.suffix in (".toml", ".csv")]
-    assert there == {path.relative_to(ROOT) for path in kept}
+    assert there == {path.relative_to(ROOT) for path in [*kept, ROOT / "studies" / "ishigami.py"]}
     assert main(["init", str(tmp_path / "new"), "--kind", "examples"]) == 2
     assert "studies: this folder exists; choose another place" in capsys.readouterr().err
+
+
+def test_a_wheel_has_all_examples(tmp_path):
+    """Regression: the points of a study and the function of another one were left out of wheels or of copies."""
+    write_examples(tmp_path)
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["data-files"]
+    packed = {path.relative_to(ROOT) for globs in listed.values() for glob in globs for path in ROOT.glob(glob)}
+    assert packed == {path.relative_to(tmp_path) for path in tmp_path.rglob("*.*")}
 
 
 def test_the_version_is_that_of_the_package(capsys):

@@ -197,7 +197,10 @@ def test_points_of_another_version_of_a_function_are_not_taken(write_study, tmp_
     (tmp_path / "factors_of.py").write_text("K = 2.0  # still\n\ndef times(x):\n    return K * x\n")
     assert run(study, tmp_path / "out", workers=0).reused == 2
     (tmp_path / "factors_of.py").write_text("K = 20.0\ndef times(x):\n    return K * x\n")
-    with pytest.raises(td.InputError, match=r"computed by another version of watched:f \(\w{16}, now \w{16}\); run the study into another"):
+    with pytest.raises(
+        td.InputError,
+        match=r"computed by another version of watched:f \(\w{16}, now \w{16}\); run the study into another",
+    ):
         run(study, tmp_path / "out", workers=0)
     assert run(study, tmp_path / "new", workers=0).good
     assert td.open_cube(tmp_path / "new")["y"].values.tolist() == [20, 40]

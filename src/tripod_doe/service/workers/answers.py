@@ -135,7 +135,9 @@ def _extended(
             )
             here = "the study may only grow; submit it as a run of its own, or undo"
             message = str(error).replace(changed, here)
-            message = re.sub("run the study (with it )?into another directory", "submit it as a run of its own", message)
+            message = re.sub(
+                "run the study (with it )?into another directory", "submit it as a run of its own", message
+            )
             raise InputError(message.replace(path, "this run")) from error
     return counted
 

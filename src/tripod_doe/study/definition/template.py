@@ -72,7 +72,7 @@ def write_examples(folder: str | Path = ".") -> list[Path]:
             )
     try:
         for target in made:
-            shutil.copytree(place / target.name, target, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
+            shutil.copytree(place / target.name, target, ignore=shutil.ignore_patterns("make_*.py", "__pycache__"))
     except OSError as error:
         raise InputError(f"{folder}: cannot write: {error.strerror or error}") from error
     return made
