@@ -8,6 +8,8 @@ import pytest
 from tripod_doe.checksum_list import LIST, checksums, refuse_changed, write_listed
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
+from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
+from tripod_doe.study.cube.file_digest import seal
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.directory import make_directory
 
@@ -61,6 +63,20 @@ def test_files_of_another_directory_are_refused(tmp_path, capsys, make, copied, 
     with pytest.raises(CubeError, match="files of another directory were copied here"):
         refuse_changed(mine / asked)
     assert "files of another directory" in damaged(mine, capsys)[named]
+
+
+def test_an_analysis_in_a_step_of_another_directory_is_refused(tmp_path):
+    """Regression: its cube was refused, and its analyses were read."""
+    mine, other = workflow(tmp_path / "mine", "mine"), workflow(tmp_path / "other", "other")
+    analysis = other / "steps" / "points" / ANALYSES / "effects.nc"
+    analysis.parent.mkdir()
+    analysis.write_bytes(b"no matter what")
+    seal(analysis)
+    write_listed(other / "steps" / "points" / "step.json", "other")
+    shutil.rmtree(mine / "steps" / "points")
+    shutil.copytree(other / "steps" / "points", mine / "steps" / "points")
+    with pytest.raises(CubeError, match="files of another directory were copied here"):
+        refuse_unfit(mine / "steps" / "points" / ANALYSES / "effects.nc")
 
 
 def test_a_copy_of_a_whole_directory_or_of_a_step_alone_is_read(tmp_path, capsys):

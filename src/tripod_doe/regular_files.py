@@ -109,6 +109,11 @@ def text_of(content: bytes) -> str:
         return content.decode("cp1252", errors="replace")  # a degree sign, an umlaut
 
 
+def version_of(state: os.stat_result) -> tuple[int, ...]:
+    """What differs where a file was written or exchanged, even by one of the same size and time of its content."""
+    return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns
+
+
 def open_locked(path: Path, flags: int = os.O_RDONLY) -> int:
     """Open a file that is locked, or written by one process alone; gives its descriptor.
 

@@ -70,6 +70,8 @@ class Parameter:
                 raise InputError(f"{self.name} = {_shown(value)}: unknown{near_match(str(value), self.choices)}")
             return value
         if self.kind == "argument" and isinstance(value, bool | str):
+            if isinstance(value, str) and "\0" in value:  # netCDF ends a text there: levels would share a name
+                raise InputError(f"{self.name} = {_shown(value)}: a text with a NUL, which no cube holds")
             return value
         if isinstance(value, bool):
             value = int(value) if self.kind == "switch" else value

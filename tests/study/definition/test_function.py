@@ -71,6 +71,7 @@ def test_a_name_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_path, 
         *(f"xr.Dataset({{'y': ({dim!r}, [1.0])}})" for dim in ("-d", "x", "point", "a/b")),
         "{'y': [1.0], 'y_0': 2.0}",
         "xr.Dataset({'y': 1.0}, {'-label': [1.0]})",
+        "xr.Dataset({'y': ('d', [1.0, 2.0])}, {'d': ['a', 'a\\0b']})",
     ],
 )
 def test_a_dimension_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_path, answer):
@@ -85,6 +86,34 @@ def test_a_whole_number_that_a_cube_would_round_is_refused(tmp_path):
     """Regression: two points became one, and the function got another number than was written."""
     with pytest.raises(InputError, match="n = 9007199254740993: a whole number that float64 does not hold"):
         answer(tmp_path, "echo", "[factors]\nn = {values = [9007199254740992, 9007199254740993]}\n")
+
+
+def test_a_text_that_a_cube_would_cut_is_refused(tmp_path):
+    """Regression: netCDF ends a text at a NUL, so two levels had one name, and a query of it gave both."""
+    with pytest.raises(InputError, match="mode = 'sum.x00b': a text with a NUL"):
+        answer(tmp_path, "echo", '[factors]\nn = {values = [3]}\nmode = {values = ["sum", "sum\\u0000b"]}\n')
+
+
+def one_point(tmp_path, answer):
+    (tmp_path / "number_functions.py").write_text(f"import numpy as np, xarray as xr\ndef f(x):\n    return {answer}\n")
+    text = '[study]\nname = "f"\nfunction = "number_functions:f"\n[factors]\nx = { values = [1] }\n'
+    study = parse_study(text, folder=StudyFolder(tmp_path))
+    return run_task(make_task(study, make_points(study), np.arange(1)))[0]
+
+
+@pytest.mark.parametrize("given", ["np.fft.rfft([1.0])", "np.array([5], 'm8[s]')", "np.array(['2026-01-01'], 'M8[D]')"])
+@pytest.mark.parametrize("form", ["{{'y': {}}}", "xr.Dataset({{'y': ('d', {})}})"])
+def test_numbers_of_which_a_cube_would_hold_a_part_are_refused(tmp_path, given, form):
+    """Regression: the real part of complex ones was taken, and of times the count of whatever unit they had."""
+    assert "give real numbers" in one_point(tmp_path, form.format(given)).detail[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"), [("np.ma.array([1, 2], mask=[0, 1])", [[1, np.nan]]), ("np.ma.masked", [np.nan])]
+)
+def test_a_masked_number_is_nan(tmp_path, given, expected):
+    """Regression: it was the number below the mask, and the mean of nothing was 0."""
+    np.testing.assert_equal(one_point(tmp_path, f"{{'y': {given}}}").outputs["y"].data, expected)
 
 
 def test_an_argument_that_a_cube_cannot_hold_is_refused_before_anything_runs(tmp_path):

@@ -7,13 +7,17 @@ from pathlib import Path
 
 import xarray as xr
 
+from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import CubeError
+from tripod_doe.regular_files import version_of
 from tripod_doe.service.explorer.candidates import as_points
 from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.cube.netcdf import reading
+from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.annotation import FILE as ANNOTATION
 from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, unshown_state
+from tripod_doe.study.result_directory.stored_study import STORED
 
 _SMALL = 64_000_000  # bytes
 _MOST = 4
@@ -32,8 +36,8 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
     """
     place = Path(path)
     state, files = _checked(place)
-    key = (str(place), state, *map(_state_of, files))
-    if state and key not in _kept:
+    key = (str(place), *state, *map(_state_of, files))
+    if not files and key not in _kept:
         _keep(key, cube_so_far(place))
     if key in _kept:
         _kept.move_to_end(key)
@@ -55,26 +59,26 @@ def results_state(directory: Path) -> tuple[object, ...]:
         CubeError: As for `opened`.
     """
     state, files = _checked(directory)
-    return state, *map(_state_of, (*files, *analysis_files(directory).values(), directory / ANNOTATION))
+    return *state, *map(_state_of, (*files, *analysis_files(directory).values(), directory / ANNOTATION))
 
 
-def _checked(place: Path) -> tuple[str, list[Path]]:
+def _checked(place: Path) -> tuple[tuple[object, ...], list[Path]]:
     """The state of a journal whose points are not yet in a cube, or else the files of the cube, which are whole."""
-    state = unshown_state(place)
-    files = [] if state else cube_files(place)
+    if newest := unshown_state(place):  # another journal, or one whose study was changed, may hold as many blocks
+        return (newest, number_in(journal_path(place)), _state_of(place / STORED)), []
+    files = cube_files(place)
     if not all(file.exists() for file in files):
         raise CubeError(f"{place.name}: no point has finished yet")
     for file in files:
         refuse_unfit(file)
-    return state, files
+    return (), files
 
 
-def _state_of(file: Path) -> tuple[str, int, int]:
-    """Name, time of the last change (ns) and size of a file; zeros if it is not there."""
+def _state_of(file: Path) -> tuple[object, ...]:
+    """Name and version of a file; the name alone if it is not there."""
     with suppress(FileNotFoundError):
-        state = file.lstat()
-        return file.name, state.st_mtime_ns, state.st_size
-    return file.name, 0, 0
+        return file.name, version_of(file.lstat())
+    return (file.name,)
 
 
 def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tripod_doe.checksum_list import names_results, number_in, refuse_changed
+from tripod_doe.checksum_list import names_results, number_in, refuse_changed, refuse_other_results
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.regular_files import refuse_irregular, version_of
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, results_in_history
 from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path
@@ -64,6 +64,8 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
     directory = _directory_of(path)
     refuse_changed(path, unlisted=directory is None and path.name in _LISTED and names_results(path.parent))
     if directory is not None:
+        if directory != path.parent:  # an analysis has no list beside it
+            refuse_other_results(directory)
         _refuse_other_study(path, directory)
 
 
@@ -117,8 +119,7 @@ def study_hash(path: Path) -> str:
 def _origin(path: Path) -> tuple[str, int]:
     """Hash of the study and number of the results of a file; empty and 0 without them."""
     with reading(path):
-        state = path.stat()
-        return _stored_origin(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+        return _stored_origin(path, version_of(path.stat()))
 
 
 @lru_cache(maxsize=1000)

@@ -11,6 +11,8 @@ import re
 import struct
 from pathlib import Path
 
+from tripod_doe.regular_files import version_of
+
 _MARK = b"tripod-doe sha256 "
 _LENGTH = len(_MARK) + 64 + 1
 _WRITTEN = re.compile(_MARK + rb"[0-9a-f]{64}\n")
@@ -50,7 +52,7 @@ def is_damaged(path: Path, most: int | None = None) -> bool:
     """
     with path.open("rb") as stream:
         state = os.fstat(stream.fileno())
-        version = (state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+        version = version_of(state)
         if _known.get(path.absolute()) == version:
             return False
         stored = _stored_digest(stream.fileno())

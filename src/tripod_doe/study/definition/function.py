@@ -102,21 +102,39 @@ def _plain(value: Any) -> Any:
 def _outputs(answer: Any) -> tuple[dict[str, Values], dict[str, NDArray[Any]]]:
     """Outputs of one point by name, and labels along dimensions, from the answer of a function."""
     if isinstance(answer, Mapping) and not hasattr(answer, "data_vars"):  # a Dataset is a mapping, too
-        arrays = {str(name): np.asarray(value, float) for name, value in answer.items()}
+        arrays = {str(name): _numbers(value) for name, value in answer.items()}
         return {name: Values(tuple(f"{name}_{axis}" for axis in range(a.ndim)), a) for name, a in arrays.items()}, {}
     import xarray as xr
 
     if not isinstance(answer, xr.Dataset):
         raise TypeError(f"a study function must return a dict or a Dataset, not {type(answer).__name__}")
     values = {
-        str(name): Values(tuple(map(str, each.dims)), each.values, str(each.attrs.get("units", "")))
+        str(name): Values(tuple(map(str, each.dims)), _numbers(each.values), str(each.attrs.get("units", "")))
         for name, each in answer.data_vars.items()
     }
     return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items()}
 
 
-def _check_names(values: Mapping[str, Values], labels: Collection[str], arguments: Collection[str]) -> None:
-    """Refuse names of outputs and of their dimensions that a cube cannot hold, or holds already."""
+def _numbers(value: Any) -> NDArray[np.float64]:
+    """An output as numbers; NaN where a masked array has none.
+
+    Raises:
+        TypeError: For others than real numbers, of which NumPy would take a part.
+        ValueError: For texts, and lists of different lengths.
+    """
+    written = np.ma.asarray(value)
+    if written.dtype.kind in "mMc":
+        raise TypeError(f"an output of type {written.dtype}: give real numbers, as amplitudes, or seconds")
+    return np.where(np.ma.getmaskarray(written), np.nan, np.asarray(value, float))
+
+
+def _check_names(
+    values: Mapping[str, Values], labels: Mapping[str, NDArray[Any]], arguments: Collection[str]
+) -> None:
+    """Refuse names of outputs, of their dimensions and labels that a cube cannot hold, or holds already."""
+    for dim, each in labels.items():
+        if any("\0" in label for label in each.flat if isinstance(label, str)):
+            raise InputError(f"dimension {dim!r}: a label with a NUL, which no cube holds")
     dims = dict.fromkeys([*(dim for each in values.values() for dim in each.dims), *labels])
     for of, names, others in (("output", values, dims), ("dimension", dims, values)):
         for name in names:
