@@ -90,7 +90,7 @@ def test_a_whole_number_that_a_cube_would_round_is_refused(tmp_path):
 
 def test_a_text_that_a_cube_would_cut_is_refused(tmp_path):
     """Regression: netCDF ends a text at a NUL, so two levels had one name, and a query of it gave both."""
-    with pytest.raises(InputError, match="mode = 'sum.x00b': a text with a NUL"):
+    with pytest.raises(InputError, match=r"mode = .* a text with a NUL"):
         answer(tmp_path, "echo", '[factors]\nn = {values = [3]}\nmode = {values = ["sum", "sum\\u0000b"]}\n')
 
 

@@ -128,9 +128,7 @@ def _numbers(value: Any) -> NDArray[np.float64]:
     return np.where(np.ma.getmaskarray(written), np.nan, np.asarray(value, float))
 
 
-def _check_names(
-    values: Mapping[str, Values], labels: Mapping[str, NDArray[Any]], arguments: Collection[str]
-) -> None:
+def _check_names(values: Mapping[str, Values], labels: Mapping[str, NDArray[Any]], arguments: Collection[str]) -> None:
     """Refuse names of outputs, of their dimensions and labels that a cube cannot hold, or holds already."""
     for dim, each in labels.items():
         if any("\0" in label for label in each.flat if isinstance(label, str)):
