@@ -103,3 +103,5 @@ def test_the_level_zero_of_a_trajectory_is_zero():
         parse_study(text).factors["initial_skew_1_deg"], np.array([0.0, 0.8 / 1.8, 0.8 / 1.8 - 1e-16, 1.0])
     )
     assert levels.tolist() == [-0.8, 0, 0, 1]
+    above = text.replace("-0.8", "1e-18")
+    assert quantile(parse_study(above).factors["initial_skew_1_deg"], np.zeros(1)).tolist() == [1e-18]

@@ -62,7 +62,8 @@ def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
     elif table.sampled_as == "uniform":
         low_end, high_end = table.low or 0.0, table.high or 0.0
         sampled = np.clip(low_end + unit * (high_end - low_end), low_end, high_end)
-        sampled[np.abs(sampled) <= 2**-50 * max(abs(low_end), abs(high_end))] = 0.0  # the level 0 and not -2e-16
+        if low_end < 0 < high_end:  # a level of -2e-16 is 0
+            sampled[np.abs(sampled) <= 2**-50 * max(-low_end, high_end)] = 0.0
     else:
         sampled = np.clip(_frozen(table).ppf(unit), table.low, table.high)  # exact ends in spite of rounding
     for extreme in (sampled.min(), sampled.max()):
