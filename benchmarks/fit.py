@@ -36,6 +36,7 @@ from scipy.stats import beta, qmc
 
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
+from tripod_doe.analyses.fit.next_record import next_record
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.model_interface import Outcome
@@ -330,7 +331,7 @@ def fitted(folder: Path, answers: Any) -> xr.Dataset:
     rig = RigFit(load_fit(folder / "fit.toml"))
     model = Model(rig, answers)
     solution, error = rig.fit(model, lambda stage: None)
-    return fit_dataset(rig, solution, error, rig.next(model, solution)).assign_attrs(points=model.count)
+    return fit_dataset(rig, solution, error, next_record(rig, model, solution)).assign_attrs(points=model.count)
 
 
 def half_width(result: xr.Dataset, name: str) -> float:

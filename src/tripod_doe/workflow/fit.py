@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
+from tripod_doe.analyses.fit.next_record import next_record
 from tripod_doe.analyses.fit.result import fit_dataset, found_unknowns
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.array_types import ComplexArray
@@ -107,7 +108,7 @@ def fit(
             solution, error = rig.fit(answers, tell)
             if rig.candidates:
                 stages.begin("what to measure next")
-            following, doubts = rig.next(answers, solution), rig.doubts(answers)
+            following, doubts = next_record(rig, answers, solution), rig.doubts(answers)
             points.write(f"tripod-doe fit: {points.computed} points computed")
             failures, computed, count = points.failures, points.computed, points.count
         kept.end_journal()

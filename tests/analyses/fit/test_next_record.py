@@ -9,6 +9,7 @@ import pytest
 
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles, model_error
+from tripod_doe.analyses.fit.next_record import next_record
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import candidate_rows, find_in_fit
@@ -70,7 +71,7 @@ def fitted(tmp_path):
         own = RigFit(load_fit(tmp_path / "fit.toml"))
         points = lambda columns: answers(own.all_columns(columns))  # noqa: E731
         solution, error = own.fit(points, lambda stage: None)
-        return fit_dataset(own, solution, error, own.next(points, solution))
+        return fit_dataset(own, solution, error, next_record(own, points, solution))
 
     return fit
 

@@ -12,6 +12,7 @@ from fit_problems import answers
 
 from tripod_doe.analyses.fit.base_file import base_text
 from tripod_doe.analyses.fit.fit_file import load_fit
+from tripod_doe.analyses.fit.next_record import next_record
 from tripod_doe.analyses.fit.result import fit_dataset
 from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import find_in_fit
@@ -71,7 +72,7 @@ def rig(tmp_path):
         own = RigFit(load_fit(tmp_path / "fit.toml"))
         points = lambda columns: answers(own.all_columns(columns))  # noqa: E731
         solution, error = own.fit(points, lambda stage: None)
-        return own, solution, fit_dataset(own, solution, error, own.next(points, solution))
+        return own, solution, fit_dataset(own, solution, error, next_record(own, points, solution))
 
     return fitted
 

@@ -13,11 +13,15 @@ import numpy as np
 from tripod_doe.analyses.fit.fit import Solution
 from tripod_doe.analyses.fit.identifiability import covariance_of
 from tripod_doe.analyses.fit.misfit import Misfit, Rows
-from tripod_doe.analyses.fit.model_error import ModelError
+from tripod_doe.analyses.fit.model_error import ModelError, Needles
+from tripod_doe.analyses.fit.rig import Answers, RigFit
+from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Value
+from tripod_doe.quantities import level_or_word
 
 _RANGE = 1 / np.sqrt(12)  # standard deviation of a place of which only the bounds are known
+_STEP = 0.01  # of a range, for derivatives at candidates
 _MOST_RECORDS = 1000  # beyond which records of one point are said not to reach an aim
 
 
@@ -51,7 +55,111 @@ class Next:
     predicted: Sequence[FloatArray | None]  # amplitudes, shape (order,)
 
 
-def gains(
+def next_record(rig: RigFit, points: Answers, solution: Solution) -> Next | None:
+    """Effect of one more record at each candidate; None where the fit file asks for none.
+
+    Args:
+        rig, solution: The fit and its solution.
+        points: Computes the candidates.
+    """
+    if not rig.candidates or rig.file.next is None:
+        return None
+    if solution.skews is not None and solution.skews.stay:
+        points = rig.with_initial_skews(points)
+    layout, best = rig.layout, solution.best
+    names = [unknown.name for unknown in layout.unknowns]
+    relative = [_relative(layout, solution, scalar) for scalar in range(layout.count)]
+    scalars = list(range(layout.count))
+    if rig.file.next.narrow is not None:
+        scalars = [s for s in scalars if names[layout.owner[s]] == rig.file.next.narrow]
+    scalar = max(scalars, key=lambda s: relative[s])
+    value, slope = _value_and_slope(layout, best.place, scalar)
+    like = int(np.flatnonzero((layout.index == scalar).any(axis=0))[0])
+    rows = _candidate_rows(rig, points, solution, like)
+    able = [at for at, row in enumerate(rows) if row is not None]
+    gained: list[Gain | None] = [None] * len(rows)
+    aim = rig.file.next.within * abs(value) / slope
+    for at, gain in zip(able, _gains(solution, rig.orders, [rows[a] for a in able], scalar, aim), strict=True):  # type: ignore[misc]
+        gained[at] = gain
+    predicted = [None if row is None else np.abs(row.prediction) for row in rows]
+    every = [rig.operating(each) for each in (*rig.candidates, *(each.parameters for each in rig.records))]
+    shown = [n for n in rig.varied if any(n in each for each in rig.candidates) or len({row[n] for row in every}) > 1]
+    labels = rig.records[like].labels
+    grouped = [unknown.per for unknown in layout.unknowns if unknown.per in labels]
+    return Next(
+        layout.names()[scalar],
+        rig.file.next.within,
+        {name: [row[name] for row in every[: len(rows)]] for name in shown},
+        ", ".join(f"{column} {labels[column]}" for column in dict.fromkeys(grouped)),
+        gained,
+        predicted,
+    )
+
+
+def _candidate_rows(rig: RigFit, points: Answers, solution: Solution, like: int) -> list[CandidateRows | None]:
+    """The model and its derivatives at every candidate; None where it fails.
+
+    Args:
+        like: The record in whose groups a candidate is.
+    """
+    layout, count, width = rig.layout, len(rig.candidates), len(rig.layout.unknowns)
+    scalars = np.array([_scalars_of(rig, candidate, like) for candidate in rig.candidates])
+    usual = np.array([solution.best.place[row].mean() for row in layout.index])
+    here = np.clip(np.where(scalars < layout.count, np.append(solution.best.place, usual)[scalars], usual), 0, 1)
+    steps = np.where(here > 0.5, -_STEP, _STEP)
+    trials = here + steps * np.vstack([np.zeros(width), np.eye(width)])[:, None]  # (trial, candidate, unknown)
+    flat = trials.reshape(-1, width)
+    values = np.stack([u.physical(flat[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
+    columns = rig.columns(rig.candidates * (width + 1), values, rig.cheap)
+    orders, needles = points(columns)
+    chosen = orders[:, rig.orders].reshape(width + 1, count, -1)
+    columns = {name: column[:count] for name, column in columns.items()}
+    columns["model"] = np.array([rig.model] * count, object)
+    error = rig.error(columns, np.nan_to_num(chosen[0]), Needles(needles.second[:count], needles.skew[:count])).times(
+        solution.error_size.of(rig.orders)
+    )
+    rows: list[CandidateRows | None] = []
+    for at in range(count):
+        if not np.isfinite(chosen[:, at]).all():
+            rows.append(None)
+            continue
+        slope = np.zeros((len(rig.orders), layout.count + width), complex)
+        slope[:, scalars[at]] = ((chosen[1:, at] - chosen[0, at]) / steps[at][:, None]).T
+        rows.append(CandidateRows(chosen[0, at], slope, error.at(at)))
+    return rows
+
+
+def _scalars_of(rig: RigFit, candidate: Mapping[str, Value], like: int) -> list[int]:
+    """The scalar of each unknown at a candidate; those that no record has follow the others, one an unknown."""
+    layout, operating = rig.layout, rig.operating(candidate)
+    scalars = []
+    for which, unknown in enumerate(layout.unknowns):
+        own, new = layout.index[which], layout.count + which
+        if unknown.per in operating:  # a group may have the value that the candidate has
+            label = f"{unknown.per} {level_or_word(operating[unknown.per])}"
+            same = [scalar for scalar in own.tolist() if layout.groups[scalar] == label]
+            scalars.append(same[0] if same else new)
+        else:
+            scalars.append(new if unknown.per == "record" else int(own[like]))
+    return scalars
+
+
+def _value_and_slope(layout: Layout, place: FloatArray, scalar: int) -> tuple[float, float]:
+    """Value of a scalar, and its derivative by its place."""
+    unknown, step = layout.unknowns[layout.owner[scalar]], 1e-6
+    here = float(unknown.physical(place[scalar]))
+    there = unknown.physical(place[scalar] + np.array([-step, step]))
+    return here, float(there[1] - there[0]) / (2 * step)
+
+
+def _relative(layout: Layout, solution: Solution, scalar: int) -> float:
+    """Half width of an interval over the value."""
+    value, slope = _value_and_slope(layout, solution.best.place, scalar)
+    half = (solution.profiles[scalar].high - solution.profiles[scalar].low) / 2
+    return half * slope / max(abs(value), 1e-12)
+
+
+def _gains(
     solution: Solution, orders: Sequence[int], candidates: Sequence[CandidateRows], scalar: int, aim: float
 ) -> list[Gain]:
     """Effect of one more record at each candidate on the interval of one scalar.

@@ -20,7 +20,6 @@ from tripod_doe.analyses.fit.identifiability import skews_alike
 from tripod_doe.analyses.fit.least_squares import Descent, Predict
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import TURNING, ModelError, Needles, model_error
-from tripod_doe.analyses.fit.next_record import CandidateRows, Gain, Next, gains
 from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
 from tripod_doe.analyses.fit.skews_that_stay import UNLIKELY, first_look, improbability_of, joined, with_initial_skews
 from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
@@ -43,7 +42,6 @@ _KEEP_SKEW = "rollers"
 
 _SKEWS = tuple(f"initial_skew_{at}_deg" for at in (1, 2, 3))
 _MOST_CANDIDATES = 10_000  # operating points of [next]
-_STEP = 0.01  # of a range, for derivatives at candidates
 
 
 class RigFit:
@@ -148,7 +146,7 @@ class RigFit:
         known = check_parameters(self.simulator.parameters, self.file.base)
         return {name: value for name, value in known.items() if name not in ("model", *self.varied)}
 
-    def _operating(self, own: Mapping[str, Value]) -> dict[str, Value]:
+    def operating(self, own: Mapping[str, Value]) -> dict[str, Value]:
         """Values of one record or candidate that differ between records."""
         usual: dict[str, Value] = {}
         for name in self.varied:
@@ -162,7 +160,7 @@ class RigFit:
     ) -> dict[str, NDArray[Any]]:
         """Columns of some points, from their operating values and their unknowns, shape (point, unknown)."""
         parameters = self.simulator.parameters
-        rows = [self._operating(own) for own in operating]
+        rows = [self.operating(own) for own in operating]
         columns = {"model": np.array([model] * len(rows), object)}
         columns |= {name: parameters[name].column([row[name] for row in rows]) for name in self.varied}
         return columns | {u.name: values[:, at] for at, u in enumerate(self.layout.unknowns)}
@@ -200,7 +198,7 @@ class RigFit:
         """Errors of the model asked for at the records, from the measured orders."""
         own = measured_sizes(self.records, self.orders)
         columns = self.columns_at_middle(self.model)
-        return self._error(columns, own.astype(complex))
+        return self.error(columns, own.astype(complex))
 
     def error_at(self, points: Answers, place: FloatArray) -> ModelError:
         """Errors of the model asked for at the records, for unknowns at some places."""
@@ -208,11 +206,12 @@ class RigFit:
         orders, needles = points(columns)
         own, chosen = measured_sizes(self.records, self.orders), orders[:, self.orders]
         columns["model"] = np.array([self.model] * len(self.records), object)
-        return self._error(columns, np.where(np.isfinite(chosen), chosen, own), needles)
+        return self.error(columns, np.where(np.isfinite(chosen), chosen, own), needles)
 
-    def _error(
+    def error(
         self, columns: Mapping[str, NDArray[Any]], predicted: ComplexArray, needles: Needles | None = None
     ) -> ModelError:
+        """Error of the model at some points, from its predicted orders there, shape (point, order)."""
         every, setting = self.all_columns(columns), self.file.fit.model_error
         return model_error(self.simulator, every, self.orders, predicted, setting, needles)
 
@@ -349,89 +348,6 @@ class RigFit:
                         other[scalars[first]] = unknown.place(skews[_SKEWS.index(unknown.name)])
         return places
 
-    def next(self, points: Answers, solution: Solution) -> Next | None:
-        """Effect of one more record at each candidate."""
-        if not self.candidates or self.file.next is None:
-            return None
-        if solution.skews is not None and solution.skews.stay:
-            points = self.with_initial_skews(points)
-        layout, best = self.layout, solution.best
-        names = [unknown.name for unknown in layout.unknowns]
-        relative = [_relative(layout, solution, scalar) for scalar in range(layout.count)]
-        scalars = list(range(layout.count))
-        if self.file.next.narrow is not None:
-            scalars = [s for s in scalars if names[layout.owner[s]] == self.file.next.narrow]
-        scalar = max(scalars, key=lambda s: relative[s])
-        value, slope = _value_and_slope(layout, best.place, scalar)
-        like = int(np.flatnonzero((layout.index == scalar).any(axis=0))[0])
-        rows = self._candidate_rows(points, solution, like)
-        able = [at for at, row in enumerate(rows) if row is not None]
-        gained: list[Gain | None] = [None] * len(rows)
-        aim = self.file.next.within * abs(value) / slope
-        for at, gain in zip(able, gains(solution, self.orders, [rows[a] for a in able], scalar, aim), strict=True):  # type: ignore[misc]
-            gained[at] = gain
-        predicted = [None if row is None else np.abs(row.prediction) for row in rows]
-        every = [self._operating(each) for each in (*self.candidates, *(each.parameters for each in self.records))]
-        shown = [
-            n for n in self.varied if any(n in each for each in self.candidates) or len({row[n] for row in every}) > 1
-        ]
-        labels = self.records[like].labels
-        grouped = [unknown.per for unknown in layout.unknowns if unknown.per in labels]
-        return Next(
-            layout.names()[scalar],
-            self.file.next.within,
-            {name: [row[name] for row in every[: len(rows)]] for name in shown},
-            ", ".join(f"{column} {labels[column]}" for column in dict.fromkeys(grouped)),
-            gained,
-            predicted,
-        )
-
-    def _candidate_rows(self, points: Answers, solution: Solution, like: int) -> list[CandidateRows | None]:
-        """The model and its derivatives at every candidate; None where it fails.
-
-        Args:
-            like: The record in whose groups a candidate is.
-        """
-        layout, count, width = self.layout, len(self.candidates), len(self.layout.unknowns)
-        scalars = np.array([self._scalars_of(candidate, like) for candidate in self.candidates])
-        usual = np.array([solution.best.place[row].mean() for row in layout.index])
-        here = np.clip(np.where(scalars < layout.count, np.append(solution.best.place, usual)[scalars], usual), 0, 1)
-        steps = np.where(here > 0.5, -_STEP, _STEP)
-        trials = here + steps * np.vstack([np.zeros(width), np.eye(width)])[:, None]  # (trial, candidate, unknown)
-        flat = trials.reshape(-1, width)
-        values = np.stack([u.physical(flat[:, at]) for at, u in enumerate(layout.unknowns)], axis=-1)
-        columns = self.columns(self.candidates * (width + 1), values, self.cheap)
-        orders, needles = points(columns)
-        chosen = orders[:, self.orders].reshape(width + 1, count, -1)
-        columns = {name: column[:count] for name, column in columns.items()}
-        columns["model"] = np.array([self.model] * count, object)
-        error = self._error(
-            columns, np.nan_to_num(chosen[0]), Needles(needles.second[:count], needles.skew[:count])
-        ).times(solution.error_size.of(self.orders))
-        rows: list[CandidateRows | None] = []
-        for at in range(count):
-            if not np.isfinite(chosen[:, at]).all():
-                rows.append(None)
-                continue
-            slope = np.zeros((len(self.orders), layout.count + width), complex)
-            slope[:, scalars[at]] = ((chosen[1:, at] - chosen[0, at]) / steps[at][:, None]).T
-            rows.append(CandidateRows(chosen[0, at], slope, error.at(at)))
-        return rows
-
-    def _scalars_of(self, candidate: Mapping[str, Value], like: int) -> list[int]:
-        """The scalar of each unknown at a candidate; those that no record has follow the others, one an unknown."""
-        layout, operating = self.layout, self._operating(candidate)
-        scalars = []
-        for which, unknown in enumerate(layout.unknowns):
-            own, new = layout.index[which], layout.count + which
-            if unknown.per in operating:  # a group may have the value that the candidate has
-                label = f"{unknown.per} {level_or_word(operating[unknown.per])}"
-                same = [scalar for scalar in own.tolist() if layout.groups[scalar] == label]
-                scalars.append(same[0] if same else new)
-            else:
-                scalars.append(new if unknown.per == "record" else int(own[like]))
-        return scalars
-
 
 def _middle(values: Sequence[Value]) -> Value:
     """The middle one of some values."""
@@ -442,18 +358,3 @@ def _middle(values: Sequence[Value]) -> Value:
 def measured_sizes(records: Sequence[RigRecord], orders: Sequence[int]) -> FloatArray:
     """Measured amplitudes, shape (record, order)."""
     return np.array([np.abs(measured_orders(record, orders).mean) for record in records])
-
-
-def _value_and_slope(layout: Layout, place: FloatArray, scalar: int) -> tuple[float, float]:
-    """Value of a scalar, and its derivative by its place."""
-    unknown, step = layout.unknowns[layout.owner[scalar]], 1e-6
-    here = float(unknown.physical(place[scalar]))
-    there = unknown.physical(place[scalar] + np.array([-step, step]))
-    return here, float(there[1] - there[0]) / (2 * step)
-
-
-def _relative(layout: Layout, solution: Solution, scalar: int) -> float:
-    """Half width of an interval over the value."""
-    value, slope = _value_and_slope(layout, solution.best.place, scalar)
-    half = (solution.profiles[scalar].high - solution.profiles[scalar].low) / 2
-    return half * slope / max(abs(value), 1e-12)
