@@ -91,7 +91,9 @@ def _advice(outcomes: set[Outcome], retried: bool) -> list[str]:
             f"{option('retry_failed', True)} runs failed points again: {' and '.join(again)} may then end differently"
         )
     if outcomes & _NUMERICS and not retried:
-        remedies.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
+        remedies.append(
+            '[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances, in another directory'
+        )
     if Outcome.EVALUATION_LIMIT in outcomes:
-        remedies.append("evaluation_budget in the study file sets the limit of evaluation_limit")
+        remedies.append("evaluation_budget in the study file sets the limit of evaluation_limit, in another directory")
     return remedies

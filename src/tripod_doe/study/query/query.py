@@ -20,7 +20,7 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import CubeError, InputError, near_match, option, printable
 from tripod_doe.model_interface import Outcome
 from tripod_doe.phases import is_phase, is_phase_name
-from tripod_doe.quantities import csv_cell, plain_json
+from tripod_doe.quantities import csv_cell, level, plain_json
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.cube.slabs import box, slabs
@@ -211,10 +211,12 @@ class _Choice:
     def _meeting(self, expression: Expression, design: Collection[Any]) -> NDArray[np.bool_]:
         meets = expression.truths(_Cells(self, design))
         if unknown := [dim for dim in meets.dims if dim not in self.target.dims]:
+            labels = self._labels(unknown[0])
+            first = labels.values.ravel()[0]
             raise InputError(
                 f"{expression.text!r}: its values differ along {unknown[0]}, which {self.variable} does not have: "
-                f"take one, as NAME[{labels_text(self._labels(unknown[0]))}], or the max, "
-                "min, mean or sum of all"
+                f"take one, as NAME[{level(first) if labels.dtype.kind in 'fiu' else repr(str(first))}], or the max, "
+                f"min, mean or sum of all; {unknown[0]} {labels_text(labels)}"
             )
         data = meets.data
         for axis, dim in enumerate(meets.dims):
