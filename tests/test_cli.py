@@ -485,3 +485,25 @@ def test_times_may_end_with_m_or_min(tmp_path, capsys):
         with contextlib.suppress(SystemExit):
             main(["run", str(tmp_path / "none.toml"), "--out", str(tmp_path / "out"), "--wait", time])
         assert complaint in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["simulate"], "interrupted\n"),
+        (
+            ["run", "a.toml", "--out", "a"],
+            "interrupted; finished points are kept: run again to continue, or report DIR",
+        ),
+        (["workflow", "a.toml", "--out", "a"], "interrupted; finished points are kept: run again to continue\n"),
+    ],
+)
+def test_an_interrupt_says_what_is_kept(capsys, monkeypatch, words, said):
+    """Regression: also of a command that keeps no points, and with a report that a workflow does not have yet."""
+
+    def interrupt(options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules["tripod_doe.cli.main"], "_ran", interrupt)
+    assert main(words) == 130
+    assert f"tripod-doe: {said}" in capsys.readouterr().err

@@ -61,6 +61,9 @@ COMMANDS = {
 }
 """All commands by name, in the order of the help."""
 
+_WITH_POINTS = {"run", "workflow", "fit", "optimise"}
+"""Commands that keep finished points when they are interrupted."""
+
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 _NO_MEMORY = re.compile(
     "failed to map segment|annot allocate memory|find/load shared object"
@@ -109,10 +112,9 @@ def _run_command(arguments: Sequence[str]) -> int:
         print(f"tripod-doe: {error}", file=sys.stderr)
         return INTERNAL
     except KeyboardInterrupt:
-        print(
-            "tripod-doe: interrupted; finished points are kept: run again to continue, or report DIR to see them",
-            file=sys.stderr,
-        )
+        kept = "; finished points are kept: run again to continue" if {*arguments[:1]} & _WITH_POINTS else ""
+        shown = ", or report DIR to see them" if arguments[:1] == ["run"] else ""
+        print(f"tripod-doe: interrupted{kept}{shown}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader has closed our output
         sys.stderr.close()

@@ -274,6 +274,10 @@ def test_few_points_propose_nothing_and_say_how_many_do():
     assert asked >= needed
     assert "To confirm" not in said
     assert "too few points lie in the range of a shifted distribution" in said
+    assert "run the study again; that many" in said
+    other = TEXT.replace("4096", "256").replace("sobol", "latin-hypercube")  # more samples of it are other points
+    few = tolerance(cube_of(total, other), ToleranceSettings(outputs=["y"], limits={"y": 61}))
+    assert "run the study again, into another directory; that many" in " ".join(find_in_tolerance(few, "t"))
     more = tolerance(
         cube_of(total, TEXT.replace("4096", str(asked))), ToleranceSettings(outputs=["y"], limits={"y": 61})
     )

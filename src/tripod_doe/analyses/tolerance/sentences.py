@@ -225,9 +225,11 @@ def _run_more(part: xr.Dataset, keep: float, resolved: bool, proposed: bool = Fa
         return []
     smaller = "by which smaller scatter it is kept"
     what = smaller if resolved else "whether the limit is kept, and by which smaller scatter"
+    grows = part.attrs.get("kind_of_points") not in ("latin-hypercube", "rbd-fast")  # whose points all change
     return [
-        f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again; "
-        "that many are enough if the chances are about what these points estimate."
+        f"To resolve {what}, set samples = {int(max(known))} in [design] and run the study again"
+        f"{'' if grows else ', into another directory'}; that many are enough if the chances are about what these "
+        "points estimate."
     ]
 
 

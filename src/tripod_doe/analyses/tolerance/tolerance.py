@@ -305,6 +305,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         confirm=settings.confirm,
         factor_tables=json.dumps({name: table.model_dump(exclude_none=True) for name, table in sample.tables.items()}),
         **_model_attributes(cube, sample),
+        kind_of_points=sample.design.kind,
         seed_of_points=sample.design.seed,
         levels=", ".join(name for name in sample.tables if own_scatter(sample, name) is None),
         correlated=", ".join(correlated_factors(sample.design.correlation, list(sample.tables))),
