@@ -88,6 +88,8 @@ def test_what_is_asked_of_the_joint_can_be_asked_of_a_trunnion():
     assert simulator.effective({})["relative_tolerance"] == 2e-3
     with pytest.raises(InputError, match="initial_skew_2_deg = 1: unknown parameter"):
         td.simulate("trunnion", initial_skew_2_deg=1)
+    with pytest.raises(InputError, match="settled_needles = 1: unknown parameter"):  # it had no effect
+        td.simulate("trunnion", settled_needles=1)
 
 
 @pytest.mark.slow

@@ -39,6 +39,7 @@ _OF_OTHERS = (
     "model",
     "samples_per_revolution",
     "accuracy",
+    "settled_needles",
     "pressure_limit_gpa",
     "penetration_limit_um",
 )

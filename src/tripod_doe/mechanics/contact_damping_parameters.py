@@ -26,7 +26,7 @@ DAMPING_PARAMETERS = (
         None,
         "s",
         "tau",
-        f"damping of greased contacts over their stiffness; by default {GREASED:g} s, and 0 where {FACTOR} is not",
+        f"damping of greased contacts over their stiffness; by default {GREASED:g} s; 0 where {FACTOR} is above 0",
         "assumed (Kraemer 1993)",
         low=0,
         high=0.01,
