@@ -385,3 +385,10 @@ def test_the_table_of_variances_adds_up():
     assert float(found["sum_of_squares"].sum() + found["residual_sum_of_squares"]) == pytest.approx(whole)
     assert float(found["p_value"].sel(term="joint_angle_deg")) < 1e-6
     assert float(found["p_value"].sel(term="groove_rolling_friction")) > 1e-3
+
+
+def test_rbd_fast_answers_whatever_the_number_of_points():
+    """Regression: with 80 and 81 points, halves of which have 40, a division by zero ended the command."""
+    for samples in (60, 79, 80, 81, 82):
+        cube = cube_of(f'kind = "rbd-fast"\nsamples = {samples}\nseed = 1', ishigami)
+        assert np.isfinite(rbd_fast_indices(cube)["S1_conf"]).all()

@@ -59,8 +59,9 @@ def _indices(parts: FloatArray, columns: Sequence[FloatArray] | FloatArray) -> t
                 share = 2 * _RBD_HARMONICS / count
                 power = _power(centred, np.argsort(column, kind="quicksort")) / whole
                 own, more = power[:_RBD_HARMONICS].sum(axis=0), power[_RBD_HARMONICS:].sum(axis=0)
-                by_chance = share / (1 - 2 * share) * (1 - own - more)
-                beyond[factor] = np.maximum(more - by_chance, 0) / (1 - share)
+                if share < 0.5:  # in 40 points and fewer, as in half of few, no harmonics are left that show chance
+                    by_chance = share / (1 - 2 * share) * (1 - own - more)
+                    beyond[factor] = np.maximum(more - by_chance, 0) / (1 - share)
         index[factor] = own - share / (1 - share) * (1 - own)
     return index, beyond
 
