@@ -201,7 +201,7 @@ _OUTPUTS = [
         optional=True,
         convention=_SKEW,
     ),
-    Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
+    Output("largest_penetration_um", "um", "delta", "largest penetration of any contact, without the swing-in"),
     Output(
         "energy_residual",
         "1",

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -317,14 +318,28 @@ def _contact_sizes(assembly: Assembly) -> FloatArray:
     return sizes
 
 
+def deepest_penetration(assembly: Assembly, positions: FloatArray, velocities: FloatArray) -> float:
+    """The largest penetration of any contact in some states of a scene, in its unit of length.
+
+    Args:
+        positions, velocities: Shapes (state, body, 7) and (state, body, 6).
+    """
+    return max(float(deepest) for deepest, *_ in _penetrations(assembly, positions, velocities))
+
+
+def _penetrations(assembly: Assembly, positions: FloatArray, velocities: FloatArray) -> tuple[Any, Any]:
+    """What `largest_penetration` and `bearing_compression` give for some states."""
+    tables, states = assembly.tables, (np.ascontiguousarray(positions), np.ascontiguousarray(velocities))
+    return (
+        largest_penetration(tables.contacts, _contact_sizes(assembly), states[0]),
+        bearing_compression(tables.bearings, *states),
+    )
+
+
 def _inspect(assembly: Assembly, states: States, passage: Passage, limits: Limits) -> _Checks:
     """Penetration in all states, and drift up to the samples."""
-    checks, tables, (times, positions, velocities) = _Checks(), assembly.tables, states
-    positions, velocities = (np.ascontiguousarray(each[1:]) for each in (positions, velocities))
-    for deepest, share, depth, body, state in (
-        largest_penetration(tables.contacts, _contact_sizes(assembly), positions),
-        bearing_compression(tables.bearings, positions, velocities),
-    ):
+    checks, (times, positions, velocities) = _Checks(), states
+    for deepest, share, depth, body, state in _penetrations(assembly, positions[1:], velocities[1:]):
         checks.penetration = max(checks.penetration, float(deepest))
         if share > limits.penetration:
             at = f"at t = {times[1 + state]:.6g}, body {assembly.names[int(body)]}"

@@ -328,3 +328,13 @@ def test_models_share_one_cube(write_study, tmp_path):
     assert rows["thrust_amplitude_error"] == [no, [False, True], [False, True]]
     assert rows["needle_skew_summary_deg"] == [no, no, [False, True]]
     assert cube["needle_skew_summary_deg"].sizes["cycle"] == 2
+
+
+def test_the_largest_penetration_is_not_that_of_the_swing_in_in_coarse_steps():
+    """Regression: 23.2 um for 5.6, from steps whose oscillation the last revolution does not have."""
+    joint = {"joint_angle_deg": 12.0, "torque_n_m": 80.0, "pitch_radius_mm": 22.9865, "needle_length_mm": 13.909}
+    rollers, balance = (
+        float(td.simulate(model=model, speed_rpm=500.0, **joint)["largest_penetration_um"])
+        for model in ("rollers", "kinetostatic")
+    )
+    assert rollers == pytest.approx(balance, rel=0.05)

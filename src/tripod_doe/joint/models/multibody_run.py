@@ -44,7 +44,7 @@ from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.monitor import Settings
-from tripod_doe.mechanics.run import Limits, Run, method_named, run
+from tripod_doe.mechanics.run import Limits, Run, deepest_penetration, method_named, run
 from tripod_doe.mechanics.stability.floquet import Growth, departure_matrices
 from tripod_doe.mechanics.stability.linearisation import fastest_rates
 from tripod_doe.mechanics.stability.rates import Rates
@@ -265,7 +265,7 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
     two = np.arange(-2 * samples - 1, -1)
     if motion.extrapolation:  # the last revolution alone was followed in finer steps
         two = np.tile(two[samples:], 2)
-    contacts = contact_readings(assembly, result.positions[two], result.velocities[two], values, wanted.contacts)
+    states = result.positions[two], result.velocities[two]
     return Readings(
         signals.groove_thrust,
         signals.parts,
@@ -273,9 +273,9 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
         motion.error,
         skew,
         summary,
-        result.penetration,
+        deepest_penetration(assembly, *states),  # not of the swing-in, whose steps may be coarse
         result.energy_residual,
-        contacts=contacts,
+        contacts=contact_readings(assembly, *states, values, wanted.contacts),
     )
 
 
