@@ -52,6 +52,8 @@ def test_a_failed_point_is_data():
     ("parameters", "message"),
     [
         ({"joint_angle_deg": []}, "joint_angle_deg: an array without values"),
+        ({"joint_angle_deg": np.ma.array([3, 4], mask=[0, 1])}, "joint_angle_deg: masked values"),
+        ({"joint_angle_deg": np.ma.masked}, "joint_angle_deg: masked values"),
         ({"joint_angle_deg": [3, 99]}, "joint_angle_deg = 99: must be"),
         ({"joint_angle": [3]}, "did you mean 'joint_angle_deg'"),
         ({"joint_angle_deg": [[3]]}, "2 dimensions; give an xarray.DataArray"),

@@ -3,7 +3,15 @@
 No model and no study is in here.
 """
 
-from tripod_doe.model_interface.block import WORK, BlockResult, Retries, Values, common_unit
+from tripod_doe.model_interface.block import (
+    WORK,
+    BlockResult,
+    Retries,
+    Values,
+    common_unit,
+    refuse_other_dims,
+    take_labels,
+)
 from tripod_doe.model_interface.candidate import Candidate
 from tripod_doe.model_interface.counted_time import counted_time, not_counted
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
@@ -61,4 +69,6 @@ __all__ = [
     "model_notes",
     "not_counted",
     "read_parameters",
+    "refuse_other_dims",
+    "take_labels",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,6 +37,27 @@ def common_unit(name: str, unit: str, other: str) -> str:
     if unit and other and unit != other:
         raise InputError(f"{name}: points have different units {unit!r} and {other!r}")
     return unit or other
+
+
+def refuse_other_dims(name: str, dims: tuple[str, ...], other: tuple[str, ...]) -> None:
+    """Refuse an output that has other dimensions at other points (InputError)."""
+    if dims != other:
+        raise InputError(f"{name}: points have different dimensions {', '.join(dims)} and {', '.join(other)}")
+
+
+def take_labels(known: dict[str, NDArray[Any]], given: Mapping[str, NDArray[Any]]) -> None:
+    """Add the labels along dimensions of further points to those that are known.
+
+    Raises:
+        InputError: If points have different labels.
+    """
+    for dim, labels in given.items():
+        held = known.setdefault(dim, labels)
+        if held is labels or np.array_equal(held, labels):
+            continue
+        numbers = held.shape == labels.shape and {held.dtype.kind, labels.dtype.kind} <= set("iuf")
+        if not numbers or not np.allclose(held, labels, rtol=1e-12, atol=0, equal_nan=True):  # rounding
+            raise InputError(f"dimension {dim!r}: points have different labels; a cube has the same at all points")
 
 
 @dataclass(frozen=True)
@@ -119,11 +140,12 @@ class BlockResult:
             unit: From a user's function.
 
         Raises:
-            InputError: If points have values of different shapes or units.
+            InputError: If points have values of different dimensions, shapes or units.
         """
         shape = data.shape if isinstance(rows, int) else data.shape[1:]
         if name not in self.outputs:
             self.outputs[name] = Values(dims, np.full((self.count, *shape), np.nan))
+        refuse_other_dims(name, self.outputs[name].dims, dims)
         held = self.outputs[name].data
         if held.shape[1:] != shape:
             raise InputError(f"{name}: points have different shapes {held.shape[1:]} and {shape}")
@@ -147,7 +169,7 @@ class BlockResult:
         finished = part.outcome == Outcome.FINISHED
         for name, values in part.outputs.items():
             self.put(name, values.dims, rows[finished], values.data[finished], values.unit)
-        self.coordinates.update(part.coordinates)
+        take_labels(self.coordinates, part.coordinates)
 
     def take(self, rows: NDArray[np.integer[Any]], keep: Collection[str] = ()) -> BlockResult:
         """Copies of some points, in the order of `rows`, with the outputs named in `keep`, or with all."""

@@ -191,10 +191,13 @@ def _array(name: str, value: Any) -> Any:
     """A value as a plain one, or as an array with named dimensions.
 
     Raises:
-        InputError: If an array has several dimensions without names, no values, or more points than fit into memory.
+        InputError: If an array has several dimensions without names, no values, masked ones, or more points than fit
+            into memory.
     """
     import xarray as xr
 
+    if np.ma.is_masked(value):
+        raise InputError(f"{name}: masked values; leave them out")
     if np.ndim(value) == 0:
         return value.item() if hasattr(value, "dtype") else value
     refuse_too_many_points(np.size(value), _LEAST_BYTES)

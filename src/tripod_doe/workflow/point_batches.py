@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.checksum_list import write_listed
 from tripod_doe.interrupts import check_interrupt
-from tripod_doe.model_interface import Outcome, Value
+from tripod_doe.model_interface import Outcome, Value, refuse_other_dims, take_labels
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import Points, make_points
@@ -152,8 +152,9 @@ class PointBatches:
             for name, values in result.outputs.items():
                 if name not in outputs:
                     outputs[name] = values.dims, np.full((len(keys), *values.data.shape[1:]), np.nan)
+                refuse_other_dims(name, outputs[name][0], values.dims)
                 outputs[name][1][own] = values.data[rows[own]]
-            labels |= result.coordinates
+            take_labels(labels, result.coordinates)
         outcome = np.array([place[2] for place in places], np.int8)
         return Batch(points, outcome, [place[3] for place in places], outputs, labels)
 

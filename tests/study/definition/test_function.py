@@ -12,14 +12,16 @@ import xarray as xr
 
 import tripod_doe as td
 from slow_cases import first_fast
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, TripodDoeError
 from tripod_doe.model_interface import BlockResult
-from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED
+from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, build_cube
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task
+from tripod_doe.study.fingerprints import point_keys
+from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.simulate import simulate
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -71,11 +73,24 @@ def test_a_name_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_path, 
         *(f"xr.Dataset({{'y': ({dim!r}, [1.0])}})" for dim in ("-d", "x", "point", "a/b")),
         "{'y': [1.0], 'y_0': 2.0}",
         "xr.Dataset({'y': 1.0}, {'-label': [1.0]})",
-        "xr.Dataset({'y': ('d', [1.0, 2.0])}, {'d': ['a', 'a\\0b']})",
+        *(
+            f"xr.Dataset({{'y': ('d', [1.0, 2.0])}}, {{'d': {labels}}})"
+            for labels in (
+                "['a', 'a\\0b']",
+                "np.array(['2026-01-01', '2026-01-02'], 'M8[ns]')",
+                "[1, 1j]",
+                "[2**53, 2**53 + 1]",
+                "np.array([1, 'a'], object)",
+                "[b'a', b'b']",
+            )
+        ),
     ],
 )
 def test_a_dimension_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_path, answer):
-    (tmp_path / "dimension_functions.py").write_text(f"import xarray as xr\ndef f(x):\n    return {answer}\n")
+    """Regression: labels that are dates ended in an internal error after the last point, others in a damaged journal."""
+    (tmp_path / "dimension_functions.py").write_text(
+        f"import numpy as np, xarray as xr\ndef f(x):\n    return {answer}\n"
+    )
     text = '[study]\nname = "f"\nfunction = "dimension_functions:f"\n[factors]\nx = { values = [1] }\n'
     study = parse_study(text, folder=StudyFolder(tmp_path))
     with pytest.raises(InputError, match=r"^(dimension|output) "):
@@ -139,6 +154,33 @@ def test_an_answer_that_a_point_does_not_give_is_nan(tmp_path):
 def test_answers_of_different_shape_are_refused(tmp_path):
     with pytest.raises(InputError, match="a: points have different shapes"):
         answer(tmp_path, "growing", "[factors]\nx = {values = [1, 3]}\n")
+
+
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ("{'y': ('t', [1.0, 2.0])}, {'t': [x, 5.0]}", "dimension 't': points have different labels"),
+        ("{'y': ('t', [1.0, 2.0])}, {'t': ['a', 'b'] if x < 2 else ['b', 'a']}", "points have different labels"),
+        ("{'y': (('a', 'b') if x < 2 else ('b', 'a'), np.eye(2))}", "points have different dimensions a, b and b, a"),
+    ],
+)
+def test_labels_that_only_some_points_have_are_refused(tmp_path, apart, answer, message):
+    """Regression: a cube had the labels of its last point, and the dimensions of its first one, at all points."""
+    code = f"import numpy as np, xarray as xr\ndef f(x):\n    return xr.Dataset({answer})\n"
+    (tmp_path / "labelling_functions.py").write_text(code)
+    text = '[study]\nname = "f"\nfunction = "labelling_functions:f"\n[factors.x]\nvalues = [1, 2]\n'
+    study = parse_study(text, folder=StudyFolder(tmp_path))
+    with pytest.raises(TripodDoeError, match=message):
+        cube_of(study, [[0], [1]] if apart else [[0, 1]])
+
+
+def cube_of(study, numbers):
+    points = make_points(study)
+    keys = point_keys(study, points)
+    done = [run_task(make_task(study, points, np.array(each))) for each in numbers]
+    blocks = (FinishedBlock(keys[each], *block, "0") for each, block in zip(numbers, done, strict=True))
+    return build_cube(study, points, keys, blocks)
 
 
 def test_a_single_point_is_labelled_like_a_cube():

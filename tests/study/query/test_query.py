@@ -153,6 +153,8 @@ def test_a_text_like_a_formula_is_none_in_a_spreadsheet():
 def test_what_a_terminal_would_obey_is_written_as_an_escape():
     for form in ("table", "csv", "json"):
         assert "\x1b" not in records_text({"a": np.array(["\x1b[2J"], object)}, form)
+    table = records_text({"a": np.array(["b 1\nc"], object), "n": np.array([2])}, "table")
+    assert table.split("\n") == ["     a n", r"b 1\nc 2"]  # the label was shown as two rows
 
 
 def test_records_as_text():
@@ -244,6 +246,8 @@ def test_python_selects_by_name(cube):
         {"x": [[0.1, 0.2]]},
         {"x": 10**400},
         {"x": 1j},
+        {"x": np.complex128(0.1 + 1j)},
+        {"x": slice(np.complex128(0.1 + 1j), None)},
         {3: 0.1},
     ],
 )

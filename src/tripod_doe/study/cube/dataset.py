@@ -23,6 +23,8 @@ from tripod_doe.model_interface import (
     Parameter,
     cf_flags,
     common_unit,
+    refuse_other_dims,
+    take_labels,
 )
 from tripod_doe.phases import PHASE_ATTRIBUTES, is_phase_name
 from tripod_doe.study.cube.model_records import TRUST, ModelRecords
@@ -180,12 +182,14 @@ class _Table:
         for name, values in result.outputs.items():
             if name not in self.outputs:
                 self.outputs[name] = (values.dims, np.full((self.count, *values.data.shape[1:]), np.nan))
-            target = self.outputs[name][1]
+            dims, target = self.outputs[name]
+            refuse_other_dims(name, dims, values.dims)
             if target.shape[1:] != values.data.shape[1:]:
                 raise CubeError(f"{name}: points have different shapes {target.shape[1:]} and {values.data.shape[1:]}")
             target[at] = values.data[rows]
             self.units[name] = common_unit(name, self.units.get(name, ""), values.unit)
-        self.coordinates |= result.coordinates
+        if at.size:
+            take_labels(self.coordinates, result.coordinates)
         self.outcome[at] = result.outcome[rows]
         self.detail[at] = np.array(result.detail, dtype=object)[rows]
         self.worker[at] = block.worker

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.checksum_list import number_in
+from tripod_doe.model_interface import take_labels
 from tripod_doe.study.cube.dataset import PlacedBlock, cf_points, design_coordinates, part_of_cube
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
@@ -38,9 +40,12 @@ class StoredResults:
         self._row = np.zeros(asked.points.count, np.int32)
         self._read: list[Callable[[], FinishedBlock]] = []
         self.point_bytes = 0
+        labels: dict[str, NDArray[Any]] = {}  # of all slabs, which are written one by one
         for number, read in enumerate(blocks):
             block = read()
             rows, at = asked.index.places(block.keys)
+            if at.size:
+                take_labels(labels, block.result.coordinates)
             self._block[at], self._row[at] = number, rows
             self._read.append(read)
             self.point_bytes = max(self.point_bytes, block.result.nbytes // max(block.keys.size, 1))

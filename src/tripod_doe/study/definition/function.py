@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.model_interface import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Values
+from tripod_doe.model_interface import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Values, take_labels
 from tripod_doe.names import check_cube_name
 
 _TAKEN_NAMES = frozenset(
     {"point", "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK}
 )
 """Names that every cube and its costs use already."""
+
+_WHOLE = 2**53  # up to here float64 holds every whole number
 
 
 class FunctionSimulator(Simulator):
@@ -45,7 +47,7 @@ class FunctionSimulator(Simulator):
         """Call the function for every point; an exception is the outcome error of that point alone.
 
         Raises:
-            InputError: If answers of points have different shapes, or names that a cube cannot hold.
+            InputError: If answers of points differ in their shapes, dimensions or labels, or a cube cannot hold them.
         """
         count = len(next(iter(points.values())))
         block = BlockResult.blank(count, Outcome.FINISHED, simulated_seconds=np.nan)
@@ -61,7 +63,7 @@ class FunctionSimulator(Simulator):
             for name, given in values.items():
                 if not keep or name in keep:
                     block.put(name, given.dims, row, given.data, given.unit)
-            block.coordinates.update(labels)
+            take_labels(block.coordinates, labels)
         return block
 
     @property
@@ -112,7 +114,7 @@ def _outputs(answer: Any) -> tuple[dict[str, Values], dict[str, NDArray[Any]]]:
         str(name): Values(tuple(map(str, each.dims)), _numbers(each.values), str(each.attrs.get("units", "")))
         for name, each in answer.data_vars.items()
     }
-    return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items()}
+    return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items() if dim in answer.dims}
 
 
 def _numbers(value: Any) -> NDArray[np.float64]:
@@ -131,8 +133,11 @@ def _numbers(value: Any) -> NDArray[np.float64]:
 def _check_names(values: Mapping[str, Values], labels: Mapping[str, NDArray[Any]], arguments: Collection[str]) -> None:
     """Refuse names of outputs, of their dimensions and labels that a cube cannot hold, or holds already."""
     for dim, each in labels.items():
-        if any("\0" in label for label in each.flat if isinstance(label, str)):
-            raise InputError(f"dimension {dim!r}: a label with a NUL, which no cube holds")
+        if not _fits_cube(each):
+            raise InputError(
+                f"dimension {dim!r}: labels of type {each.dtype}: a cube holds real numbers, as float64 does, or texts "
+                "without a NUL; write dates as texts"
+            )
     dims = dict.fromkeys([*(dim for each in values.values() for dim in each.dims), *labels])
     for of, names, others in (("output", values, dims), ("dimension", dims, values)):
         for name in names:
@@ -142,6 +147,13 @@ def _check_names(values: Mapping[str, Values], labels: Mapping[str, NDArray[Any]
                     f"{of} {name!r}: this name is taken by an argument, by another output or dimension, or by a "
                     "variable of every cube"
                 )
+
+
+def _fits_cube(labels: NDArray[Any]) -> bool:
+    if labels.dtype.kind in "iu":
+        return bool(np.all((labels >= -_WHOLE) & (labels <= _WHOLE)))
+    texts = labels.dtype.kind in "UO" and all(isinstance(label, str) and "\0" not in label for label in labels.flat)
+    return texts or labels.dtype.char in "?fd"
 
 
 def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parameter]:

@@ -413,4 +413,4 @@ def answer_format(asked: str | None, output: Path | None) -> str:
 def _table_word(value: Any) -> str:
     if isinstance(value, float):
         return "NaN" if math.isnan(value) else f"{value:.6g}"
-    return printable(str(value))
+    return printable(str(value)).replace("\n", r"\n")

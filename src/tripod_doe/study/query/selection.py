@@ -74,7 +74,7 @@ def _selected(name: Any, wanted: Any) -> Selection:
             low = -math.inf if wanted.start is None else wanted.start
             high = math.inf if wanted.stop is None else wanted.stop
             if wanted.step is None and not any(isinstance(end, str | bool) for end in (low, high)):
-                return Selection(name, (), float(low), float(high))
+                return Selection(name, (), _number(low), _number(high))
         elif isinstance(name, str) and not isinstance(wanted, Mapping):
             several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
             if several:
@@ -91,7 +91,13 @@ def _value(given: Any) -> float | str:
     """A value as selections hold it; a bool stays a bool, which may be a label."""
     if isinstance(given, bool | np.bool_):
         return bool(given)
-    return given if isinstance(given, str) else float(given)
+    return given if isinstance(given, str) else _number(given)
+
+
+def _number(given: Any) -> float:
+    if np.iscomplexobj(given):  # of which NumPy would give the real part
+        raise TypeError
+    return float(given)
 
 
 def taken(labels: xr.Variable, left: IntArray | None, selection: Selection, nearest: bool) -> IntArray:
