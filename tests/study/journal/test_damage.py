@@ -17,6 +17,7 @@ import pytest
 
 import tripod_doe as td
 from slow_cases import first_fast
+from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, damage, journal_path
@@ -289,6 +290,20 @@ def name_in_rollback_journal(path, victim):
     head = (magic + struct.pack(">5I", 0, 1, pages, 512, PAGE_BYTES)).ljust(PAGE_BYTES, b"\0")
     tail = struct.pack(">I", 2**30 // PAGE_BYTES + 1) + name + struct.pack(">2I", len(name), sum(name)) + magic
     path.with_name(f"{path.name}-journal").write_bytes(head + tail)
+
+
+@pytest.mark.parametrize("name", ["-wal", "-shm", "-journal"])
+def test_a_link_to_no_journal_deletes_nothing_beside_its_target(out, tmp_path, capsys, name):
+    """Regression: SQLite took the files beside for what an interrupted transaction had left, and deleted them."""
+    target, beside = tmp_path / "letter", tmp_path / f"letter{name}"
+    target.write_text("to a friend")
+    beside.write_bytes(b"mine")
+    journal_path(out).unlink()
+    journal_path(out).symlink_to(target)
+    for words in (["query", str(out), "--variable", "y"], ["check", str(out)], ["derive", str(out), "--variable", "y"]):
+        main(words)
+        assert beside.read_bytes() == b"mine"
+    assert "a link to a file that is no journal" in capsys.readouterr().err
 
 
 def test_a_journal_that_names_another_file_deletes_none(out, tmp_path):

@@ -52,7 +52,8 @@ _WITHOUT_ACCESS = {
     sqlite3.SQLITE_NOMEM,
     sqlite3.SQLITE_PROTOCOL,
 }
-_HEADER = b"SQLite format 3\0" + PAGE_BYTES.to_bytes(2, "big")
+_MAGIC = b"SQLite format 3\0"
+_HEADER = _MAGIC + PAGE_BYTES.to_bytes(2, "big")
 _VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # the next fields of the header
 _JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
 _MOST_DIGITS = 18  # of a number in a note
@@ -85,10 +86,15 @@ def refuse_strange_files(path: Path) -> None:
     during rollback, in any folder. See "The Super-Journal" in SQLite's description of its file format.
 
     Raises:
-        CubeError: If anything else than a file is there.
+        CubeError: If anything else than a file is there, or a link to a file that is no database: beside that, SQLite
+            would delete what has the names of companions.
         DamagedRowError: If the rollback journal names another file.
     """
     _refuse_pipes(path)
+    if path.is_symlink() and path.exists():
+        with path.open("rb") as stream:
+            if stream.read(len(_MAGIC)) != _MAGIC:
+                raise CubeError(f"{path}: a link to a file that is no journal: delete the link")
     journal = path.with_name(f"{path.name}-journal")
     try:
         with journal.open("rb") as stream:
