@@ -23,9 +23,13 @@ def test_encodings_of_spreadsheets(tmp_path, encoding):
     assert read_csv_table(tmp_path / "t.csv", "t") == (["file", "Öl"], {2: ["Welle_ä.csv", "60 °C"]})
 
 
-def test_what_spreadsheets_add(tmp_path):
-    """Regression: the first line was the header, and two empty columns were one that occurred twice."""
-    (tmp_path / "t.csv").write_text("sep=;\n\nfile;torque_n_m;;\na.csv;1,5;;\nb.csv;;;\n")
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("first", ["sep=;", '"sep=;"'])
+def test_what_spreadsheets_add(tmp_path, first, end):
+    """Regressions: the first line was the header, also where lines end as Excel writes them; two empty columns were
+    one that occurred twice."""
+    lines = [first, "", "file;torque_n_m;;", "a.csv;1,5;;", "b.csv;;;", ""]
+    (tmp_path / "t.csv").write_bytes(end.join(lines).encode())
     assert read_csv_table(tmp_path / "t.csv", "t") == (["file", "torque_n_m"], {4: ["a.csv", "1.5"], 5: ["b.csv", ""]})
 
 

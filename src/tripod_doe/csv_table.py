@@ -8,15 +8,16 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from tripod_doe.checksum_list import refuse_changed
-from tripod_doe.errors import InputError, TooLargeError, closest, misspelt
+from tripod_doe.errors import InputError, TooLargeError
 from tripod_doe.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import number_or_text, readings
 
-_ABOVE = re.compile(r"\s*$|sep=.$", re.I)  # a line above the header: empty, or the separator that Excel is to take
+_ABOVE = re.compile(
+    r"\s*$|\"?sep=.\"?\r?$", re.I
+)  # a line above the header: empty, or the separator that Excel is to take
 
 
 def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[list[str], dict[int, list[str]]]:
@@ -94,40 +95,3 @@ def _with_points(header: list[str], rows: dict[int, list[str]], where: str) -> d
             raise InputError(f"{where}: line {line}: {name} = {unclear[0]}: may mean {small:g} or {large:.0f}; {way}")
     meant = {f: repr(read[f][0]) for f in read if "," in f and (f in clear or (read[f] and commas and not points))}
     return {line: [meant.get(field, field) for field in row] for line, row in rows.items()}
-
-
-def read_record_table(
-    path: Path, where: str, parameters: Collection[str], most: int | None = None
-) -> tuple[list[str], dict[int, dict[str, str]]]:
-    """Read a table with a column ``file``, the record of each row; the rows by column, without empty ones.
-
-    Raises:
-        InputError: See `read_csv_table`; also where there is no such column, or one is nearly a parameter.
-    """
-    header, rows = read_csv_table(path, where, most)
-    if "file" not in header:
-        raise InputError(f"{where}: no column 'file'{closest('file', header)}; it names the record of each row")
-    refuse_misspelt(header, parameters, where)
-    return header, {line: dict(zip(header, row, strict=True)) for line, row in rows.items() if any(row)}
-
-
-def _meant(column: str, parameters: Collection[str]) -> str:
-    """The parameter that a column names but for a letter or two, or without its unit: ``Torque [kNm]``; else empty."""
-    words = re.findall(r"[^\W_]+", re.sub(r"[\[(<].*", "", column).lower())
-    without_unit = re.compile(f"{'_'.join(map(re.escape, words))}(_[a-z]{{1,3}}){{1,3}}")
-    bare = [name for name in parameters if words and column not in parameters and without_unit.fullmatch(name)]
-    return misspelt(column, parameters) or (bare[0] if bare else "")
-
-
-def refuse_misspelt(header: Iterable[str], parameters: Collection[str], where: str) -> None:
-    """Refuse a column whose name is a parameter's but for its unit or a letter or two: it would be read as a label.
-
-    Args:
-        where: The file or key that names the table, for messages.
-
-    Raises:
-        InputError: For the first such column.
-    """
-    for column in header:
-        if meant := _meant(column, parameters):
-            raise InputError(f"{where}: the column {column} would be a label; write {meant}, or another word")

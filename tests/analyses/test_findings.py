@@ -117,6 +117,15 @@ def test_drive_is_compared_with_coast(make_cube):
     assert any("; at 450 it is 4 times as large as at -450" in s for s in find(cube)), find(cube)
 
 
+def test_a_single_factor_within_the_numerical_error_names_no_others(make_cube):
+    """Regression: "beyond its numerical error (), but at single settings of the other factors the change reaches"."""
+    cube = make_cube(LINE.format(offset=0).replace("values = [0.1, 0.2]", "values = [0.1]"))
+    cube["y"] = cube["y"] * 0 + xr.DataArray([1.0, 1.2, 1.1, 1.0], dims="x")
+    (response,) = (replace(each, error=5.0) for each in responses(cube))
+    told = list(find_effects(response, cube, effects_on(response, cube)))
+    assert told == ["y changes with x by up to 0.2, not beyond its numerical error."]
+
+
 def test_means_of_models_are_listed_where_an_error_may_hide_their_difference(make_cube):
     """Regression: "does not depend on model beyond its numerical error": 0, 1.57, 0.03 N, two without an error."""
     cube = make_cube(LINE.format(offset=0)).assign_coords(z=["equilibrium", "rollers"])

@@ -52,6 +52,8 @@ def read(tmp_path):
         '"Rotation angle [deg]","Kraft axial [N]"\n"0,5","1,25"\n"1,5","-2"\n',
         "Shaft angle (deg)   Axial force (N)\n0.5   1.25\n1.5   -2\n",
         "# rig 7\n# rotation_deg thrust_n\n0.5 1.25\n1.5 -2\n",
+        "Rotation [deg] Force [N] Torque [Nm]\n0.5 1.25 50\n1.5 -2 50\n",
+        "% Rotation Force Torque\n0.5 1.25 50\n1.5 -2 50\n",
         "Torque;50;Nm\nKanal 1;Drehwinkel;F_ax/N\n1;0,5;1,25\n2;1,5;-2\n",
         "Angle de rotation;Effort axial;Température\n°;daN;°C\n0,5;0,125;40\n1,5;-0,2;40\n",
         "Angolo di rotazione [°]\tForza assiale [N]\tVelocità [giri/min]\n0.5\t1.25\t600\n1.5\t-2\t600\n",
@@ -284,6 +286,13 @@ def test_a_table_of_very_many_columns_is_refused_before_it_is_taken_apart(read):
         with pytest.raises(InputError, match="more than 500 columns"):
             read(f"{names}\n{row}\n{row}\n")
         assert time.process_time() - started < 2
+
+
+@pytest.mark.parametrize("names", ["Rotation deg Force N Torque Nm", "Angle Axial force Torque"])
+def test_names_that_spaces_do_not_tell_apart_are_refused(read, names):
+    """Regression: the third word was the name of the third column, so that torques were compared as the thrust."""
+    with pytest.raises(InputError, match="words above 3 columns, and spaces do not say which name whose"):
+        read(f"{names}\n0.5 1.25 50\n1.5 -2 50\n")
 
 
 @pytest.mark.parametrize(

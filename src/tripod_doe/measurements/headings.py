@@ -229,6 +229,11 @@ def _rank(role: str, heading: str) -> tuple[int, int] | None:
     return (_WITHIN, -max(within)) if within else None
 
 
+def operating_name(heading: str) -> str:
+    """Our name of the operating parameter that a whole heading names in some language; else empty."""
+    return next((role for role in OPERATING if (rank := _rank(role, heading)) and rank[0] == _TELLING), "")
+
+
 def _holds(name: str, phrase: str) -> bool:
     edge = "" if len(phrase) >= _COMPOUND and " " not in phrase else r"\b"
     return re.search(f"{edge}{re.escape(phrase)}{edge}", name) is not None

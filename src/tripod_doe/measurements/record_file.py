@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -129,8 +130,14 @@ def read_table_of(path: Path, given: Mapping[str, str]) -> Table:
     _refuse_wide(len(headings))
     text = "\n".join(lines[first:])
     may_be_grouped = decimal in text and not _SHOWS_DECIMAL[decimal].search(text)
-    wide = max(len(headings), *(len(_fields(line, separator)) for line in lines[first : first + _LOOKED_AT]))
-    table = _columns(text, separator, decimal, (len(headings), wide), str if may_be_grouped else None)
+    wide = max(len(_fields(line, separator)) for line in lines[first : first + _LOOKED_AT])
+    if separator is None and len(headings) > wide:
+        raise InputError(
+            f"{len(headings)} words above {wide} columns, and spaces do not say which name whose: write tabs or two "
+            "spaces between the names"
+        )
+    widths = len(headings), max(len(headings), wide)
+    table = _columns(text, separator, decimal, widths, str if may_be_grouped else None)
     return Table(headings, table, [*notes, *before[:at]], decimal, may_be_grouped)
 
 
@@ -231,10 +238,13 @@ def _headings(
 
 
 def _heading_fields(line: str, separator: str | None, wide: int) -> list[str]:
-    """Fields of a line of headings; if spaces separate columns, a heading may contain single spaces."""
-    apart = re.split(r"\s{2,}|\t", line.strip())
-    if separator is None and len(apart) == wide:
-        return [field.strip('"') for field in apart]
+    """Fields of a line of headings; if spaces separate columns, a heading may contain some, as before its unit.
+
+    A % in front is that of a comment if the names fit without it.
+    """
+    for text, form in itertools.product((line.strip(), line.strip().lstrip("% ")), (r"\s{2,}|\t", r"\s+(?![\[(<])")):
+        if separator is None and len(apart := re.split(form, text)) == wide:
+            return [field.strip('",;') for field in apart]
     return _fields(line, separator)
 
 

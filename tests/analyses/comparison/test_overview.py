@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -35,10 +36,13 @@ outputs = ["thrust_amplitude", "thrust_phase_deg"]
 NOT_COMPARED = VERDICTS[-1]
 
 
-def test_a_column_that_names_a_parameter_without_its_unit_is_refused(tmp_path):
-    """Regression: torques under the heading Torque [kNm] were labels, and the record was compared at another point."""
-    (tmp_path / "t.csv").write_text("file,Torque [kNm],joint\na.csv,0.1,left\n")
-    with pytest.raises(InputError, match=r"Torque \[kNm\] would be a label; write torque_n_m"):
+@pytest.mark.parametrize(
+    "heading", ["Torque [kNm]", "torque_n_m [Nm]", "TORQUE_N_M", "torque_n_m (Nm)", "Torque Nm", "Drehmoment [Nm]"]
+)
+def test_a_column_that_names_a_parameter_otherwise_is_refused(tmp_path, heading):
+    """Regression: such torques were labels, and the record was compared at another point."""
+    (tmp_path / "t.csv").write_text(f"file,{heading},joint\na.csv,0.1,left\n")
+    with pytest.raises(InputError, match=re.escape(f"{heading} would be a label; write torque_n_m")):
         read_table(tmp_path / "t.csv")
     (tmp_path / "t.csv").write_text("file,joint\na.csv,left\n")
     assert len(read_table(tmp_path / "t.csv")) == 1

@@ -12,6 +12,8 @@ from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import make_points
 
+GROUP = {"value_of_record": 0.05, "low_of_record": 0.04, "high_of_record": 0.06}
+GROUP |= {"verdict_of_record": "found", "group_of_record": "oil A"}
 HOSTILE = "x\n[study]\nfunction = 'upload.evil:f'\nname = '''#"
 
 
@@ -19,7 +21,7 @@ HOSTILE = "x\n[study]\nfunction = 'upload.evil:f'\nname = '''#"
 def result():
     names, one = ["groove_sliding_friction"], {"bound_low": 0.03, "bound_high": 0.12, "value": 0.05}
     data = {name: ("unknown", [value]) for name, value in ({"low": 0.04, "high": 0.06} | one).items()}
-    data |= {"verdict": ("unknown", ["one-sided"]), "correlation": (("unknown", "unknown_2"), np.eye(1))}
+    data |= {"verdict": ("unknown", ["one-sided"]), "correlation_in_first": (("unknown", "unknown_2"), np.eye(1))}
     return xr.Dataset(data, {"unknown": names, "unknown_2": names}, {"title": HOSTILE})
 
 
@@ -38,13 +40,25 @@ def test_correlations_are_those_of_the_fit(result, correlation):
     """Exact but for the sample: the sum of two normal unknowns; regression: 0.98 of it spread -0.9954 twice as far."""
     names = ["groove_sliding_friction", "needle_sliding_friction"]
     two = xr.concat([result.isel(unknown=0, unknown_2=0, drop=True)] * 2, "unknown")
-    two = two.assign(correlation=(("unknown", "unknown_2"), [[1, correlation], [correlation, 1]]))
+    two = two.assign(correlation_in_first=(("unknown", "unknown_2"), [[1, correlation], [correlation, 1]]))
     two = two.assign_coords(unknown=names, unknown_2=names).assign(verdict=("unknown", ["found", "found"]))
     two["low"], two["high"] = two["value"] - 0.00196, two["value"] + 0.00196
     text = tolerance_text(two.assign_attrs(title="two"), {"torque_n_m": 200.0})
     points = make_points(parse_study(text.replace("samples = 256", "samples = 16384"))).columns
     one, other = (points[name] for name in names)
     assert np.std(one + other) == pytest.approx(0.001 * np.sqrt(2 + 2 * correlation), rel=0.03)
+
+
+def test_what_differs_between_records_is_correlated_as_in_the_first(result):
+    """Regression: it was independent of the others, and the third order scattered twice as far as the fit left open."""
+    names = ["groove_sliding_friction", "needle_sliding_friction"]
+    two = xr.concat([result.isel(unknown=0, unknown_2=0, drop=True)] * 2, "unknown")
+    two = two.assign(correlation_in_first=(("unknown", "unknown_2"), [[1, -0.7], [-0.7, 1]]))
+    own = {name: (("unknown", "record"), [[value], [value]]) for name, value in GROUP.items()}
+    two = two.assign(own).assign(value=("unknown", [np.nan, 0.05])).assign_coords(unknown=names, unknown_2=names)
+    ((first, second, rank),) = tomllib.loads(tolerance_text(two, {}))["design"]["correlation"]
+    assert [first, second] == names
+    assert rank == pytest.approx(6 / np.pi * np.arcsin(-0.35), rel=1e-6)
 
 
 @pytest.mark.parametrize("text_of", [base_text, tolerance_text])

@@ -56,6 +56,16 @@ def test_runs_by_accuracy_are_the_default_and_no_witness():
     assert (own["is_default"].item(), own["described"].item()) == (1, "accuracy 0.02")
 
 
+def test_a_model_of_no_step_and_no_tolerance_is_left_out():
+    """Regression: the step of a workflow ended with a broadcast error of numpy."""
+    rows = fixed("implicit-euler", STEPS, lambda h: 10 * h, lambda h: 1e-3 / h, "rollers")
+    rows += fixed("newton", [np.nan], lambda h: 0.1, lambda h: 1.0, "equilibrium")
+    cube = cube_of(rows, JOINT, "thrust_amplitude")
+    cube = cube.assign_coords(accuracy=("point", np.full(cube.sizes["point"], np.nan)))
+    result = speed_accuracy({"joint": cube}, SpeedAccuracySettings())
+    assert result["case_model"].values.tolist() == ["rollers"]
+
+
 def test_one_method_alone_has_no_reference():
     result = analyse(FIRST)
     assert str(result["reference"].values[0]) == ""

@@ -287,11 +287,16 @@ def test_few_points_propose_nothing_and_say_how_many_do():
 
 
 @pytest.mark.parametrize(
-    ("limit", "reason"), [(70, "y keeps its limit"), (59, "resolve no change that keeps the limit")]
+    ("limit", "keep", "reason"),
+    [
+        (70, 0.95, "y keeps its limit"),
+        (70, 0.99, "none is proposed before it is known whether the limit is kept"),  # regression: it was "kept"
+        (59, 0.99, "resolve no change that keeps the limit"),
+    ],
 )
-def test_a_confirmation_without_anything_to_confirm_says_so(limit, reason):
+def test_a_confirmation_without_anything_to_confirm_says_so(limit, keep, reason):
     cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed, TEXT.replace("4096", "256"))
-    result = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": limit}, confirm=64))
+    result = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": limit}, keep=keep, confirm=64))
     said = " ".join(find_in_tolerance(result, "t"))
     assert "No other points were run to confirm a change: " in said
     assert reason in said

@@ -67,9 +67,8 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     """A study of what is not known: the unknowns with their distributions and correlations, for the tolerance analysis.
 
     An unknown that the records determine is normal, cut off at its bounds. Of any other one only its interval is known.
-    One that differs between records is as in the first of them, and independent of the others.
+    One that differs between records is as in the first of them.
     """
-    shared = [name for name in result["unknown"].values.tolist() if np.isfinite(result["value"].sel(unknown=name))]
     operating = {
         name: values[values.size // 2]
         for name in result.coords
@@ -93,7 +92,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
     ]
     for name in result["unknown"].values.tolist():
         own = result.sel(unknown=name)
-        if name not in shared:
+        if not math.isfinite(float(own["value"])):
             first = own.isel(record=0)
             lines += _values_of_groups(
                 own, f"its distribution here is of {_in_a_comment(first['group_of_record'].item())}"
@@ -101,7 +100,7 @@ def tolerance_text(result: xr.Dataset, base: Mapping[str, Value]) -> str:
             own = first.assign({key: first[f"{key}_of_record"] for key in ("low", "high", "value", "verdict")})
         lines += [f"[factors.{name}]", *_distribution(own), ""]
     lines += ["[design]", 'kind = "sobol"', f"samples = {_SAMPLES}"]
-    if pairs := _correlations(result, shared):
+    if pairs := _correlations(result):
         lines += ["correlation = [", *(f"    {json.dumps(pair)}," for pair in pairs), "]"]
     return "\n".join([*lines, "", "[keep]", 'outputs = ["thrust_amplitude"]', "", "[analysis.tolerance]", ""])
 
@@ -121,13 +120,13 @@ def _distribution(own: xr.Dataset) -> list[str]:
     ]
 
 
-def _correlations(result: xr.Dataset, names: list[str]) -> list[list[str | float]]:
+def _correlations(result: xr.Dataset) -> list[list[str | float]]:
     """Rank correlations of pairs of unknowns, as a design takes them.
 
     They are those of the fit; where these are not definite, as of two unknowns of which only the sum is known, all are
     made smaller by the smallest common factor that is enough.
     """
-    matrix = np.nan_to_num(result["correlation"].sel(unknown=names, unknown_2=names).values)
+    names, matrix = result["unknown"].values.tolist(), np.nan_to_num(result["correlation_in_first"].values)
     np.fill_diagonal(matrix, 1.0)
     least = float(np.linalg.eigvalsh(matrix).min(initial=1.0))
     ranks = rank_correlation(matrix * min((1 - _DEFINITE) / (1 - least), 1.0) if least < 1 else matrix)

@@ -128,10 +128,10 @@ def _unknowns(layout: Layout, solution: Solution) -> dict[str, Any]:
     shared = [list(dict.fromkeys(layout.index[which].tolist())) for which in range(count)]
     rows = [[part[own[0]] if len(own) == 1 else np.nan for own in shared] for part in (value, low, high)]
     verdicts = [max((solution.verdicts[s] for s in own), key=_RANK.index) for own in shared]
-    mean = np.zeros((count, layout.count))
+    mean, first = np.zeros((2, count, layout.count))
     for which, own in enumerate(shared):
-        mean[which, own] = 1 / len(own)
-    correlation = correlation_of(mean @ solution.covariance @ mean.T)
+        mean[which, own], first[which, own[0]] = 1 / len(own), 1
+    correlation, of_first = (correlation_of(part @ solution.covariance @ part.T) for part in (mean, first))
     _, singular, directions = np.linalg.svd(solution.jacobian, full_matrices=False)
     profiles = _profiles(layout, solution, shared)
     meaning = {"comment": "not a number where each record or group has its own: see value_of_record"}
@@ -146,6 +146,11 @@ def _unknowns(layout: Layout, solution: Solution) -> dict[str, Any]:
             ("unknown", "unknown_2"),
             correlation,
             _meaning("1", "correlation of the fitted values; of their means over records where each has its own"),
+        ),
+        "correlation_in_first": (
+            ("unknown", "unknown_2"),
+            of_first,
+            _meaning("1", "correlation of the fitted values in the first record"),
         ),
         "singular_value": (
             "direction",

@@ -336,13 +336,19 @@ class EffectWording:
             text = listed([f"{self.value(mean)} ({self.at(effect, word)})" for mean, word in values])
         return (
             f"Over {factor_label(self.cube, effect.factor)}, the mean of {self.name} is {text}{self.where(effect)}; "
-            f"the largest known numerical error is {self.change(effect.error)}; at single settings of the other "
-            f"factors the change reaches {self.change(effect.largest)}"
+            f"the largest known numerical error is {self.change(effect.error)}"
+            + f"; at single settings of the other factors the change reaches {self.change(effect.largest)}"
+            * bool(effect.averaged)
         )
 
     def _flat(self, effect: FactorEffect) -> str:
         """No effect in the mean although single settings change: an interaction."""
         beyond = " beyond its numerical error" * (effect.rise > self.rounding)
+        if not effect.averaged:
+            label, most = factor_label(self.cube, effect.factor), self.change(effect.largest)
+            return (
+                f"{self.start} changes with {label} by up to {most}, not beyond its numerical error{self.where(effect)}"
+            )
         return (
             f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)}{beyond} ("
             f"{self.where(effect).removeprefix(', ')}), but at single settings of the other factors the change reaches "

@@ -157,7 +157,8 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
                 raise InputError(
                     f"{name}: runs at one point are compared, but {varied} varies; make a step for each of its values"
                 )
-        runs = tuple(_runs(mine, simulator, quantities))
+        if not (runs := tuple(_runs(mine, simulator, quantities))):  # of no step and no tolerance
+            continue
         default = simulator.effective({"model": model} if model else {})
         found_by = ((kind, float(value)) for kind in _SETTINGS if (value := default.get(kind)) is not None)
         kind, setting = next(found_by, ("", math.nan))

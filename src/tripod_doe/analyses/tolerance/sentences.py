@@ -198,7 +198,10 @@ def _keeping(what: str, part: xr.Dataset, unit: str) -> list[str]:
             f"Whether {what} stays {within} with a probability of {100 * keep:g} % is not resolved by these points."
         ]
     if not value > 1 - keep:
-        return said + _run_more(part, keep, resolved) + _nothing_to_confirm(part, f"{what} keeps its limit")
+        kept = (
+            f"{what} keeps its limit" if resolved else "none is proposed before it is known whether the limit is kept"
+        )
+        return said + _run_more(part, keep, resolved) + _nothing_to_confirm(part, kept)
     names = [str(name) for name in part["factor"].values]
     tables = factor_tables(part)
     aim = f"To keep {what} {within} with a probability of {100 * keep:g} %"

@@ -291,7 +291,7 @@ def _followed(
         compared.error,
         skew,
         summary,
-        max(each.penetration for each in passed),
+        max(each.penetration for each in kept),
         max((each.energy_residual for each in kept), key=abs),
     )
     scatter = float(compared.by_chance[3]) / 2 * math.sqrt(len(kept))
